@@ -40,7 +40,7 @@ struct Side {
 using MakeSide = Side (*)(const std::string& out, const std::string& in);
 
 Side own(const std::string& out, const std::string& in) {
-  const auto transport = std::make_shared<bus::UdpTransport>(url);
+  const auto transport = std::make_shared<bus::UdpTransport>(bus::parse_lcm_url(url));
   transport->subscribe(in);
   return {[=](const Payload& payload) { transport->publish(out, payload); },
           [=] { return transport->receive(Clock::now() + std::chrono::seconds(1)).has_value(); }};

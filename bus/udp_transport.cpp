@@ -35,8 +35,6 @@ bool same(const sockaddr_in& a, const sockaddr_in& b) {
 
 }  // namespace
 
-UdpTransport::UdpTransport(const std::string& url) : UdpTransport(parse_lcm_url(url)) {}
-
 UdpTransport::UdpTransport(const LcmUrl& url)
     : url_(url),
       receiver_(open_receiver(url)),

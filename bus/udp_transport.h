@@ -39,11 +39,9 @@ struct BusStatistics {
 /// fit one datagram. One transport serves one thread. A signal that is handled ends a wait.
 class UdpTransport final : public Transport {
  public:
-  /// Joins the bus. @param url see `parse_lcm_url`
-  /// @throw std::invalid_argument for a URL that cannot be used
+  /// Joins the bus.
   /// @throw std::system_error if the host refuses, with what was refused and what to do
-  explicit UdpTransport(const std::string& url = "");
-  explicit UdpTransport(const LcmUrl& url);
+  explicit UdpTransport(const LcmUrl& url = {});
 
   /// @throw std::invalid_argument unless the name has 1 to 63 characters and no NUL
   void subscribe(const std::string& channel) override;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnostics/text.h"
+#include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {
@@ -132,14 +133,18 @@ Group reference_group(const Feasibility& f) {
   return group;
 }
 
-/// What of the torque limits the start may need, and where they end the region.
+/// Of the torque limits the share that the start may need, behind `before`; empty.
+std::string share_text(const CertifiedStart& start, std::string_view before) {
+  if (!start.torque_share) return {};
+  return fmt::format("{}needs at most {:.0f} % of a limit", before, 100 * *start.torque_share);
+}
+
+/// Where torque limits end the region.
 std::string torque_text(const CertifiedRegion& c) {
-  std::string text =
-      fmt::format("this start needs at most {:.0f} % of a limit", 100 * c.torque->share);
-  if (c.torque->level >= c.region.level) return text + "; no limit is reached in the region";
+  if (c.torque->level >= c.region.level) return "no limit is reached in the region";
   const double part = std::sqrt(c.torque->level / c.region.level);
-  return text + fmt::format("; without saturation from rest up to |e_i| = {} (joint {} is first)",
-                            list_text(part * c.region.e_at_rest), c.torque->joint + 1);
+  return fmt::format("without saturation from rest up to |e_i| = {} (joint {} is first)",
+                     list_text(part * c.region.e_at_rest), c.torque->joint + 1);
 }
 
 void add(Group& group, std::string_view key, std::string_view name,
@@ -193,6 +198,8 @@ Group region_group(const Certificate& all) {
       fmt::format(" ({}; continuous time, exact model: no saturation, quantisation, delay or lead)",
                   s.proved ? "proved for all postures" : "sampled postures: not a proof");
   group.add("status", "", s.proved ? "proved" : "sampled", "");
+  group.add("start", "this start", to_json(s.start),
+            (s.start.certified ? "certified" : "NOT certified") + share_text(s.start, "; "));
   group.add("B_d", "", json_of(s.B_d), "");
   group.add("constant_reference", s.constant ? "constant reference" : "", s.constant,
             "asymptotically stable for any positive gains (LaSalle)");
@@ -269,27 +276,25 @@ std::vector<Group> groups(const Certificate& certificate) {
   return all;
 }
 
-/// The largest share of a limit that the reference asks for: "57 % of its torque limit".
-std::string largest_share(const Feasibility& f) {
-  double torque = 0, speed = 0;
-  const JointDemand *of_torque = nullptr, *of_speed = nullptr;
-  for (const JointDemand& joint : f.joints) {
-    if (joint.torque_limit && joint.moving / *joint.torque_limit >= torque) {
-      torque = joint.moving / *joint.torque_limit;
-      of_torque = &joint;
-    }
-    if (joint.speed_limit && joint.speed / *joint.speed_limit >= speed) {
-      speed = joint.speed / *joint.speed_limit;
-      of_speed = &joint;
-    }
+/// Of torque or speed the largest share of a limit that the reference asks for, or where no joint
+/// has one the largest value: "57 % of the torque limit (elbow)", "345 N m (elbow, no limit)".
+std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
+  double largest = 0;
+  bool limited = false;
+  std::string text;
+  for (std::size_t i = 0; i < f.joints.size(); ++i) {
+    const JointDemand& joint = f.joints[i];
+    const auto& limit = speed ? joint.speed_limit : joint.torque_limit;
+    const double size = (speed ? joint.speed : joint.moving) / limit.value_or(1);
+    if (limit ? limited && size < largest : limited || size < largest) continue;
+    largest = size;
+    limited = limit.has_value();
+    text = limited ? fmt::format("{:.0f} % of the {} limit ({})", 100 * size,
+                                 speed ? "speed" : "torque", joint.name)
+                   : fmt::format("{:.4g} {} ({}, no limit)", size,
+                                 speed ? labels.length[i] + "/s" : labels.effort[i], joint.name);
   }
-  const auto part = [](const JointDemand* joint, double share, std::string_view what) {
-    return joint == nullptr
-               ? fmt::format("no {} limit", what)
-               : fmt::format("{:.0f} % of the {} limit ({})", 100 * share, what, joint->name);
-  };
-  return fmt::format("asks for {}, {}", part(of_torque, torque, "torque"),
-                     part(of_speed, speed, "speed"));
+  return text;
 }
 
 /// With what a run in realtime lets go by.
@@ -297,6 +302,24 @@ std::string missed_text(const MissedTicks& missed, const experiment::LoopSpec& l
   const std::string text = certificate::missed_text(missed);
   if (loop.max_missed <= missed.commands) return text;
   return text + fmt::format(" (loop.max_missed is {}: NOT covered)", loop.max_missed);
+}
+
+/// With the larger region that holds the start; where none does the larger one.
+std::string region_text(const StabilityCertificate& s) {
+  const auto holds = [](const auto& region) { return region && region->holds_initial_state(); };
+  const auto& region = s.largest && (holds(s.largest) || !holds(s.fastest)) ? s.largest : s.fastest;
+  std::string torque = share_text(s.start, "; torque: this start ");
+  if (!region && s.constant) return "none: without a rate every start is certified" + torque;
+  if (!region) return "none: no weights were found";
+  if (region->torque) torque += (torque.empty() ? "; torque: " : "; ") + torque_text(*region);
+  return fmt::format("{}: this start is {}; from rest up to |e_i| = {}, one at a time{}",
+                     s.proved                  ? "proved"
+                     : region->tube.size() > 0 ? "at sampled postures near the reference"
+                                               : "at sampled postures",
+                     holds(region) ? "in it"
+                     : s.constant  ? "certified, but without a rate (constant reference)"
+                                   : "NOT in it",
+                     list_text(region->region.e_at_rest), torque);
 }
 
 /// What matters most: four lines; one more with dry friction, and in realtime.
@@ -316,22 +339,14 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
     text += line("friction", held);
   }
   if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);
-  std::string reference = largest_share(all.feasibility);
+  const robot::JointLabels labels = robot::joint_labels(*scenario.model);
+  std::string reference =
+      fmt::format("asks for {}, {}", largest_text(all.feasibility, false, labels),
+                  largest_text(all.feasibility, true, labels));
   for (const std::string& problem : all.feasibility.impossible) reference = problem;
   text += line("reference", reference);
-  if (!all.stability) return text + line("certified region", "none: " + all.no_stability);
-  const StabilityCertificate& s = *all.stability;
-  const auto& region = s.largest ? s.largest : s.fastest;
-  if (!region) return text + line("certified region", "none: no weights were found");
-  return text +
-         line("certified region",
-              fmt::format("{}: this start {}; from rest up to |e_i| = {}, one at a time{}",
-                          s.proved                  ? "proved"
-                          : region->tube.size() > 0 ? "at sampled postures near the reference"
-                                                    : "at sampled postures",
-                          region->holds_initial_state() ? "is in it" : "is NOT in it",
-                          list_text(region->region.e_at_rest),
-                          region->torque ? "; torque: " + torque_text(*region) : ""));
+  return text + line("certified region",
+                     all.stability ? region_text(*all.stability) : "none: " + all.no_stability);
 }
 
 }  // namespace
@@ -375,6 +390,12 @@ Json to_json(const Certificate& certificate) {
   Json json;
   for (const Group& group : groups(certificate)) json[std::string(group.key)] = json_of(group);
   return json;
+}
+
+Json to_json(const CertifiedStart& start) {
+  return {{"certified", start.decided ? Json(start.certified) : Json()},
+          {"proved", start.proved},
+          {"torque_share", json_of(start.torque_share)}};
 }
 
 Json to_json(const Prediction& prediction) {

@@ -40,6 +40,8 @@ std::vector<std::string> objections(const Certificate& certificate);
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario, bool full);
 /// null stands for what is infinite or missing.
 nlohmann::ordered_json to_json(const Certificate& certificate);
+/// `start` of its group `region`, and of summary.json; `certified` is null where it is not decided.
+nlohmann::ordered_json to_json(const CertifiedStart& start);
 /// Its group `sampled`, which with less effort lacks the margins, and the line for people as
 /// `text`.
 nlohmann::ordered_json to_json(const Prediction& prediction);

@@ -13,10 +13,6 @@ MatrixXd ErrorSystem::inertia(const MatrixXd& link_M) const {
   return M;
 }
 
-ErrorSystem rigid_error_system(const FilterGains& gains) {
-  return {gains.kp.asDiagonal(), gains.kd.asDiagonal(), gains.a, gains.b, {}};
-}
-
 ErrorSystem flexible_error_system(const VectorXd& stiffness, const VectorXd& rotor_inertia,
                                   const FilterGains& link, const FilterGains& motor) {
   const Index n = stiffness.size();

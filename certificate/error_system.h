@@ -38,7 +38,6 @@ struct ErrorSystem {
 /// Of one filtered spring and damper.
 using controller::law::FilterGains;
 
-ErrorSystem rigid_error_system(const FilterGains& gains);
 ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,
                                   const Eigen::VectorXd& rotor_inertia, const FilterGains& link,
                                   const FilterGains& motor);

@@ -54,6 +54,12 @@ ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
   return loop.rest_at(worst.x[0]);
 }
 
+/// A posture that a search ended at: what it left beside 0 is 0.
+robot::Vector found_at(const ReferencePoint& rest) {
+  constexpr double beside = 1e-6;  // [rad; m]
+  return (rest.q_ref.array().abs() < beside).select(0.0, rest.q_ref);
+}
+
 /// The least limit over the motion and where: from the posture that is the least stable at the
 /// scenario's period on, then of each that is unstable at the least found so far, then searched
 /// beside that.
@@ -70,7 +76,7 @@ void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
     bound_by = static_cast<std::size_t>(worst - radius.begin());
     result.limit_s = limit_next_to(loops[bound_by], *result.limit_s);
   }
-  result.limit_q = rests[bound_by].q_ref;
+  result.limit_q = found_at(rests[bound_by]);
   if (!result.limit_s) return;
   const auto radius = [&](const ReferencePoint& rest) {
     return radius_at(scenario_loop.at(rest), *result.limit_s);
@@ -78,7 +84,7 @@ void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
   const ReferencePoint worst = worst_near(scenario_loop, bound_by, radius);
   if (radius(worst) < 1) return;
   result.limit_s = limit_next_to(scenario_loop.at(worst), *result.limit_s);
-  result.limit_q = worst.q_ref;
+  result.limit_q = found_at(worst);
 }
 
 MatrixXd power(MatrixXd base, std::int64_t exponent) {
@@ -126,7 +132,7 @@ void find_margins(Prediction& result, const ScenarioLoop& scenario_loop,
       Margins{least(&Margins::modulus), least(&Margins::modulus_independent), least(&Margins::gain),
               least(&Margins::phase_deg), least(&Margins::delay_s)};
   const auto at = std::ranges::min_element(all, {}, &Margins::modulus) - all.begin();
-  result.margin_q = rests[static_cast<std::size_t>(at)].q_ref;
+  result.margin_q = found_at(rests[static_cast<std::size_t>(at)]);
 }
 
 /// At the postures alone: the least of each number, and an unstable pattern where commands are it.
@@ -336,8 +342,10 @@ std::string friction_text(const Prediction& prediction) {
 }
 
 std::string list_text(const VectorXd& values) {
-  // Rounding, such as sin(pi) = 1e-16, is shown as 0.
-  const VectorXd shown = (values.array().abs() < 1e-12).select(0.0, values);
+  // Rounding, such as sin(pi) = 1e-16, and what a search leaves beside 0 are shown as 0.
+  const VectorXd finite = values.array().isFinite().select(values, 0.0);
+  const double least = std::max(1e-12, 1e-6 * finite.lpNorm<Eigen::Infinity>());
+  const VectorXd shown = (values.array().abs() < least).select(0.0, values);
   return fmt::format("[{:.4g}]", fmt::join(shown.begin(), shown.end(), ", "));
 }
 

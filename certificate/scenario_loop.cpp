@@ -9,6 +9,7 @@
 #include <mutex>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -30,24 +31,16 @@ using Eigen::VectorXd;
 using loop::ReferencePoint;
 using robot::Vector;
 
-/// The vectors of a law's memory, or of a measurement by part of the state; null: it has none.
+/// The vectors of a law's memory.
 template <class Memory>
 std::vector<Vector*> vectors_of(Memory& memory) {
   std::vector<Vector*> all;
   controller::law::for_each_vector(memory, [&](Vector& x) { all.push_back(&x); });
   return all;
 }
-template <class Measurement>
-std::vector<Vector*> parts_of(Measurement& measurement) {
-  std::vector<Vector*> all(4);
-  if constexpr (requires { measurement.q; }) all[0] = &measurement.q;
-  if constexpr (requires { measurement.v; }) all[1] = &measurement.v;
-  if constexpr (requires { measurement.theta; }) all[2] = &measurement.theta;
-  if constexpr (requires { measurement.thetadot; }) all[3] = &measurement.thetadot;
-  return all;
-}
 
-VectorXd packed(const std::vector<Vector*>& vectors) {
+/// One after the other; null: none.
+VectorXd packed(std::span<Vector* const> vectors) {
   std::vector<double> all;
   for (const Vector* x : vectors) {
     if (x != nullptr) all.insert(all.end(), x->begin(), x->end());
@@ -55,7 +48,7 @@ VectorXd packed(const std::vector<Vector*>& vectors) {
   return Eigen::Map<const VectorXd>(all.data(), static_cast<Index>(all.size()));
 }
 
-void unpack(const VectorXd& from, const std::vector<Vector*>& vectors) {
+void unpack(const VectorXd& from, std::span<Vector* const> vectors) {
   Index begin = 0;
   for (Vector* x : vectors) {
     if (x == nullptr) continue;
@@ -82,7 +75,7 @@ SteppedLaw stepped_law_of(const experiment::Scenario& scenario, const ReferenceP
   const L law = controller::make_law<L>(scenario);
   typename L::Measurement nominal;
   SteppedLaw result;
-  const std::vector<Vector*> parts = parts_of(nominal);
+  const auto parts = loop::parts_of(nominal);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i] == nullptr) continue;
     *parts[i] = state[i];  // of a rigid robot's motors: empty
@@ -95,7 +88,7 @@ SteppedLaw stepped_law_of(const experiment::Scenario& scenario, const ReferenceP
   result.measurement = packed(parts);
   result.start = [=](const VectorXd& measurement_in) {
     typename L::Measurement own = nominal;
-    unpack(measurement_in, parts_of(own));
+    unpack(measurement_in, loop::parts_of(own));
     auto first = law.start(own, reference);
     return packed(vectors_of(first));
   };
@@ -103,7 +96,7 @@ SteppedLaw stepped_law_of(const experiment::Scenario& scenario, const ReferenceP
     auto before = memory;
     typename L::Measurement own = nominal;
     unpack(memory_in, vectors_of(before));
-    unpack(measurement_in, parts_of(own));
+    unpack(measurement_in, loop::parts_of(own));
     auto next = law.step(before, own, reference);
     return std::pair<VectorXd, VectorXd>(packed(vectors_of(next.memory)), next.command.tau);
   };
@@ -220,21 +213,18 @@ struct ScenarioLoop::AskedLaw {
     if (found != known.end()) return found->second;
     loop::AnyMeasurement at_rest = loop::measurement_of(measurement).value();
     std::vector<Part> measured;
-    const auto parts = [](loop::AnyMeasurement& of) {
-      return std::visit([](auto& each) { return parts_of(each); }, of);
-    };
     for (std::size_t i = 0; i < state.size(); ++i) {
-      Vector* part = parts(at_rest)[i];
+      Vector* part = loop::parts_of(at_rest)[i];
       if (part == nullptr) continue;
       *part = state[i];
       if (state[i].size() > 0) measured.push_back(static_cast<Part>(i));
     }
-    const VectorXd nominal = packed(parts(at_rest));
+    const VectorXd nominal = packed(loop::parts_of(at_rest));
     bool weightless = false;
     const Ask ask = [&](const MatrixXd& deviations) {
       std::vector<loop::AnyMeasurement> all(static_cast<std::size_t>(deviations.cols()), at_rest);
       for (Index k = 0; k < deviations.cols(); ++k) {
-        unpack(nominal + deviations.col(k), parts(all[static_cast<std::size_t>(k)]));
+        unpack(nominal + deviations.col(k), loop::parts_of(all[static_cast<std::size_t>(k)]));
       }
       const std::vector<Vector> torques = answers(period_s, weightless, all, reference);
       MatrixXd result(torques[0].size(), deviations.cols());

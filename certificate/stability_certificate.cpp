@@ -24,20 +24,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
 
-std::string refusal(const experiment::Scenario& scenario) {
-  const std::string& law = scenario.controller.law;
-  if (!certifiable(law)) return fmt::format("no stability certificate is available for {}", law);
-  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
-  if (file != nullptr && file->motion == nullptr) {
-    return fmt::format("the table {} of the reference was not loaded", file->path);
-  }
-  if (!controller::law_facts(law).needs_flexible_joints && scenario.robot.flexible) {
-    return fmt::format(
-        "{} assumes rigid joints, but this robot's are flexible: its proof does not hold", law);
-  }
-  return {};
-}
-
 /// @param region of the weights chosen, if any
 std::vector<std::string> provisos(const experiment::Scenario& scenario,
                                   const CertifiedRegion* region) {
@@ -99,6 +85,16 @@ class ErrorLoop {
   [[nodiscard]] double B_d() const { return velocity_.speed; }
   [[nodiscard]] double V0(const Weights& weights) const {
     return lyapunov_value(system(), weights, model_, q_, loop_.initial);
+  }
+  /// At a constant reference V without cross terms does not rise, from wherever it starts.
+  [[nodiscard]] CertifiedStart held_start() const {
+    Region of_1_J;
+    of_1_J.level = 1;
+    of_1_J.e_reached = (2 * robot::inverse(system().kp).diagonal()).cwiseSqrt();
+    of_1_J.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
+    CertifiedStart start{true, true, true, {}};
+    if (torque_limited()) start.torque_share = torque_share(of_1_J, V0({})).maxCoeff();
+    return start;
   }
   /// Whether what is certified holds for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
@@ -242,13 +238,15 @@ class ErrorLoop {
     torque += std::sqrt(2 * level) * feedback;
     return torque.cwiseQuotient(VectorXd(*scenario_.plant.drive.torque_limit_Nm));
   }
-  [[nodiscard]] std::optional<CertifiedRegion::Torque> torque(const CertifiedRegion& c) const {
+  [[nodiscard]] bool torque_limited() const {
     const auto& limit = scenario_.plant.drive.torque_limit_Nm;
-    if (scenario_.robot.flexible || !limit || !limit->array().isFinite().any() ||
-        !std::isfinite(c.region.level)) {
-      return {};
-    }
-    CertifiedRegion::Torque result{c.region.level, torque_share(c.region, c.V0).maxCoeff()};
+    return !scenario_.robot.flexible && limit && limit->array().isFinite().any();
+  }
+  [[nodiscard]] std::optional<CertifiedRegion::Torque> torque(const CertifiedRegion& c) const {
+    if (!torque_limited() || !std::isfinite(c.region.level)) return {};
+    CertifiedRegion::Torque result;
+    result.level = c.region.level;
+    if (c.holds_initial_state()) result.share = torque_share(c.region, c.V0).maxCoeff();
     if (torque_share(c.region, result.level).maxCoeff(&result.joint) <= 1) return result;
     double low = 0, high = 1;  // of sqrt(level)
     for (int k = 0; k < 30; ++k) {
@@ -310,7 +308,36 @@ class ErrorLoop {
   std::optional<MatrixCondition> fine_;
 };
 
+/// By the fastest region as quick effort finds it too, then by the others.
+CertifiedStart start_of(const StabilityCertificate& all,
+                        const std::optional<CertifiedRegion>& first, Effort effort) {
+  CertifiedStart start{effort == Effort::full || all.proved, false, all.proved, {}};
+  for (const auto* region : {&first, &all.fastest, &all.largest}) {
+    if (region == &all.fastest && start.certified && !all.proved) break;
+    if (!*region || !(*region)->holds_initial_state()) continue;
+    start.decided = start.certified = true;
+    if (const auto& torque = (*region)->torque) {
+      start.torque_share = std::min(start.torque_share.value_or(infinity), *torque->share);
+    }
+  }
+  return start;
+}
+
 }  // namespace
+
+std::string no_certificate(const experiment::Scenario& scenario) {
+  const std::string& law = scenario.controller.law;
+  if (!certifiable(law)) return fmt::format("no stability certificate is available for {}", law);
+  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
+  if (file != nullptr && file->motion == nullptr) {
+    return fmt::format("the table {} of the reference was not loaded", file->path);
+  }
+  if (!controller::law_facts(law).needs_flexible_joints && scenario.robot.flexible) {
+    return fmt::format(
+        "{} assumes rigid joints, but this robot's are flexible: its proof does not hold", law);
+  }
+  return {};
+}
 
 robot::Model error_model(const experiment::Scenario& scenario) {
   return scenario.robot.flexible ? controller::flexible_robot(scenario).links
@@ -325,7 +352,7 @@ double lyapunov_value(const ErrorSystem& system, const Weights& weights, const r
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
                                                           Effort effort, std::string& why_not,
                                                           const OnProgress& tell) {
-  why_not = refusal(scenario);
+  why_not = no_certificate(scenario);
   if (!why_not.empty()) return {};
   ErrorLoop loop(scenario);
   StabilityCertificate result;
@@ -337,6 +364,7 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
     tell("certified region: fastest rate");
     result.proved = loop.proved();
     result.fastest = loop.best(Goal::rate);
+    const auto first = result.fastest;
     if (!result.constant && (result.proved || effort == Effort::full)) {
       tell("certified region: largest region");
       result.largest = loop.largest(result.fastest);
@@ -344,10 +372,13 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
     }
     if (result.largest && result.largest->tube.size() > 0) {
       const auto near = loop.best(Goal::rate, result.largest->weights);
-      const bool start = result.fastest && result.fastest->holds_initial_state();
-      if (near && (!start || near->rate > result.fastest->rate)) result.fastest = near;
+      const bool start = first && first->holds_initial_state();
+      const bool better = start && near && near->holds_initial_state() && near->rate > first->rate;
+      if (near && (!start || better)) result.fastest = near;
     }
+    result.start = start_of(result, first, effort);
   }
+  if (result.constant) result.start = loop.held_start();
   const auto& choice = result.largest ? result.largest : result.fastest;
   result.provisos = provisos(scenario, choice ? &*choice : nullptr);
   return result;
@@ -355,7 +386,7 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
 
 std::optional<PaperConditions> paper_conditions(const experiment::Scenario& scenario,
                                                 std::string& why_not) {
-  why_not = refusal(scenario);
+  why_not = no_certificate(scenario);
   if (!why_not.empty()) return {};
   const ErrorLoop loop(scenario);
   const RobotConstants constants = robot_constants(loop.model());
@@ -367,14 +398,14 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
   const auto all = stability_certificate(scenario, Effort::quick, why_not);
   if (!all) return {};
   if (all->constant) {
-    return CertifiedRun{{}, ErrorLoop(scenario).V0({}), infinity, 0, true, all->provisos};
+    return CertifiedRun{{},        ErrorLoop(scenario).V0({}), infinity, 0, true, all->provisos,
+                        all->start};
   }
   std::optional<CertifiedRun> best;
   for (const auto& found : {all->fastest, all->largest}) {
     if (!found || (best && found->rate_from_start <= best->rate)) continue;
-    best = CertifiedRun{found->weights,         found->V0,   found->region.level,
-                        found->rate_from_start, all->proved, all->provisos};
-    if (found->torque) best->torque_share = found->torque->share;
+    best = CertifiedRun{found->weights, found->V0,     found->region.level, found->rate_from_start,
+                        all->proved,    all->provisos, all->start};
   }
   return best;
 }

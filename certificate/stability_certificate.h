@@ -13,6 +13,19 @@
 /// exact model, no saturation, quantisation, delay or feed-forward lead.
 namespace tachless::certificate {
 
+/// What is certified of the scenario's own start: the one answer behind `certify`, the closing
+/// table of `run` and summary.json. By the weights that quick effort finds too, and of those that
+/// hold the start by the ones that need the least torque; at a constant reference by V without
+/// cross terms. Only where none holds it do the weights count that full effort alone finds.
+struct CertifiedStart {
+  bool decided = false;  ///< quick effort may leave it open where postures are sampled
+  bool certified = false;
+  bool proved = false;  ///< of all postures; otherwise of the sampled ones
+  /// Of a torque limit, the largest from the start on; nothing: not certified, flexible joints, or
+  /// no limits.
+  std::optional<double> torque_share;
+};
+
 /// What one choice of the weights certifies, and what of it holds from the scenario's start.
 struct CertifiedRegion : Certified {
   double V0 = 0;  ///< at the start [J]
@@ -27,11 +40,13 @@ struct CertifiedRegion : Certified {
   std::optional<Eigen::VectorXd> friction_error;
 
   /// Of a rigid robot with torque limits: the largest V of the region up to which no torque reaches
-  /// its limit [J], the joint that ends it, and the largest share of a limit from the start on.
-  /// |Feed-forward| + |Kp e + Kd nu| at most, the first at sampled instants and errors.
+  /// its limit [J], the joint that ends it, and the largest share of a limit from the start on,
+  /// where the region holds that. |Feed-forward| + |Kp e + Kd nu| at most, the first at sampled
+  /// instants and errors.
   struct Torque {
-    double level = 0, share = 0;
+    double level = 0;
     Eigen::Index joint = 0;
+    std::optional<double> share;
   };
   std::optional<Torque> torque;
 
@@ -52,6 +67,7 @@ struct StabilityCertificate {
   /// By weights of the fastest rate and of the largest ball; nothing: no weights are certified. At
   /// a constant reference the ball has no limit and there is no largest one.
   std::optional<CertifiedRegion> fastest, largest;
+  CertifiedStart start;
   /// Why the certificate is not of this very scenario: payload, friction, a prismatic joint's
   /// range.
   std::vector<std::string> provisos;
@@ -59,13 +75,16 @@ struct StabilityCertificate {
 
 inline constexpr int most_joints_of_certified_run = 16;
 
+/// Why there is no stability certificate: other laws, and a rigid law on flexible joints; empty:
+/// there is one.
+std::string no_certificate(const experiment::Scenario& scenario);
+
 /// Where postures are sampled the region is of every posture, or of those near the reference where
 /// that gives more.
 /// @param effort quick leaves the largest region out where postures are sampled (7 joints take 5
 /// s), and all regions with more joints than `most_joints_of_certified_run` (28 would take a
 /// minute)
-/// @param why_not receives the reason where nothing is returned: for other laws, and where a rigid
-/// law drives flexible joints
+/// @param why_not receives the reason of `no_certificate` where nothing is returned
 /// @throw diagnostics::Failure(bad_usage)
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
                                                           Effort effort, std::string& why_not,
@@ -92,7 +111,7 @@ struct CertifiedRun {
   double rate = 0;   ///< V <= V0 exp(-rate t) [1/s]; negative: the start is in no certified region
   bool proved = false;  ///< of all postures; otherwise of the sampled ones
   std::vector<std::string> provisos;
-  std::optional<double> torque_share = {};  ///< of a torque limit, the largest from this start on
+  CertifiedStart start;
 
   /// Of V after t_s [J], in continuous time; infinite where nothing is certified.
   [[nodiscard]] double bound(double t_s) const {

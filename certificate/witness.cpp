@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -17,6 +16,7 @@
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
+#include "diagnostics/fnv.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
@@ -330,13 +330,6 @@ Json json_of(const MatrixXd& A) {
 }
 Json json_of(const Vector& x) { return std::vector<double>(x.begin(), x.end()); }
 
-/// FNV-1a of 64 bits, as the checker takes it of the text whose checksum is empty.
-std::string checksum(const std::string& text) {
-  std::uint64_t value = 0xCBF29CE484222325;
-  for (const unsigned char byte : text) value = (value ^ byte) * 0x100000001B3;
-  return fmt::format("{:016x}", value);
-}
-
 }  // namespace
 
 std::string witness(const experiment::Scenario& scenario, const Vector& errors) {
@@ -388,8 +381,8 @@ std::string witness(const experiment::Scenario& scenario, const Vector& errors) 
   if (const auto& given = scenario.plant.drive.torque_limit_Nm) {
     json["torque_limit"] = json_of(*given);
   }
-  std::string text = json.dump(1) + "\n";
-  json["checksum"] = checksum(text);
+  // Of the text whose checksum is empty.
+  json["checksum"] = fmt::format("{:016x}", diagnostics::fnv(json.dump(1) + "\n"));
   return json.dump(1) + "\n";
 }
 

@@ -25,6 +25,7 @@ install(CODE [[
     file(WRITE "${header}" "${text}")
   endforeach()
 ]] COMPONENT development)
+install(DIRECTORY examples/simulate_and_read DESTINATION ${shared}/examples COMPONENT development)
 foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)
@@ -37,6 +38,12 @@ foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot, which 
 endforeach()
 file(GLOB messages lcmtypes/*.lcm)
 install(FILES ${messages} DESTINATION ${shared}/lcmtypes COMPONENT development)
+
+# tachless::tachless: the libraries of the headers that docs/site/cpp.md documents.
+add_library(tachless_interface INTERFACE)
+target_link_libraries(tachless_interface INTERFACE controller logger_runs plant study)
+set_target_properties(tachless_interface PROPERTIES EXPORT_NAME tachless)
+tachless_export(tachless_interface)
 
 include(CMakePackageConfigHelpers)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/tachless)

@@ -8,8 +8,9 @@ add_custom_target(package_files
   COMMAND ${PROJECT_SOURCE_DIR}/cmake/package_files.sh ${PROJECT_BINARY_DIR}/bin ${files} ${PROJECT_VERSION}
   DEPENDS programs VERBATIM)
 find_program(JAVAC javac)
-mark_as_advanced(JAVAC)
-if(JAVAC)
+find_file(LCM_JAR lcm.jar PATHS /usr/share/java NO_DEFAULT_PATH)
+mark_as_advanced(JAVAC LCM_JAR)
+if(JAVAC AND LCM_JAR)
   add_dependencies(package_files tachless_types_jar)
 endif()
 install(DIRECTORY ${files}/share/ DESTINATION share COMPONENT program OPTIONAL)
@@ -45,15 +46,16 @@ and a logger; with certificates, studies, reports and replay.")
 # What the programs call or read, beside the libraries that they are linked with.
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libjs-dygraphs, libjs-three")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS
-  "iproute2, default-jre, liblcm-java, libjchart2d-java")
+  "iproute2, xdg-utils, default-jre, liblcm-java, libjchart2d-java")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libtachless-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "control laws and robot drivers for tachless, in C++
 Headers, static libraries and CMake files, for controllers and drivers of
 real robots in the place of those of tachless; with an example of each.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION}), libeigen3-dev, libfmt-dev, \
-libspdlog-dev, libyaml-cpp-dev, libcli11-dev, nlohmann-json3-dev, liburdfdom-headers-dev, libtinyxml-dev, libsimbody-dev, \
-libnlopt-dev, coinor-libclp-dev, libcpp-httplib-dev, liblcm-dev, libsodium-dev")
+libspdlog-dev, libyaml-cpp-dev, nlohmann-json3-dev, libtinyxml-dev, libsimbody-dev, libsodium-dev")
+# For the undocumented libraries and examples/iiwa.
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "libnlopt-dev, coinor-libclp-dev, libcpp-httplib-dev, liblcm-dev, liblcm-bin")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tachless)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "robot joints tracked from positions alone, from Python
@@ -61,4 +63,5 @@ Control laws as Python functions in the place of tachless's controller;
 simulations, recorded runs and a robot's mechanics as arrays.")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
   "python3 (>= ${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}), python3 (<< ${Python_VERSION_MAJOR}.${PYTHON_NEXT_MINOR}), python3-numpy")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS "tachless (= ${PROJECT_VERSION}), python3-matplotlib")
 include(CPack)

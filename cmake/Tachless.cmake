@@ -62,6 +62,8 @@ function(tachless_library name)
   if(arg_SOURCES)
     add_library(${name} STATIC ${arg_SOURCES})
     set_property(GLOBAL APPEND_STRING PROPERTY TACHLESS_ARCHIVES " -l${name}")
+    # Headers alone, of sources alone: what links ours does not need them.
+    list(TRANSFORM arg_PRIVATE_LIBS REPLACE "^(CLI11|urdfdom_headers|lcmtypes_).*" "$<BUILD_INTERFACE:\\0>")
     target_link_libraries(${name} PUBLIC ${arg_LIBS} PRIVATE tachless_options ${arg_PRIVATE_LIBS})
     target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
   else()

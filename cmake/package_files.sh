@@ -33,22 +33,35 @@ esac
 if [[ -n \$offer ]]; then compadd -- \${=offer}; else _files; fi
 EOF
 
-# man_page PROGRAM [INCLUDED FILE]
+# Every man page ends with the same blocks: the exit codes as `tachless --help` lists them, and from
+# docs/README.md the variables that the programs read.
+ends=$out/ends
+{
+  "$programs/tachless" --help | sed -n '/^Exit codes: /,$p' | tr '\n' ' ' |
+    sed 's/^Exit codes: //; s/\. *$/\n/; s/\(^\|, \)\([0-9]*\) /\n.TP\n\\fB\2\\fR\n/g' | grep .
+  echo '.SH ENVIRONMENT'
+  sed -nE 's/^\| `(LCM_DEFAULT_URL|TACHLESS(_KEY_FILE|_ISOLATE=1)?)` \| (.*) \|$/.TP\n\\fB\1\\fR\n\3/p' "$tree/docs/README.md" |
+    sed 's/`//g; s/\[\([^]]*\)\]([^)]*)/\1/g; s/-/\\-/g'
+} >"$ends"
+
+# man_page NAME COMMAND…: from what COMMAND --help prints.
 man_page() {
-  local name
-  name=$("$programs/$1" --help | head -n 1 | sed 's/\.$//')
-  help2man --no-info --name "$name" --version-string "$version" --output "$man/$1.1" \
-    ${2:+--include "$2"} "$programs/$1"
+  local name=$1
+  {
+    "$programs/$2" "${@:3}" --help |
+      awk -v name="$name" -v title="$(date -u -r "$tree/CHANGELOG.md" +%F) \"tachless $version\" \"User Commands\"" -f "$tree/cmake/man_page.awk"
+    cat "$ends"
+    printf '.SH SEE ALSO\n'
+    [[ $name == tachless ]] || printf '\\fBtachless\\fR(1), '
+    [[ $name != tachless ]] || printf '\\fBtachless\\-%s\\fR(1), ' plant reference controller logger
+    printf '/usr/share/doc/tachless/docs\n'
+  } >"$man/$name.1"
 }
-verbs=$out/verbs.h2m
-for verb in $("$programs/tachless" --help | sed -n '/^Subcommands:/,/^Examples/s/^  \([a-z]*\) .*/\1/p'); do
-  printf '[tachless %s]\n.nf\n' "$verb"
-  "$programs/tachless" "$verb" --help | sed 's/\\/\\\\/g; s/-/\\-/g; s/^[.'\'']/\\\&&/; s/^\[/ [/; s/^\//\\\&\//'
-  printf '.fi\n\n'
-done >"$verbs"
-man_page tachless "$verbs"
-rm "$verbs"
-for program in plant reference controller logger; do man_page "tachless-$program"; done
+for verb in '' $("$programs/tachless" --help | sed -n '/^Subcommands:/,/^Examples/s/^  \([a-z]*\) .*/\1/p'); do
+  man_page "tachless${verb:+-$verb}" tachless ${verb:+"$verb"}
+done
+for program in plant reference controller logger; do man_page "tachless-$program" "tachless-$program"; done
+rm "$ends"
 
 date=$(date -R -u -r "$tree/CHANGELOG.md")
 printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \

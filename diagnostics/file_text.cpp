@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -91,6 +92,19 @@ void UnfinishedFile::finish() {
 void UnfinishedFile::refuse(std::string_view cause) const {
   throw Failure(ExitCode::bad_usage,
                 fmt::format("{}: cannot be written: {}; {}", path_.string(), cause, remedy_));
+}
+
+TemporaryDirectory::TemporaryDirectory() {
+  std::string name = (fs::temp_directory_path() / "tachless-XXXXXX").string();
+  if (mkdtemp(name.data()) == nullptr) {
+    throw bad_usage("{}: no directory can be made there; set TMPDIR", name);
+  }
+  path_ = name;
+}
+
+TemporaryDirectory::~TemporaryDirectory() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
 }
 
 }  // namespace tachless::diagnostics

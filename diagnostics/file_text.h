@@ -6,7 +6,8 @@
 #include <string>
 #include <string_view>
 
-/// Files as a whole: what is in one, and one that is there when it is whole. Knows no format.
+/// Files as a whole: what is in one, one that is there when it is whole, and where one goes that
+/// nobody keeps. Knows no format.
 namespace tachless::diagnostics {
 
 /// Longest text of a scenario or a URDF that is read, from files and from logs.
@@ -34,8 +35,6 @@ class UnfinishedFile {
 
   /// The name to write to.
   [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : partial_; }
-  /// Whether that is a pipe or the like, not a file.
-  [[nodiscard]] bool direct() const { return direct_; }
 
   /// Writes all of the content, and finishes. @throw as `finish`
   void write(std::string_view content);
@@ -52,6 +51,21 @@ class UnfinishedFile {
   std::filesystem::path partial_;
   std::string remedy_;
   bool direct_ = false;
+};
+
+/// A new directory, which goes with this and all that is in it.
+class TemporaryDirectory {
+ public:
+  /// @throw Failure(bad_usage) when it cannot be made
+  TemporaryDirectory();
+  TemporaryDirectory(const TemporaryDirectory&) = delete;
+  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
+  ~TemporaryDirectory();
+
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
 };
 
 }  // namespace tachless::diagnostics

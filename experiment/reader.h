@@ -149,7 +149,8 @@ void read_place(const Place& place, const Key& key, std::variant<T...>& to) {
 /// Fills the member of `key`, from `place` or with its default.
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
 template <class Struct, class Member>
-void read_key(const Place& place, const schema::Key<Struct, Member>& key, Struct& to) {
+void read_key(const Place& place, const schema::Key<Struct, Member>& key,
+              std::type_identity_t<Struct>& to) {
   constexpr schema::Shape shape = schema::shape_of<Member>;
   if constexpr (shape == schema::Shape::map) {
     read(place, to.*key.member);
@@ -188,8 +189,7 @@ void read_key(const Place& place, const schema::Key<Struct, Member>& key, Struct
 template <class Struct>
 void read(const Place& place, Struct& to) {
   require_known_keys<Struct>(place);
-  schema::for_each_key<Struct>(
-      [&](const auto& key) { read_key(place.child(key.name), key, static_cast<Struct&>(to)); });
+  schema::for_each_key<Struct>([&](const auto& key) { read_key(place.child(key.name), key, to); });
   if constexpr (requires { to.refusal(); }) {
     if (const std::optional<schema::Refusal> refused = to.refusal()) {
       const std::string path = (place.path.empty() ? "" : place.path + ".") + refused->key;

@@ -209,10 +209,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
     require_positive_inertia(scenario, "controller.urdf", *believed_model, believed.source);
     scenario.believed_model = std::make_shared<const robot::Model>(std::move(*believed_model));
   }
-  scenario.robot.channel_prefix = scenario.robot.name;
-  for (char& c : scenario.robot.channel_prefix) {
-    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
-  }
+  scenario.robot.channel_prefix = loop::channel_prefix(scenario.robot.name);
   scenario.loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(scenario.loop));
   require_consistent(scenario);
   return scenario;

@@ -4,8 +4,6 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <cstdlib>
-#include <system_error>
 #include <vector>
 
 #include "diagnostics/failure.h"
@@ -14,29 +12,9 @@
 #include "process/child.h"
 
 namespace tachless::experiment {
-namespace {
 
 namespace fs = std::filesystem;
 using diagnostics::bad_usage;
-
-/// A directory of its own, which goes with it.
-struct Folder {
-  std::string path = (fs::temp_directory_path() / "tachless-xacro-XXXXXX").string();
-
-  Folder() {
-    if (mkdtemp(path.data()) == nullptr) {
-      throw std::system_error(errno, std::generic_category(), path);
-    }
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-};
-
-}  // namespace
 
 std::string urdf_text(const fs::path& file, const std::map<std::string, std::string>& arguments) {
   if (file.extension() != ".xacro") {
@@ -48,8 +26,8 @@ std::string urdf_text(const fs::path& file, const std::map<std::string, std::str
         "xacro; or give a URDF",
         file.string());
   }
-  const Folder folder;
-  const fs::path urdf = fs::path(folder.path) / "robot.urdf";
+  const diagnostics::TemporaryDirectory folder;
+  const fs::path urdf = folder.path() / "robot.urdf";
   std::vector<std::string> command = {"xacro", fs::absolute(file).string(), "-o", urdf.string()};
   for (const auto& [name, value] : arguments) {
     if (name.empty() || name.front() == '-') {

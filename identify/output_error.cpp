@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <variant>
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
@@ -112,17 +111,13 @@ MatrixXd simulated_residual(const Recording& recording, const Parameters& parame
   MatrixXd result(recording.num_ticks(), recording.q.cols());
   Eigen::Index done = 0;
   try {
-    study::run_in_process(
-        plant, controller::scenario_law(recording.scenario), [&](const study::TickRecord& record) {
-          std::visit(
-              [&]<class M>(const M& measured) {
-                if constexpr (loop::holds_links<M>) {
-                  result.row(done) = recording.q.row(done) - measured.q.transpose();
-                }
-              },
-              record.measurement);
-          return ++done < recording.num_ticks();
-        });
+    study::run_in_process(plant, controller::scenario_law(recording.scenario),
+                          [&](const study::TickRecord& record) {
+                            if (const auto* const q = loop::parts_of(record.measurement)[0]) {
+                              result.row(done) = recording.q.row(done) - q->transpose();
+                            }
+                            return ++done < recording.num_ticks();
+                          });
   } catch (const diagnostics::Failure& failure) {
     if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
   }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdint>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "diagnostics/failure.h"
@@ -16,19 +15,6 @@ using diagnostics::bad_usage;
 
 constexpr double shortest_s = 2;
 constexpr double most_saturated = 0.01;  ///< of the ticks
-
-/// The positions of a measurement of the links; empty of one of the motors.
-robot::Vector links(const loop::AnyMeasurement& measurement) {
-  return std::visit(
-      []<class M>(const M& measured) -> robot::Vector {
-        if constexpr (loop::holds_links<M>) {
-          return measured.q;
-        } else {
-          return {};
-        }
-      },
-      measurement);
-}
 
 }  // namespace
 
@@ -60,7 +46,7 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
     if (!record.measurement || !record.truth) continue;
     const loop::truth::PlantTruth& truth = *record.truth;
     if (to_stop && truth.fault == loop::truth::DriveFault::protective_stop) break;
-    const robot::Vector positions = links(*record.measurement);
+    const robot::Vector positions = loop::links_of(*record.measurement);
     if (positions.size() != n) {
       throw bad_usage("{}: holds no positions of the joints (links)", log.path().string());
     }

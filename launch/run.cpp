@@ -51,7 +51,7 @@ RunEnd log_in_this_process(const PlannedRun& run, const RunDirectory& out, Scree
   plant.saturated_ticks.assign(joints, 0);
   plant.beyond_limit_ticks.assign(joints, 0);
   const Clock::time_point begun = Clock::now();
-  RunEnd end{ExitCode::done, planned_facts(run), {}};
+  RunEnd end;
   logger::LogWriter log(out / "lcmlog");
   try {
     study::log_in_process(

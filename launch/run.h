@@ -147,13 +147,10 @@ class RunDirectory {
 /// How a run ended.
 struct RunEnd {
   diagnostics::ExitCode code = diagnostics::ExitCode::done;
-  report::RunFacts facts;                      ///< of the log only once it is read back
+  report::RunFacts facts;                      ///< of the run and the log by `Conclusions`
   std::vector<node::Statistics> statistics;    ///< of the processes that left theirs
   std::vector<std::string> consequences = {};  ///< of the fault: lines printed after it
 };
-
-/// What is known of the run before it begins.
-report::RunFacts planned_facts(const PlannedRun& run);
 
 /// Reports the results of the runs one after another, and of several at the end in one
 /// table; their JSON is one object, by robot.

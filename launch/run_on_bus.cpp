@@ -224,7 +224,7 @@ std::vector<std::string> consequences(const Supervision& supervision, const RunO
 /// @param culprit the robot whose failure interrupted the run, if one has
 void conclude(OnTheBus& robot, const Supervision& supervision, const std::string& culprit,
               double wall_s, Conclusions& conclusions) {
-  RunEnd end{exit_code(supervision), planned_facts(robot.run), robot.out->take_statistics()};
+  RunEnd end{exit_code(supervision), {}, robot.out->take_statistics()};
   end.facts.wall_s = wall_s;
   end.facts.placement = robot.placement.words;
   if (supervision.interrupted) {

@@ -4,7 +4,6 @@
 #include <sys/resource.h>
 
 #include <chrono>
-#include <cmath>
 #include <cstdlib>
 #include <memory>
 #include <stdexcept>
@@ -26,8 +25,6 @@ namespace tachless::launch {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double many_integrator_steps = 100;
 
 /// Whether the four programs of each of `runs` can open what they need.
 void require_open_files(std::size_t runs) {
@@ -61,13 +58,6 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   plant::initial_state(scenario, model);
   plant::make_drive(scenario, model);
   require_fitting_mode(options, scenario);
-  const plant::StiffestJoint stiffest = plant::stiffest_joint(scenario, model);
-  if (stiffest.steps > many_integrator_steps && !options.quiet) {
-    diagnostics::log_warning(
-        "{}: {}: {} is stiff for this period: about {} integrator steps a tick; expect a slow run",
-        scenario.source, stiffest.key, robot::joint_labels(model).joint(stiffest.joint),
-        std::llround(stiffest.steps));
-  }
   return scenario;
 }
 

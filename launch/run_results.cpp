@@ -17,7 +17,7 @@
 #include <system_error>
 #include <utility>
 
-#include "certificate/stability_certificate.h"
+#include "certificate/certify.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
@@ -49,7 +49,6 @@ std::string read_back(const PlannedRun& run, report::RunFacts& facts,
   }
   facts.log_ticks = static_cast<std::int64_t>(recorded->summary.ticks);
   facts.log_gaps = static_cast<std::int64_t>(recorded->summary.gaps());
-  facts.law = recorded->scenario.controller.law_text();
   const bool damaged = recorded->damage.any();
   const bool whole = facts.log_ticks == loop.num_ticks && facts.log_gaps == 0;
   if (!damaged && (whole || loop.mode == experiment::Mode::realtime)) return {};
@@ -70,18 +69,24 @@ void attempt(const Write& write) {
   }
 }
 
-/// "this start: certified, 31 % of the torque", and what is not in it; empty: nothing is known.
-std::string start_text(const std::optional<report::RecordedRun>& recorded) {
-  if (!recorded || !recorded->certified) return {};
-  const certificate::CertifiedRun& run = *recorded->certified;
-  const double share = run.torque_share.value_or(0);
-  std::string text = "  this start: NOT certified";
-  if (run.rate < 0) return text + (run.proved ? "\n" : " by a quick search: see certify\n");
-  text = share > 1 ? "  this start: certified but for torque limits" : "  this start: certified";
-  if (share > 0) text += fmt::format(", {:.0f} % of the torque", 100 * share);
-  text += run.proved ? " (continuous time, proved" : " (continuous time, sampled postures";
-  for (const std::string& proviso : run.provisos) text += "; " + proviso;
-  return text + ")\n";
+/// Not decided where the quick search found no weights; nothing: there is no certificate.
+std::optional<certificate::CertifiedStart> start_of(
+    const std::optional<report::RecordedRun>& recorded) {
+  if (!recorded || !certificate::no_certificate(recorded->scenario).empty()) return {};
+  return recorded->certified ? recorded->certified->start : certificate::CertifiedStart();
+}
+
+/// "this start: certified, needs at most 31 % of a limit", and what is not in it.
+std::string start_text(const certificate::CertifiedStart& start,
+                       const std::vector<std::string>& provisos) {
+  if (!start.decided) return "not decided by the quick search of a run; type tachless certify";
+  if (!start.certified) return "NOT certified";
+  const double share = start.torque_share.value_or(0);
+  std::string text = share > 1 ? "certified but for torque limits" : "certified";
+  if (share > 0) text += fmt::format(", needs at most {:.0f} % of a limit", 100 * share);
+  text += start.proved ? " (continuous time, proved" : " (continuous time, sampled postures";
+  for (const std::string& proviso : provisos) text += "; " + proviso;
+  return text + ")";
 }
 
 /// Writes the files and then, on stdout, the summary.
@@ -90,19 +95,21 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
                        const report::RunSummary& summary,
                        std::optional<report::RecordedRun> recorded,
                        const robot::JointLabels& joints) {
-  const report::RunFacts& facts = summary.facts;
+  const experiment::Scenario& scenario = summary.scenario;
   nlohmann::ordered_json outcome = to_json(summary, joints);
-  if (recorded && recorded->certified) {
-    const certificate::CertifiedRun& start = *recorded->certified;
-    outcome["start"] = {{"certified", start.rate >= 0}, {"proved", start.proved}};
-    if (start.torque_share) outcome["start"]["torque_share"] = *start.torque_share;
+  std::string start;
+  if (const auto certified = start_of(recorded)) {
+    outcome["start"] = certificate::to_json(*certified);
+    const auto& found = recorded->certified;
+    start = start_text(*certified, found ? found->provisos : std::vector<std::string>());
+    start = "  this start: " + start + "\n";
   }
   const std::string json = diagnostics::json_text(outcome, 2) + "\n";
-  const std::string title = fmt::format("{}: {}, h = {}", facts.scenario, facts.law,
-                                        diagnostics::period_text(facts.period_s));
+  const std::string title =
+      fmt::format("{}: {}, h = {}", scenario.name, scenario.controller.law_text(),
+                  diagnostics::period_text(scenario.loop.period_s));
   const std::string_view remedy = "name another directory with --out";
   const bool moved = summary.tracking.num_ticks() > 0;
-  const std::string start = start_text(recorded);
   ExitCode code = ExitCode::done;
   try {
     if (out.begun()) diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
@@ -112,8 +119,9 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   }
   if (moved && recorded) {
     attempt([&] {
-      report::write_figure(report::tracking_figure(summary.tracking, title, facts.period_s, joints),
-                           out / "tracking.svg", remedy);
+      report::write_figure(
+          report::tracking_figure(summary.tracking, title, scenario.loop.period_s, joints),
+          out / "tracking.svg", remedy);
     });
     recorded->outcome = outcome;
     recorded->visuals = run.visuals();
@@ -238,18 +246,6 @@ void RunDirectory::refuse(const std::string& why, const std::string& remedy) con
   throw diagnostics::bad_usage("--out {}: {}; {}", path_.string(), why, remedy);
 }
 
-report::RunFacts planned_facts(const PlannedRun& run) {
-  const experiment::LoopSpec& loop = run.scenario.loop;
-  report::RunFacts facts;
-  facts.scenario = run.scenario.name;
-  facts.run_id = run.options.run_id;
-  facts.mode = loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
-  facts.law = run.scenario.controller.law;
-  facts.period_s = loop.period_s;
-  facts.planned_ticks = loop.num_ticks;
-  return facts;
-}
-
 void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   const RunOptions& options = run.options;
   const bool several = !options.robot.empty();
@@ -259,6 +255,7 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   out.look();
   const bool done = end.code == ExitCode::done;
   std::optional<report::RecordedRun> recorded;
+  end.facts.run_id = options.run_id;
   end.facts.log_path = (out / "lcmlog").string();
   const std::string problem = read_back(run, end.facts, recorded);
   if (done && !problem.empty()) {
@@ -270,8 +267,8 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
     for (const std::string& line : end.consequences) diagnostics::log_info(line);
   }
   report::RunSummary summary{
-      end.facts, recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints),
-      end.statistics};
+      recorded ? recorded->scenario : run.scenario, end.facts,
+      recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};
   summary.predicted = run.predicted;
   if (recorded) summary.verdict = recorded->verdict;
   if (end.facts.fault && summary.ticks() < run.scenario.loop.num_ticks) {

@@ -14,6 +14,10 @@ namespace CLI {  // NOLINT(readability-identifier-naming): the library's name
 class App;
 }  // namespace CLI
 
+namespace tachless::experiment {
+struct Scenario;
+}  // namespace tachless::experiment
+
 namespace tachless::launch {
 
 /// One verb of the command. To add one: a line in verbs.inc, and in a file in verb/ a `const Verb`
@@ -52,7 +56,14 @@ inline constexpr std::string_view write_remedy = "name another file with --write
 /// could not or should not be written after it.
 void require_scenario_name(const std::filesystem::path& file);
 void require_writable(const std::filesystem::path& file, bool force);
-/// Writes `input` with `overrides` and `changes` as `output`; its URDF stays where it is.
+/// `file` as a scenario written as `output` names it: relative to that, absolute where there is
+/// none.
+std::string path_from(const std::filesystem::path& output, const std::filesystem::path& file);
+/// The text of a scenario that was read from `input`, as `output` is to have it: the files that it
+/// names stay where they are.
+std::string text_for(const std::filesystem::path& output, const experiment::Scenario& scenario,
+                     const std::filesystem::path& input);
+/// Writes `input` with `overrides` and `changes` as `output`.
 void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
                     const std::vector<std::string>& changes, const std::filesystem::path& output);
 

@@ -203,12 +203,8 @@ void write_rows(const std::filesystem::path& to, bool mcap, const std::vector<Qu
 std::string ExportResult::text() const {
   std::string text = fmt::format("{} ticks", summary.ticks);
   if (missing_values != 0) text += fmt::format(", {} values missing", missing_values);
-  for (const auto& piece : summary.pieces) {
-    if (piece.absent()) {
-      if (summary.ticks != 0) text += "; no " + piece.channel;
-    } else if (piece.missing.count != 0) {
-      text += fmt::format("; {} missing in {} ticks", piece.channel, piece.missing.count);
-    }
+  if (summary.ticks != 0) {
+    for (const std::string& gap : summary.gap_texts()) text += "; " + gap;
   }
   if (damage.any()) {
     text += fmt::format("; the log is damaged ({} bytes lost)", damage.bytes_skipped);

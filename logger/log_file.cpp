@@ -70,10 +70,9 @@ std::string remedy_for_creating(int error, const std::string& directory) {
 
 }  // namespace
 
-LogWriter::LogWriter(std::filesystem::path path, Existing existing)
+LogWriter::LogWriter(std::filesystem::path path)
     : path_(std::move(path)), last_flush_(std::chrono::steady_clock::now()) {
-  const int policy = existing == Existing::refuse ? O_EXCL : O_TRUNC;
-  file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | policy, 0644);
+  file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644);
   if (file_ < 0) {
     const int error = errno;
     throw diagnostics::bad_usage(

@@ -22,8 +22,6 @@ inline constexpr std::size_t event_header_bytes = 28;
 /// Longest channel name the LCM protocol allows [bytes].
 inline constexpr std::size_t max_channel_bytes = 63;
 
-enum class Existing { refuse, overwrite };
-
 /// Appends events to a log. Nothing is allocated between construction and `sync`. The first error
 /// of the file system ends the log: the file is cut after its last whole event, and this and every
 /// further call throws a Failure that names path, bytes kept and remedy.
@@ -32,9 +30,9 @@ class LogWriter {
   /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
   static constexpr std::chrono::milliseconds flush_interval{50};
 
-  /// Does not follow a symbolic link. @throw diagnostics::Failure(bad_usage) when the file exists
-  /// (and `existing` is `refuse`), or the directory is missing or not writable.
-  explicit LogWriter(std::filesystem::path path, Existing existing = Existing::refuse);
+  /// Does not follow a symbolic link. @throw diagnostics::Failure(bad_usage) when the file exists,
+  /// or the directory is missing or not writable.
+  explicit LogWriter(std::filesystem::path path);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
   /// Flushes, silently; call `close` to have errors thrown.

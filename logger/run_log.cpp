@@ -113,6 +113,18 @@ std::uint64_t RunSummary::gaps() const {
   return sum;
 }
 
+std::vector<std::string> RunSummary::gap_texts() const {
+  std::vector<std::string> texts;
+  for (const auto& piece : pieces) {
+    if (piece.absent()) {
+      texts.push_back("no " + piece.channel);
+    } else if (piece.missing.count != 0) {
+      texts.push_back(fmt::format("{} missing in {} ticks", piece.channel, piece.missing.count));
+    }
+  }
+  return texts;
+}
+
 /// Puts the messages of a log into their ticks.
 class RunLog::Window {
  public:
@@ -199,9 +211,7 @@ class RunLog::Window {
       take(event, channel);
       return true;
     };
-    const bool ours =
-        std::apply([&](auto&... channel) { return (take_from(channel) || ...); }, channels_);
-    if (!ours) ++summary_.other_messages;
+    std::apply([&](auto&... channel) { (void)(take_from(channel) || ...); }, channels_);
   }
 
   template <class Value>

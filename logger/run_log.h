@@ -62,8 +62,8 @@ struct ParticipantFault {
 
 /// Gains of the law that are not those of the tick before.
 struct GainsSince {
-  std::int64_t tick = 0;
-  std::string gains;  ///< as experiment::gains_text; empty: the scenario's again
+  std::int64_t tick = 0;  ///< the first with them
+  std::string gains;      ///< as experiment::gains_text; empty: the scenario's again
 };
 
 /// What was found on the way. Final once `RunLog::next` has returned false.
@@ -78,7 +78,6 @@ struct RunSummary {
   std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
                                        ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
-  std::uint64_t other_messages = 0;    ///< of channels that are not this robot's
   std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
@@ -88,6 +87,8 @@ struct RunSummary {
   [[nodiscard]] const PieceSummary& of(Slot piece) const { return pieces[index(piece)]; }
   /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
   [[nodiscard]] std::uint64_t gaps() const;
+  /// "no ARM_TRUTH", "ARM_COMMAND missing in 3 ticks".
+  [[nodiscard]] std::vector<std::string> gap_texts() const;
 };
 
 /// Reads a run from a log: a canonical one of ours, or one that lcm-logger recorded in order of

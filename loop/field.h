@@ -109,8 +109,16 @@ bool all_finite(const Value& value) {
   return result;
 }
 
-/// Full channel name, e.g. "ARM_POSITION": from the type, never from an option. `robot` is already
-/// upper case.
+/// What the names of a robot's channels begin with: its name in upper case.
+inline std::string channel_prefix(std::string robot) {
+  for (char& c : robot) {
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  }
+  return robot;
+}
+
+/// Full channel name, e.g. "ARM_POSITION": from the type, never from an option. `robot` is a
+/// `channel_prefix`.
 inline std::string channel(std::string_view robot, std::string_view suffix) {
   return std::string(robot) + "_" + std::string(suffix);
 }

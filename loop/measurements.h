@@ -12,6 +12,7 @@
 /// its table of fields; which law takes which is the law's business.
 namespace tachless::loop {
 
+/// The types of measurements.
 using Measurements =
     TypeList<PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement, StateMeasurement>;
 
@@ -29,7 +30,7 @@ struct Of<TypeList<M...>> {
 
 }  // namespace detail
 
-using AnyMeasurement = detail::Of<Measurements>::Any;
+using AnyMeasurement = detail::Of<Measurements>::Any;  ///< of any type
 
 /// `Wrap<M>` for one of the measurements M.
 template <template <class...> class Wrap>
@@ -38,13 +39,40 @@ using EachMeasurement = detail::Of<Measurements>::Each<Wrap>;
 /// Channel suffixes, in the order of `Measurements`.
 inline constexpr auto measurement_suffixes = detail::Of<Measurements>::suffixes;
 
+/// Whether M is one of these types.
 template <class M>
 constexpr bool is_measurement = std::is_constructible_v<AnyMeasurement, std::in_place_type_t<M>>;
 
 template <class M>
-constexpr bool holds_links = has_field<M>("position");
+constexpr bool holds_links = has_field<M>("position");  ///< M has links' positions
 template <class M>
-constexpr bool holds_motors = has_field<M>("motor_position");
+constexpr bool holds_motors = has_field<M>("motor_position");  ///< M has motors' positions
+
+/// The vectors of a measurement, one of them or any, by part of the state: q, v, theta, thetadot;
+/// null: it has none.
+template <class M>
+auto parts_of(M& measurement) {
+  using Part = std::conditional_t<std::is_const_v<M>, const robot::Vector, robot::Vector>;
+  std::array<Part*, 4> parts{};
+  const auto take = [&](auto& each) {
+    if constexpr (requires { each.q; }) parts[0] = &each.q;
+    if constexpr (requires { each.v; }) parts[1] = &each.v;
+    if constexpr (requires { each.theta; }) parts[2] = &each.theta;
+    if constexpr (requires { each.thetadot; }) parts[3] = &each.thetadot;
+  };
+  if constexpr (is_measurement<std::remove_const_t<M>>) {
+    take(measurement);
+  } else {
+    std::visit(take, measurement);
+  }
+  return parts;
+}
+
+/// The positions of the links; empty where it holds none.
+inline robot::Vector links_of(const AnyMeasurement& measurement) {
+  const robot::Vector* const q = parts_of(measurement)[0];
+  return q == nullptr ? robot::Vector() : *q;
+}
 
 /// Calls `f(std::type_identity<M>())` with the measurement of that channel suffix; false when there
 /// is none.

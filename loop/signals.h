@@ -18,7 +18,7 @@ namespace tachless::loop {
 
 /// What an output-feedback law of a rigid robot sees.
 struct PositionMeasurement {
-  robot::Vector q;
+  robot::Vector q;  ///< link position [rad; m]
 
   static constexpr std::string_view type = "tachless.position_measurement_t", suffix = "POSITION";
   static constexpr auto fields =
@@ -27,7 +27,7 @@ struct PositionMeasurement {
 
 /// What an output-feedback law of a flexible-joint robot with motor encoders sees.
 struct MotorPositionMeasurement {
-  robot::Vector theta;  ///< on the link side of the gear
+  robot::Vector theta;  ///< motor position, on the link side of the gear [rad]
 
   static constexpr std::string_view type = "tachless.motor_position_measurement_t",
                                     suffix = "MOTOR_POSITION";
@@ -37,7 +37,9 @@ struct MotorPositionMeasurement {
 
 /// What the flexible-joint law of Loria and Ortega (eq. 9-12) sees: no motor velocity.
 struct LinkStateMeasurement {
-  robot::Vector q, v, theta;
+  robot::Vector q;      ///< link position [rad; m]
+  robot::Vector v;      ///< link velocity [rad/s; m/s]
+  robot::Vector theta;  ///< motor position [rad]
 
   using Value = LinkStateMeasurement;
   static constexpr std::string_view type = "tachless.link_state_measurement_t",
@@ -50,7 +52,10 @@ struct LinkStateMeasurement {
 
 /// Full state. On a rigid robot `theta` and `thetadot` are empty.
 struct StateMeasurement {
-  robot::Vector q, v, theta, thetadot;
+  robot::Vector q;         ///< link position [rad; m]
+  robot::Vector v;         ///< link velocity [rad/s; m/s]
+  robot::Vector theta;     ///< motor position [rad]
+  robot::Vector thetadot;  ///< motor velocity [rad/s]
 
   using Value = StateMeasurement;
   static constexpr std::string_view type = "tachless.state_measurement_t", suffix = "STATE";
@@ -66,8 +71,12 @@ inline constexpr int max_gains_text = 4000;
 
 /// A C4 reference at one instant, and the gains to follow it with.
 struct ReferencePoint {
-  robot::Vector q_ref, v_ref, a_ref, jerk_ref, snap_ref;
-  std::string gains{};  ///< as experiment::gains_text; empty: those of the scenario
+  robot::Vector q_ref;     ///< position [rad; m]
+  robot::Vector v_ref;     ///< velocity [rad/s; m/s]
+  robot::Vector a_ref;     ///< acceleration [rad/s^2; m/s^2]
+  robot::Vector jerk_ref;  ///< [rad/s^3; m/s^3]
+  robot::Vector snap_ref;  ///< [rad/s^4; m/s^4]
+  std::string gains{};     ///< as experiment::gains_text; empty: those of the scenario
 
   using Value = ReferencePoint;
   static constexpr std::string_view type = "tachless.reference_t", suffix = "REFERENCE";
@@ -82,7 +91,7 @@ struct ReferencePoint {
 
 /// Positive torque accelerates the joint.
 struct TorqueCommand {
-  robot::Vector tau;
+  robot::Vector tau;  ///< [N m; N]
 
   static constexpr std::string_view type = "tachless.torque_command_t", suffix = "COMMAND";
   static constexpr auto fields =
@@ -93,8 +102,8 @@ struct TorqueCommand {
 /// Name and unit of one signal that a law declares, for the log. The unit is that of a revolute
 /// joint, in SI symbols ("rad", "rad/s", "N m"); the name holds neither ':' nor ','.
 struct Signal {
-  std::string_view name;
-  std::string_view unit;
+  std::string_view name;  ///< of the column
+  std::string_view unit;  ///< of its values
 };
 
 /// Most signals that a law may declare.
@@ -105,8 +114,8 @@ inline constexpr int max_signals = 8;
 /// signal of every law is the position error whose norm the controller announces. Names and units
 /// of the rows are the law's: `Participant::signals`, `RunInfo::signals`.
 struct LawSignals {
-  int num = 0;
-  std::array<robot::Vector, max_signals> value;
+  int num = 0;                                   ///< how many
+  std::array<robot::Vector, max_signals> value;  ///< one per signal
 
   static constexpr std::string_view type = "tachless.controller_state_t",
                                     suffix = "CONTROLLER_STATE";

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstddef>
-#include <string_view>
 
 /// The six kinds of message that make up one tick. Names only; loop/truth/tick_record.h holds what
 /// they carry.
@@ -16,11 +15,5 @@ inline constexpr std::array<Slot, num_slots> all_slots = {
     Slot::command, Slot::controller_state, Slot::truth};
 
 constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
-
-constexpr std::string_view name(Slot slot) {
-  constexpr std::array<std::string_view, num_slots> names = {
-      "tick", "measurement", "reference", "command", "controller_state", "truth"};
-  return names.at(index(slot));
-}
 
 }  // namespace tachless::loop

@@ -7,7 +7,6 @@
 #include <span>
 #include <tuple>
 #include <utility>
-#include <variant>
 
 #include "bus/authenticated.h"
 #include "bus/truth/truth_wire.h"
@@ -15,46 +14,28 @@
 #include "diagnostics/text.h"
 #include "loop/measurements.h"
 #include "loop/truth/tick_record.h"
+#include "study/tracking.h"
 
 namespace tachless::monitor {
 namespace {
 
 using robot::Vector;
 
-struct Point {
-  double x = 0, y = 0;
-};
+/// A curve of each joint.
+using Curves = std::vector<study::Envelope>;
 
-/// The lowest and the highest value of each component, with their times.
-class Extremes {
- public:
-  void add(double t_s, const Vector& values) {
-    if (joints_.empty()) joints_.resize(static_cast<std::size_t>(values.size()));
-    for (std::size_t i = 0; i < joints_.size(); ++i) {
-      const Point point{t_s, values[static_cast<Eigen::Index>(i)]};
-      auto& joint = joints_[i];
-      if (!joint) joint = {point, point};
-      if (point.y < joint->first.y) joint->first = point;
-      if (point.y > joint->second.y) joint->second = point;
+/// "[[t,y,t,y],…]": the lowest and the highest value of each joint, in the order of time.
+std::string extremes(const Curves& joints) {
+  std::string text;
+  for (const study::Envelope& joint : joints) {
+    std::string points;
+    for (const auto& [x, y] : joint.points(2)) {
+      points += fmt::format("{}{:.9g},{:.6g}", points.empty() ? "" : ",", x, y);
     }
+    text += fmt::format("{}[{}]", text.empty() ? "" : ",", points);
   }
-  /// "[[t,y,t,y],…]", in the order of time, and starts over.
-  std::string taken() {
-    std::string text = "[";
-    for (const auto& joint : joints_) {
-      auto [a, b] = *joint;
-      if (a.x > b.x) std::swap(a, b);
-      text += fmt::format("{}[{:.9g},{:.6g}", text.size() > 1 ? "," : "", a.x, a.y);
-      text += a.x < b.x ? fmt::format(",{:.9g},{:.6g}]", b.x, b.y) : "]";
-    }
-    joints_.clear();
-    return text + "]";
-  }
-  [[nodiscard]] bool empty() const { return joints_.empty(); }
-
- private:
-  std::vector<std::optional<std::pair<Point, Point>>> joints_;
-};
+  return "[" + text + "]";
+}
 
 /// How regularly the ticks come, over about a second.
 class Regularity {
@@ -100,7 +81,11 @@ struct LiveRun::Run {
   void note(const std::string& curve, const loop::Stamp& stamp, const Vector& values) {
     if (values.size() != described.layout.num_joints) return;
     newest_s = std::max(newest_s, seconds(stamp));
-    curves[curve].add(seconds(stamp), values);
+    Curves& joints = curves[curve];
+    joints.resize(static_cast<std::size_t>(values.size()));
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      joints[i].add(seconds(stamp), values[static_cast<Eigen::Index>(i)]);
+    }
   }
   void note_positions(const loop::Stamp& stamp, const Vector& q, const Vector& theta) {
     note("q", stamp, q);
@@ -126,14 +111,8 @@ struct LiveRun::Run {
   }
   void on(const loop::Stamp& stamp, const loop::AnyMeasurement& any, std::int64_t /*ns*/) {
     if (truth) return;
-    std::visit(
-        [&](const auto& measurement) {
-          Vector q, theta;
-          if constexpr (requires { measurement.q; }) q = measurement.q;
-          if constexpr (requires { measurement.theta; }) theta = measurement.theta;
-          note_positions(stamp, q, theta);
-        },
-        any);
+    const Vector* const theta = loop::parts_of(any)[2];
+    note_positions(stamp, loop::links_of(any), theta == nullptr ? Vector() : *theta);
   }
   void on(const loop::Stamp& stamp, const loop::TorqueCommand& command, std::int64_t /*ns*/) {
     if (!truth) note("τ", stamp, command.tau);
@@ -202,7 +181,7 @@ struct LiveRun::Run {
                 loop::channel(described.info.robot, described.info.measurement),
                 {described.info.measurement, described.layout}}};
   std::vector<std::string> signals;
-  std::map<std::string, Extremes> curves;
+  std::map<std::string, Curves> curves;
   std::array<std::pair<std::int64_t, Vector>, 16> references;  ///< ticks and positions, of late
   bool truth = false;                                          ///< there is TRUTH on the bus
   double newest_s = 0;
@@ -251,9 +230,9 @@ std::string LiveRun::stretch() {
   if (!run_ || (run_->curves.empty() && run_->events.empty())) return {};
   Run& run = *run_;
   std::string curves;
-  for (auto& [name, extremes] : run.curves) {
+  for (const auto& [name, joints] : run.curves) {
     curves += fmt::format("{}{}:{}", curves.empty() ? "" : ",",
-                          diagnostics::json_text(nlohmann::json(name)), extremes.taken());
+                          diagnostics::json_text(nlohmann::json(name)), extremes(joints));
   }
   run.curves.clear();
   std::vector<std::size_t> saturated;

@@ -149,33 +149,4 @@ void EmulatedRobot::rest(double until_s) {
   advance(robot::Vector::Zero(model_->num_joints), until_s);
 }
 
-StiffestJoint stiffest_joint(const experiment::Scenario& scenario, const robot::Model& model) {
-  // Merson's method is stable on the imaginary axis up to 3.4 i, on the real one further.
-  constexpr double stable = 3.4;
-  robot::Matrix LD = robot::mass_matrix(model, initial_state(scenario, model).q);
-  robot::factorise(LD);
-  const robot::Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
-  StiffestJoint stiffest;
-  for (Eigen::Index i = 0; i < LD.rows(); ++i) {
-    robot::Vector column = robot::Vector::Unit(LD.rows(), i);
-    robot::solve_in_place(LD, column);
-    const auto compare = [&](double rate, const char* key) {
-      const double steps = rate * scenario.loop.period_s / stable;
-      if (steps > stiffest.steps) stiffest = {static_cast<std::size_t>(i), steps, key};
-    };
-    if (friction.size() > 0) {
-      compare(friction[i] * column[i], "plant.drive.viscous_friction_Nms_per_rad");
-    }
-    const FlexibleDrive* drive = flexible_drive(scenario);
-    if (drive == nullptr) continue;
-    compare(std::sqrt(drive->stiffness[i] * (column[i] + 1 / drive->rotor_inertia[i])),
-            "robot.joints.flexible.stiffness_Nm_per_rad");
-    if (drive->motor_damping.size() > 0) {
-      compare(drive->motor_damping[i] / drive->rotor_inertia[i],
-              "robot.joints.flexible.motor_damping_Nms_per_rad");
-    }
-  }
-  return stiffest;
-}
-
 }  // namespace tachless::plant

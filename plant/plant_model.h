@@ -26,10 +26,6 @@ ArmState initial_state(const experiment::Scenario& scenario, const robot::Model&
 /// `disturbances`, if not null, outlive the arm.
 Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
              double start_s = 0, Disturbances* disturbances = nullptr);
-/// The same from the initial state on.
-inline Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model) {
-  return make_arm(scenario, model, initial_state(scenario, model));
-}
 
 /// The drives: the scenario's torque limit (which defaults to the URDF's), rate and command delay.
 Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model);
@@ -73,13 +69,5 @@ class EmulatedRobot final : public RobotDriver {
   robot::Vector before_;  ///< torque over the tick before; the initial one at first
   Arm arm_;
 };
-
-/// The joint whose spring or viscous friction is fastest at the initial state, the others held.
-struct StiffestJoint {
-  std::size_t joint = 0;
-  double steps = 0;      ///< of the integrator, which one tick takes for stability alone
-  const char* key = "";  ///< what makes it so
-};
-StiffestJoint stiffest_joint(const experiment::Scenario& scenario, const robot::Model& model);
 
 }  // namespace tachless::plant

@@ -14,23 +14,12 @@ namespace {
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 
-py::object field_or_none(const robot::Vector& x) {
-  return x.size() == 0 ? py::object(py::none()) : array_of(x);
-}
-
 Measurement measurement_of(const loop::AnyMeasurement& any) {
-  Measurement result{py::none(), py::none(), py::none(), py::none()};
-  std::visit(
-      [&](const auto& measured) {
-        if constexpr (requires { measured.q; }) result.q = field_or_none(measured.q);
-        if constexpr (requires { measured.v; }) result.v = field_or_none(measured.v);
-        if constexpr (requires { measured.theta; }) result.theta = field_or_none(measured.theta);
-        if constexpr (requires { measured.thetadot; }) {
-          result.thetadot = field_or_none(measured.thetadot);
-        }
-      },
-      any);
-  return result;
+  const auto or_none = [](const robot::Vector* x) {
+    return x == nullptr || x->size() == 0 ? py::object(py::none()) : array_of(*x);
+  };
+  const auto [q, v, theta, thetadot] = loop::parts_of(any);
+  return {or_none(q), or_none(v), or_none(theta), or_none(thetadot)};
 }
 
 class PythonLaw final : public controller::AnyLaw {
@@ -78,13 +67,9 @@ class PythonLaw final : public controller::AnyLaw {
                     array_of(reference.jerk_ref), array_of(reference.snap_ref)});
       command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
     });
-    std::visit(
-        [&](const auto& measured) {
-          if constexpr (requires { measured.q; }) {
-            signals_of_step_ = {1, {measured.q - reference.q_ref}};
-          }
-        },
-        measurement);
+    if (const auto* const q = loop::parts_of(measurement)[0]) {
+      signals_of_step_ = {1, {*q - reference.q_ref}};
+    }
   }
 
   /// Under the lock. What `action` raises becomes the run's end; its traceback goes to stderr.

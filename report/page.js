@@ -69,6 +69,7 @@ var report = (() => {
     context.strokeStyle = '#888888';
     for (const level of chart.levels) {
       const y = plot.toDomYCoord(level);
+      if (y < area.y || y > area.y + area.h) continue;
       context.beginPath();
       context.moveTo(area.x, y);
       context.lineTo(area.x + area.w, y);
@@ -237,6 +238,7 @@ var report = (() => {
   /// Takes what a run that goes on has done since the last stretch; keeps the newest minute.
   function take(stretch) {
     if (stretch.run !== data.live) return location.reload();
+    if (state.version && stretch.t <= data.end_s) return;  // sent again after a lost connection
     const most = 4800;  // two points 40 times a second
     for (const chart of data.charts) {
       const joint = chart.name.split('-').pop() - 1;

@@ -8,7 +8,6 @@
 #include <fstream>
 #include <set>
 #include <string_view>
-#include <variant>
 #include <vector>
 
 #include "certificate/scenario_loop.h"
@@ -30,16 +29,8 @@ void add_tracking(study::Tracking& tracking, const logger::TickRecord& record, d
     q = record.truth->q;
     theta = record.truth->theta;
   } else if (record.measurement) {
-    std::visit(
-        [&](const auto& measurement) {
-          if constexpr (requires { measurement.q; }) q = measurement.q;
-          if constexpr (requires {
-                          measurement.q;
-                          measurement.theta;
-                        })
-            theta = measurement.theta;
-        },
-        *record.measurement);
+    q = loop::links_of(*record.measurement);
+    if (const auto* const motors = loop::parts_of(*record.measurement)[2]) theta = *motors;
   }
   if (q.size() == 0 || !record.reference || !(record.truth || record.command)) return;
   tracking.add(t_s, q, record.reference->q_ref, theta,
@@ -51,13 +42,7 @@ class Motion {
  public:
   void add(const logger::TickRecord& record) {
     robot::Vector q;
-    if (record.measurement) {
-      std::visit(
-          [&](const auto& measurement) {
-            if constexpr (requires { measurement.q; }) q = measurement.q;
-          },
-          *record.measurement);
-    }
+    if (record.measurement) q = loop::links_of(*record.measurement);
     ended_ = ended_ || q.size() == 0 || !record.truth || ticks_ == most_motion ||
              record.truth->fault == loop::truth::DriveFault::protective_stop ||
              record.tick != static_cast<std::int64_t>(ticks_);

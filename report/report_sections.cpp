@@ -160,7 +160,7 @@ ReportSection error_section(const Overlay& all) {
   return section;
 }
 
-/// @return whether the limit is drawn: one far outside would flatten the curve
+/// @return whether the limit is drawn: one far outside `peak` would flatten the curve
 bool add_limit(const RecordedRun& run, std::size_t joint, double peak, Chart& chart) {
   const auto& limit = run.scenario.plant.drive.torque_limit_Nm;
   if (!limit) return false;
@@ -188,7 +188,8 @@ ReportSection torque_section(const Overlay& all) {
             if (all.alone()) chart.curves.back().colour = palette[1];
             disturbed = true;
           }
-          limited = add_limit(run, own, signals.torque.peak(), chart) || limited;
+          limited =
+              add_limit(run, own, all.live ? HUGE_VAL : signals.torque.peak(), chart) || limited;
           for (const auto& [from, to] : run.seconds(run.saturated[own].listed)) {
             chart.marks.push_back({from, to, all.alone() ? alarm_colour : colour_of(run.number)});
             saturated = true;

@@ -50,16 +50,9 @@ Html round_trip_text(const RecordedRun& run) {
   return joined(parts, Html(", "));
 }
 
-Html gaps_text(const RecordedRun& run) {
-  std::vector<Html> gaps;
-  for (const auto& piece : run.summary.pieces) {
-    if (piece.absent()) {
-      gaps.push_back(html("no {}", piece.channel));
-    } else if (piece.missing.count != 0) {
-      gaps.push_back(html("{} missing in {} ticks", piece.channel, piece.missing.count));
-    }
-  }
-  return gaps.empty() ? Html("none") : joined(gaps, Html("; "));
+std::string gaps_text(const RecordedRun& run) {
+  const std::vector<std::string> gaps = run.summary.gap_texts();
+  return gaps.empty() ? "none" : diagnostics::joined(gaps, "; ");
 }
 
 std::string damage_text(const RecordedRun& run) {
@@ -108,7 +101,7 @@ std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
       {"Predicted", predicted_text(run)},
       {"Duration", duration_text(run)},
       {"Ended", Html(ended_text(run))},
-      {"Gaps in the log", gaps_text(run)},
+      {"Gaps in the log", Html(gaps_text(run))},
       {"Damage to the log", Html(damage_text(run))},
       {"Wall-clock time", wall_text(run)},
       {"Round trip", round_trip_text(run)},

@@ -111,23 +111,26 @@ std::int64_t RunSummary::ticks() const {
   return plant != nullptr ? plant->ticks : tracking.num_ticks();
 }
 
-double RunSummary::duration_s() const { return static_cast<double>(ticks()) * facts.period_s; }
+double RunSummary::duration_s() const {
+  return static_cast<double>(ticks()) * scenario.loop.period_s;
+}
 
 node::PlantStatistics RunSummary::plant() const {
   return own<node::PlantStatistics>(*this, loop::Role::plant);
 }
 
 nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabels& joints) {
+  const experiment::Scenario& scenario = summary.scenario;
   const RunFacts& facts = summary.facts;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
-  Json json = {{"scenario", facts.scenario},
+  Json json = {{"scenario", scenario.name},
                {"run_id", facts.run_id},
-               {"mode", facts.mode},
-               {"law", facts.law},
+               {"mode", schema::name_of(scenario.loop.mode)},
+               {"law", scenario.controller.law_text()},
                {"joints", joints.name},
                {"ticks", summary.ticks()},
-               {"period_s", facts.period_s},
+               {"period_s", scenario.loop.period_s},
                {"duration_s", summary.duration_s()},
                {"wall_s", wall_s},
                {"ticks_per_s", wall_s > 0 ? Json(ticks / wall_s) : Json()},
@@ -167,18 +170,19 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
   }
   std::string text = diagnostics::table(rows, "lrrrlrrl");
 
-  const std::int64_t planned = summary.facts.planned_ticks;
+  const experiment::LoopSpec& loop = summary.scenario.loop;
   text += fmt::format("\n  {}{} ticks of {}, {}, in {:.3g} s", summary.ticks(),
-                      summary.ticks() < planned ? fmt::format(" of {}", planned) : "",
-                      diagnostics::period_text(summary.facts.period_s), summary.facts.mode, wall_s);
+                      summary.ticks() < loop.num_ticks ? fmt::format(" of {}", loop.num_ticks) : "",
+                      diagnostics::period_text(loop.period_s), schema::name_of(loop.mode), wall_s);
   if (wall_s > 0) {
     text += fmt::format(": {} ticks/s, {:.3g} x real time", short_rate(ticks / wall_s),
                         summary.duration_s() / wall_s);
   }
   if (!summary.facts.placement.empty()) text += ", " + summary.facts.placement;
   text += "\n";
-  text += summary.facts.mode == "realtime" ? realtime_rows(plant)
-                                           : percentile_row(plant.round_trip_us, "round trip");
+  text += loop.mode == experiment::Mode::realtime
+              ? realtime_rows(plant)
+              : percentile_row(plant.round_trip_us, "round trip");
   const auto row_of_ticks = [&](const std::vector<std::int64_t>& counts, const char* what) {
     for (std::size_t i = 0; i < counts.size(); ++i) {
       if (counts[i] != 0)

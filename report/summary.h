@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "certificate/prediction.h"
+#include "experiment/scenario.h"
 #include "node/statistics.h"
 #include "robot/model.h"
 #include "study/tracking.h"
@@ -15,16 +16,11 @@
 /// A run in numbers: summary.json and the closing table. Reads no log and writes no file.
 namespace tachless::report {
 
-/// Everything about a run that is not in its signals.
+/// Everything about a run that is neither in its scenario nor in its signals.
 struct RunFacts {
-  std::string scenario;
   std::int64_t run_id = 0;
-  std::string mode;
-  std::string law;
-  double period_s = 0;
-  std::int64_t planned_ticks = 0;  ///< of the motion; 0: not known
-  double wall_s = 0;               ///< of the launcher; the plant's own figure is preferred
-  std::string placement;           ///< of the processes on CPUs: "together on CPU 1"
+  double wall_s = 0;      ///< of the launcher; the plant's own figure is preferred
+  std::string placement;  ///< of the processes on CPUs: "together on CPU 1"
   std::string log_path;
   std::int64_t log_ticks = 0;
   std::int64_t log_gaps = 0;
@@ -32,6 +28,7 @@ struct RunFacts {
 };
 
 struct RunSummary {
+  experiment::Scenario scenario;
   RunFacts facts;
   study::Tracking tracking;
   /// What the processes counted; a process that was killed has left none.

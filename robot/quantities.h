@@ -10,13 +10,15 @@ namespace tachless::robot {
 /// that nothing allocates once a run has begun.
 inline constexpr int max_joints = 64;
 
+/// One entry per joint.
 template <class Scalar>
 using VectorOf = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, Eigen::ColMajor, max_joints, 1>;
+/// One row and one column per joint, or fewer.
 template <class Scalar>
 using MatrixOf =
     Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, max_joints>;
 
-using Vector = VectorOf<double>;
-using Matrix = MatrixOf<double>;
+using Vector = VectorOf<double>;  ///< of values
+using Matrix = MatrixOf<double>;  ///< likewise
 
 }  // namespace tachless::robot

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace tachless::study {
@@ -16,6 +17,9 @@ constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits i
 constexpr double small = 1e-3;
 constexpr double still = 1e-3;     // of an error: how far a joint that rests may move
 constexpr double constant = 0.05;  // of an error: how far one that is called constant may change
+// Of what the reference does: how far, or fast, a joint moves that friction holds most of the time.
+constexpr double hardly = 0.2, at_rest = 0.01;
+constexpr double rests_for = 0.25;  // of the time
 
 struct Span {
   double low = INFINITY, high = -INFINITY;
@@ -33,18 +37,11 @@ Span span(const std::vector<Point>& points, double from, double to) {
   return result;
 }
 
-/// A curve's swings to and fro: how often it turns, and the largest way between two turns.
-struct Swings {
-  int count = 0;
-  double largest = 0;
-};
-
-/// Of those by more than `amplitude`.
-Swings swings(const std::vector<Point>& points, double from, double to, double amplitude) {
-  Swings result;
-  int direction = 0;
+/// How often a curve turns and goes back by more than `amplitude`.
+int turns(const std::vector<Point>& points, double from, double to, double amplitude) {
+  int result = 0, direction = 0;
   Span before;  // the first one
-  double turned = 0, extreme = 0;
+  double extreme = 0;
   for (const auto& [x, y] : points) {
     if (x < from || x > to) continue;
     before.low = std::min(before.low, y);
@@ -52,17 +49,36 @@ Swings swings(const std::vector<Point>& points, double from, double to, double a
     if (direction == 0) {
       if (y - before.low > amplitude) direction = 1;
       if (before.high - y > amplitude) direction = -1;
-      turned = direction > 0 ? before.low : before.high;
       extreme = y;
     } else if ((y - extreme) * direction > 0) {
       extreme = y;
     } else if ((extreme - y) * direction > amplitude) {
-      ++result.count;
-      result.largest = std::max(result.largest, std::abs(extreme - turned));
+      ++result;
       direction = -direction;
-      turned = extreme;
       extreme = y;
     }
+  }
+  return result;
+}
+
+/// The length of a curve's way up and down.
+double way(const std::vector<Point>& points, double from, double to) {
+  double result = 0;
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    if (points[i - 1].x >= from && points[i].x <= to) {
+      result += std::abs(points[i].y - points[i - 1].y);
+    }
+  }
+  return result;
+}
+
+/// For how long a curve moves by less than `speed`.
+double slower_than(double speed, const std::vector<Point>& points, double from, double to) {
+  double result = 0;
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const double time = points[i].x - points[i - 1].x;
+    const bool slow = std::abs(points[i].y - points[i - 1].y) <= speed * time;
+    if (slow && points[i - 1].x >= from && points[i].x <= to) result += time;
   }
   return result;
 }
@@ -74,63 +90,101 @@ double entry(const robot::Vector& values, std::size_t joint) {
 
 /// A joint's run in the numbers that decide.
 struct Joint {
-  std::vector<Point> error, q_ref;
+  std::vector<Point> error, q, q_ref;
   double end, quarter, own_scale, noise;
   double scale = 0;
-  Span third, last, position;  ///< the error in the third and the last quarter; q in the last
-  double first_half;
-  int fast, asked;  ///< swings in the last quarter, of the error and of the reference
+  std::array<Span, 4> in;  ///< the error in each quarter
+  Span last, position;     ///< the error in the last quarter; q in it
+  int fast;                ///< turns in the last quarter, by as much as the error's peak
 
   Joint(const JointTracking& joint, double resolution)
       : error(joint.error_over_time.points()),
+        q(joint.q.points()),
         q_ref(joint.q_ref.points()),
         end(error.back().x),
         quarter(end / 4),
         own_scale(std::max(span(q_ref, 0, end).extent(), std::abs(joint.error.first()))),
         noise(std::max(counts * resolution, least)),
-        third(span(error, 2 * quarter, 3 * quarter)),
-        last(span(error, 3 * quarter, end)),
-        position(span(joint.q.points(), 3 * quarter, end)),
-        first_half(span(error, 0, 2 * quarter).peak()),
-        fast(swings(error, 3 * quarter, end, last.peak()).count),
-        asked(swings(q_ref, 3 * quarter, end, 0.1 * span(q_ref, 0, end).extent()).count) {}
+        in{of(error, 0), of(error, 1), of(error, 2), of(error, 3)},
+        last(in[3]),
+        position(of(q, 3)),
+        fast(turns(error, 3 * quarter, end, last.peak())) {}
 
+  [[nodiscard]] Span of(const std::vector<Point>& points, int i) const {
+    return span(points, i * quarter, (i + 1) * quarter);
+  }
   [[nodiscard]] double allowed(double share) const { return std::max(share * scale, noise); }
   [[nodiscard]] bool within(double share) const { return last.peak() <= allowed(share); }
-  [[nodiscard]] bool unasked(int turns) const { return turns >= 6 && turns > 3 * (asked + 1); }
+  [[nodiscard]] int turns_in(const std::vector<Point>& points, int i, double amplitude) const {
+    return turns(points, i * quarter, (i + 1) * quarter, amplitude);
+  }
+  /// How often an error turns in a quarter at least that does so without being asked to.
+  [[nodiscard]] int unasked(int i) const {
+    const int asked = turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
+    return std::max(6, 3 * (asked + 1) + 1);
+  }
 
+  /// How large the swings in a quarter are that the reference does not ask for: by how much the
+  /// error goes back that often. The slow error on which they ride is not in it. 0: by noise.
+  [[nodiscard]] double swing(int i) const {
+    const int often = unasked(i);
+    double low = noise, high = in[static_cast<std::size_t>(i)].extent();
+    if (turns_in(error, i, low) < often) return 0;
+    constexpr double precision = 1.005;
+    for (int step = 0; step < 40 && high > precision * low; ++step) {
+      const double middle = std::sqrt(low) * std::sqrt(high);
+      (turns_in(error, i, middle) < often ? high : low) = middle;
+    }
+    return low;
+  }
   /// Whether its swings grow from quarter to quarter, however small they are.
   [[nodiscard]] bool swings_grow() const {
     constexpr double growth = 1.3;
-    const auto in_quarter = [&](int i) {
-      return swings(error, i * quarter, (i + 1) * quarter, noise);
-    };
-    const Swings now = in_quarter(3);
-    const double before = in_quarter(2).largest;
-    return unasked(now.count) && now.largest > growth * before &&
-           before > growth * in_quarter(1).largest;
+    const double now = swing(3), before = now > 0 ? swing(2) : 0;
+    if (before == 0 || now <= growth * before) return false;
+    const double first = swing(1);
+    return first > 0 && before > growth * first;
   }
   [[nodiscard]] bool diverges() const {
     if (swings_grow()) return true;
+    const double first_half = std::max(in[0].peak(), in[1].peak());
     if (within(followed_share) || last.peak() <= 4 * first_half) return false;
     const double asked_before = span(q_ref, 0, 2 * quarter).extent();
-    return last.peak() > scale || span(q_ref, 3 * quarter, end).extent() <= asked_before;
+    return last.peak() > scale || of(q_ref, 3).extent() <= asked_before;
   }
+  [[nodiscard]] bool lasts() const { return last.peak() >= 0.8 * in[2].peak(); }
   [[nodiscard]] bool cycles() const {
-    return last.peak() > std::max(small, noise) && last.peak() >= 0.8 * third.peak() &&
-           unasked(fast);
+    return last.peak() > std::max(small, noise) && lasts() && fast >= unasked(3);
+  }
+  /// Whether dry friction holds it, though its reference may go on.
+  [[nodiscard]] bool sticks() const {
+    if (position.extent() <= still * last.peak()) return true;
+    const double speed = at_rest * way(q_ref, 3 * quarter, end) / quarter;
+    return position.extent() <= hardly * of(q_ref, 3).extent() &&
+           slower_than(speed, q, 3 * quarter, end) >= rests_for * quarter;
   }
   [[nodiscard]] Outcome outcome(bool friction) const {
     if (diverges()) return Outcome::diverging;
     if (cycles()) return Outcome::limit_cycle;
     if (within(converged_share)) return Outcome::converged;
     if (within(followed_share)) return Outcome::followed;
-    if (friction && position.extent() <= still * last.peak()) return Outcome::stuck;
+    if (friction && sticks()) return Outcome::stuck;
     // On a motion that is slower than the run an error is nearly constant too.
     if (last.extent() < constant * last.peak() && position.extent() < last.peak()) {
       return Outcome::rests_beside;
     }
-    return last.peak() < 0.95 * third.peak() ? Outcome::slow : Outcome::lags;
+    return !within(1) || last.peak() < 0.95 * in[2].peak() ? Outcome::slow : Outcome::lags;
+  }
+  /// What an error beyond the scale is, which no motion makes and no start that decays, unless it
+  /// falls; else what `outcome` says.
+  [[nodiscard]] Outcome beyond_scale(Outcome outcome) const {
+    constexpr double less = 0.995;
+    const double before = in[2].peak(), now = last.peak();
+    const bool falls = now < less * before && before < less * in[1].peak() && now < in[0].peak();
+    if (within(1) || falls) return outcome;
+    if (now > 1.25 * before) return Outcome::diverging;
+    if (last.low > 0 || last.high < 0) return Outcome::rests_beside;
+    return fast > 1 ? Outcome::limit_cycle : Outcome::diverging;
   }
   /// When the error was last beyond 1 % of the scale.
   [[nodiscard]] double above_s() const {
@@ -148,6 +202,29 @@ void set_scales(std::vector<Joint>& joints) {
   for (Joint& joint : joints) {
     const double whole = span(joint.error, 0, joint.end).peak();
     joint.scale = joint.own_scale > 0 ? joint.own_scale : largest > 0 ? largest : whole;
+  }
+}
+
+/// Sets what the worst joint is: of equally bad ones that with the largest share of its scale.
+void judge_worst(const std::vector<Joint>& joints, const Yardsticks& yardsticks, bool by_scale,
+                 Verdict& result) {
+  result.outcome = Outcome::converged;
+  double worst = -1;
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    const Joint& joint = joints[i];
+    const double friction = entry(yardsticks.friction, i), share = joint.last.peak() / joint.scale;
+    Outcome outcome = joint.outcome(friction > 0);
+    if (by_scale) outcome = joint.beyond_scale(outcome);
+    const double badness = std::isfinite(share) ? share : 0;
+    if (outcome < result.outcome || (outcome == result.outcome && badness <= worst)) continue;
+    worst = badness;
+    result.outcome = outcome;
+    result.joint = i;
+    result.error = joint.last.peak();
+    result.share = share;
+    result.frequency_hz = joint.fast / (2 * joint.quarter);
+    result.friction = friction;
+    result.stiffness = entry(yardsticks.stiffness, i);
   }
 }
 
@@ -196,26 +273,12 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
     joints.emplace_back(tracking.joints()[i], entry(yardsticks.resolution, i));
   }
   set_scales(joints);
-  result.outcome = Outcome::converged;
-  double above_s = 0, worst = -1;
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    const Joint& joint = joints[i];
-    const double friction = entry(yardsticks.friction, i), share = joint.last.peak() / joint.scale;
-    const Outcome outcome = joint.outcome(friction > 0);
+  double above_s = 0;
+  for (const Joint& joint : joints) {
     above_s = std::max(above_s, joint.above_s());
     result.counted_from_s = std::max(result.counted_from_s, rests_from_s(joint.q_ref));
-    // Of equally bad ones that with the largest share of its scale.
-    const double badness = std::isfinite(share) ? share : 0;
-    if (outcome < result.outcome || (outcome == result.outcome && badness <= worst)) continue;
-    worst = badness;
-    result.outcome = outcome;
-    result.joint = i;
-    result.error = joint.last.peak();
-    result.share = share;
-    result.frequency_hz = joint.fast / (2 * joint.quarter);
-    result.friction = friction;
-    result.stiffness = entry(yardsticks.stiffness, i);
   }
+  judge_worst(joints, yardsticks, false, result);
   result.settled_s = std::max(0.0, above_s - result.counted_from_s);
   const auto ticks = static_cast<double>(tracking.num_ticks());
   std::size_t most = 0;
@@ -228,6 +291,7 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
     result.outcome = Outcome::saturated;
     result.joint = most;
   }
+  if (!bad(result.outcome)) judge_worst(joints, yardsticks, true, result);
   return result;
 }
 
@@ -248,7 +312,8 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
     case Outcome::followed:
       return up_to("followed", "");
     case Outcome::lags:
-      return up_to("lags", "; the motion makes it");
+      return up_to("lags", verdict.friction > 0 ? "; the motion, or dry friction, makes it"
+                                                : "; the motion makes it");
     case Outcome::slow:
       return up_to("slow", ", decaying; a longer run would show more");
     case Outcome::rests_beside:

@@ -20,13 +20,13 @@ namespace tachless::study {
 enum class Outcome {
   converged,     ///< the last quarter's error is at most 1 % of the joint's scale, or 3 counts
   followed,      ///< at most 5 %
-  lags,          ///< more, and the motion makes it
+  lags,          ///< more, and the motion makes it, or dry friction against it
   slow,          ///< more, and it decays
   not_judged,    ///< too few ticks, or a dry run
   rests_beside,  ///< more, and it is constant
-  stuck,         ///< so, without speed, and the joint has dry friction
+  stuck,         ///< more, and dry friction holds the joint at most times
   saturated,     ///< a joint was at its torque limit for more than half of the run
-  limit_cycle,   ///< the error swings, without decaying, faster than the reference asks for
+  limit_cycle,   ///< the error swings, without decaying, faster than asked for or beyond its scale
   diverging,     ///< the error grows
   outside,       ///< it started beyond the error at which a run is broken off
   interrupted,   ///< by the user

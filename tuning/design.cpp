@@ -102,9 +102,9 @@ class Search {
   [[noreturn]] void refuse() const {
     throw Failure(ExitCode::check_said_no,
                   "no gains were found that keep a modulus margin of {:g} at all postures within "
-                  "the torque of an encoder count; allow a shorter period, less delay, a finer "
+                  "the torque of an encoder count{}; allow a shorter period, less delay, a finer "
                   "encoder or a smaller --margin",
-                  goal_.modulus);
+                  goal_.modulus, goal_.least_kp ? " and the stiffness asked for" : "");
   }
 
   // ---- search -----------------------------------------------------------------------------------
@@ -189,8 +189,8 @@ class Search {
 
   /// The gains of some starts after some steps each, the best first: by the rule, with the inertias
   /// of joints when the others are free or halfway to when they are held, at the largest w that has
-  /// half the margin; where these come to nothing, at the largest that has it all. Of a rule that
-  /// has less, the w with the most.
+  /// half the margin; where these come to nothing, at the largest that has it all; then the
+  /// scenario's own gains. Of a rule that has less, the w with the most.
   std::vector<FoundGains> good_starts(const OnProgress& tell) {
     if (answers_) {
       const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
@@ -230,7 +230,11 @@ class Search {
           gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
       if (std::isfinite(here.settling_s)) all.push_back(here);
     }
-    if (all.empty()) refuse();
+    const auto own = all.empty() ? law_.own_theta() : std::nullopt;
+    if (own && judged(problem_, *own).modulus > 0) {
+      all = {climbed("design: the scenario's gains", *own, steps_of_a_round, tell, false)};
+    }
+    if (all.empty() || !std::isfinite(all[0].settling_s)) refuse();
     std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
     return all;
   }
@@ -269,20 +273,22 @@ class Search {
 
   [[nodiscard]] std::string words(const Binding& binding) const {
     const double percent = 100 * binding.settling_share;
-    const std::string much =
-        fmt::format(": a tenth more gives {} %",
-                    percent < 10 ? fmt::format("{:.1g}", percent) : fmt::format("{:.0f}", percent));
+    const std::string saved =
+        percent < 10 ? fmt::format("{:.1g} %", percent) : fmt::format("{:.0f} %", percent);
     switch (binding.kind) {
       case Binding::Kind::margin:
-        return fmt::format("the modulus margin at q = {}{}",
-                           list_text(problem_.rests[binding.which].q_ref), much);
+        return fmt::format(
+            "the modulus margin at q = {}: a tenth less of it saves {} of the settling time",
+            list_text(problem_.rests[binding.which].q_ref), saved);
       case Binding::Kind::count:
-        return fmt::format("the torque of one encoder count on {}{}", labels_.joint(binding.which),
-                           much);
+        return fmt::format(
+            "the torque of one encoder count on {}: a tenth more saves {} of the settling time",
+            labels_.joint(binding.which), saved);
       case Binding::Kind::bound:
         break;
     }
-    return fmt::format("the bound on {}{}", law_.name_of(binding.which), much);
+    return fmt::format("the bound on {}: a tenth beyond it saves {} of the settling time",
+                       law_.name_of(binding.which), saved);
   }
 
   [[nodiscard]] Design result(const OnProgress& tell) const {
@@ -304,8 +310,7 @@ class Search {
     const auto n = static_cast<Index>(law_.model().num_joints);
     design.stiffness = design.loop.stiffness;
     design.stuck_error = design.loop.rest_error;
-    const Vector &coulomb = scenario_.plant.drive.coulomb_friction_Nm,
-                 &viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
+    const Vector& viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
     const std::vector<ReferencePoint> on_the_way = law_.loop().rest_points(reference_postures);
     for (Index j = 0; j < n; ++j) {
       const std::string name = labels_.joint(static_cast<std::size_t>(j));
@@ -314,10 +319,10 @@ class Search {
       const double motion = most.q_ref[j] - least.q_ref[j];
       if (design.stuck_error.size() > 0 && design.stuck_error[j] > 0.01 * motion) {
         design.warnings.push_back(fmt::format(
-            "{} stops up to {:.2g} {} beside its goal: Coulomb friction of {:g} {} over a "
-            "stiffness "
+            "{} stops up to {:.2g} {} beside its goal: dry friction of {:.3g} {} over a stiffness "
             "of {:.3g}; its motion is {:.2g}",
-            name, design.stuck_error[j], labels_.length[static_cast<std::size_t>(j)], coulomb[j],
+            name, design.stuck_error[j], labels_.length[static_cast<std::size_t>(j)],
+            design.stuck_error[j] * design.stiffness[j],
             labels_.effort[static_cast<std::size_t>(j)], design.stiffness[j], motion));
       }
       const double w = std::sqrt(design.stiffness[j] / law_.mean_inertia()[j]);

@@ -164,10 +164,11 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
   for (const controller::Parameter& each : law_.parameters) {
     if (each.shape != schema::Shape::matrix || mean_matrix_.size() == 0) continue;
     Vector& value = all.at(std::string(each.name));
-    value = (value[0] / tuning.inertia[0] * mean_matrix_).reshaped();
+    robot::Matrix matrix = value[0] / tuning.inertia[0] * mean_matrix_;
+    if (each.name == "kp" && friction.size() > 0) matrix.diagonal() += w * friction;
+    value = matrix.reshaped();
   }
-  // Only kd b counts in the loop; with one b for all joints the matrix condition certifies more
-  // than with b = a.
+  // Only kd b counts, in the loop and in its certificate.
   if (one_b && all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
     all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
     all["b"].setConstant(rate());
@@ -214,6 +215,24 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
     }
   }
   return theta;
+}
+std::optional<VectorXd> DesignProblem::own_theta() const {
+  Gains own = scenario_.controller.gains;
+  for (auto& [name, value] : own) {
+    const auto like = start_.find(name);
+    if (like == start_.end()) return std::nullopt;
+    if (value.size() == 1) value = Vector::Constant(like->second.size(), value[0]);
+  }
+  for (const auto& [name, value] : own) {  // only kd b counts
+    const auto kd = own.find("kd" + name.substr(1));
+    if (name.front() == 'b' && kd != own.end()) {
+      kd->second.array() *= value.array() / start_.at(name).array();
+    }
+  }
+  for (const std::string& kind : kinds_) {
+    if (!own.contains(kind)) return std::nullopt;
+  }
+  return theta_of(own).cwiseMax(problem_.lower).cwiseMin(problem_.upper);
 }
 void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
   Vector& own = gains.at(kinds_[kind]);
@@ -325,8 +344,16 @@ void DesignProblem::set_bounds() {
     problem_.upper.head(n) =
         problem_.upper.head(n).cwiseMin(VectorXd((*limit / *goal_.start_error).array().log()));
   }
-  if (goal_.least_kp) {
-    problem_.lower.head(n) = goal_.least_kp->array().log();
+  if (!goal_.least_kp) return;
+  problem_.lower.head(n) = goal_.least_kp->array().log();
+  const robot::JointLabels labels = robot::joint_labels(*scenario_.model);
+  for (Index j = 0; j < n; ++j) {
+    if (problem_.lower[j] <= problem_.upper[j]) continue;
+    throw Failure(ExitCode::check_said_no,
+                  "--stiffness or --rest-error asks for {:.4g} on {}, where --bandwidth or "
+                  "--start-error allows {:.4g}: change one of them",
+                  (*goal_.least_kp)[j], labels.joint(static_cast<std::size_t>(j)),
+                  std::exp(problem_.upper[j]));
   }
 }
 

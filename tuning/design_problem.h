@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,8 @@ class DesignProblem {
                               double held = 0) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
+  /// The scenario's own gains; none where it lacks one that varies.
+  [[nodiscard]] std::optional<Eigen::VectorXd> own_theta() const;
   /// Of an external law starts beside theta: all numbers of one gain times two, or half.
   [[nodiscard]] std::vector<Eigen::VectorXd> beside(const Eigen::VectorXd& theta) const;
   /// The feedback terms about rest in a posture.

@@ -19,6 +19,7 @@ enum class Discretisation {
   backward_euler,
   zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
 };
+/// As scenarios have them.
 constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
   return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
 }
@@ -28,14 +29,15 @@ enum class FilterStart {
   at_error,  ///< w(0) = e(0), hence nu(0) = 0
   zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
 };
+/// As scenarios have them.
 constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
   return {"at_error", "zero"};
 }
 
 /// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}) for one joint.
 struct FilterCoefficients {
-  double phi = 0;
-  double beta = 0;
+  double phi = 0;   ///< [1]
+  double beta = 0;  ///< [1/s]
 };
 
 /// The coefficients of b p / (p + a) sampled every `period_s`.
@@ -64,6 +66,7 @@ inline FilterCoefficients filter_coefficients(Discretisation kind, double a, dou
 /// measured. It does not differentiate, and it does not know the reference.
 class Filter {
  public:
+  /// What is carried from one sample to the next.
   struct Memory {
     robot::Vector nu;          ///< [rad/s]
     robot::Vector e_previous;  ///< [rad]

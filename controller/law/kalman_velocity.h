@@ -15,10 +15,6 @@ namespace tachless::controller::law {
 /// Steady-state Kalman filter of each joint's position: a chain of 2 (3) integrators driven by
 /// white noise, an acceleration (jerk) of spectral density Q, observed every period with the
 /// variance R = measurement_noise^2.
-///
-/// After a gap of g periods the filter predicts over g periods and weighs the sample by the
-/// covariance that the steady state has grown to by then; the sample after that has the steady
-/// gain again.
 class KalmanChain {
  public:
   struct Memory {
@@ -96,25 +92,24 @@ class KalmanChain {
     return {from.q + time_s * (from.v + time_s / 2 * from.a), from.v + time_s * from.a, from.a};
   }
 
-  /// x(t + periods) = F x(t).
-  [[nodiscard]] Small transition(double periods) const {
+  /// F of x(t + 1) = F x(t).
+  [[nodiscard]] Small transition() const {
     Small F = Small::Identity(order_, order_);
-    F(0, 1) = periods;
+    F(0, 1) = 1;
     if (order_ == 3) {
-      F(0, 2) = periods * periods / 2;
-      F(1, 2) = periods;
+      F(0, 2) = 1.0 / 2;
+      F(1, 2) = 1;
     }
     return F;
   }
 
-  /// What white noise of density Q adds to the covariance in that time.
-  [[nodiscard]] Small grown(double Q, double periods) const {
-    const double g = periods, g2 = g * g, g3 = g2 * g;
+  /// What white noise of density Q adds to the covariance in a period.
+  [[nodiscard]] Small added_covariance(double Q) const {
     Small added(order_, order_);
     if (order_ == 2) {
-      added << g3 / 3, g2 / 2, g2 / 2, g;
+      added << 1.0 / 3, 1.0 / 2, 1.0 / 2, 1;
     } else {
-      added << g3 * g2 / 20, g2 * g2 / 8, g3 / 6, g2 * g2 / 8, g3 / 3, g2 / 2, g3 / 6, g2 / 2, g;
+      added << 1.0 / 20, 1.0 / 8, 1.0 / 6, 1.0 / 8, 1.0 / 3, 1.0 / 2, 1.0 / 6, 1.0 / 2, 1;
     }
     return Q * added;
   }
@@ -124,7 +119,7 @@ class KalmanChain {
   [[nodiscard]] Small steady_prediction(double Q) const {
     constexpr int most_doublings = 64;
     const Small one = Small::Identity(order_, order_);
-    Small A = transition(1).transpose(), G = Small::Zero(order_, order_), P = grown(Q, 1);
+    Small A = transition().transpose(), G = Small::Zero(order_, order_), P = added_covariance(Q);
     G(0, 0) = 1;
     for (int k = 0; k < most_doublings; ++k) {
       const Small inverse = (one + G * P).inverse();
@@ -142,8 +137,8 @@ class KalmanChain {
   }
 
   [[nodiscard]] Small steady_gain(double Q) const {
-    const Small F = transition(1);
-    const Small P = F * corrected(steady_prediction(Q)) * F.transpose() + grown(Q, 1);
+    const Small F = transition();
+    const Small P = F * corrected(steady_prediction(Q)) * F.transpose() + added_covariance(Q);
     return P.col(0) / (P(0, 0) + 1);
   }
 

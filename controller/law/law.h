@@ -188,9 +188,11 @@ struct LyapunovWeights {
   Eigen::VectorXd eps_2;  ///< [1]
 
   LyapunovWeights() : LyapunovWeights(0, 0) {}
+  /// One number of each, for all errors.
   LyapunovWeights(double first, double second)
       : LyapunovWeights(Eigen::VectorXd::Constant(1, first), Eigen::VectorXd::Constant(1, second)) {
   }
+  /// By their diagonals.
   LyapunovWeights(Eigen::VectorXd first, Eigen::VectorXd second)
       : eps_1(std::move(first)), eps_2(std::move(second)) {}
 

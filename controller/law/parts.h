@@ -20,8 +20,10 @@ constexpr schema::Key<Gains, Member> gain(std::string_view name, Member Gains::*
   return schema::Key{name, member, unit, meaning}.in(schema::positive);
 }
 
+/// Gains of a law that commands -Kp e - Kd edot, one of each per joint.
 struct PdGains {
-  Vector kp, kd;
+  Vector kp;  ///< [N m/rad]
+  Vector kd;  ///< [N m s/rad]
 
   static constexpr std::tuple keys{
       gain("kp", &PdGains::kp, "N m/rad", "Weight of the position error"),
@@ -31,7 +33,10 @@ struct PdGains {
 /// Gains of the laws that command -Kp e - Kd nu, where nudot = -A nu + B edot stands in for the
 /// velocity; one of each per joint.
 struct FilterGains {
-  Vector kp, kd, a, b;
+  Vector kp;  ///< [N m/rad]
+  Vector kd;  ///< [N m s/rad]
+  Vector a;   ///< pole [1/s]
+  Vector b;   ///< gain [1/s]
 
   static constexpr std::tuple keys{
       gain("kp", &FilterGains::kp, "N m/rad", "Weight of the position error"),
@@ -73,8 +78,11 @@ inline Feedforward feedforward_ahead(const ReferencePoint& reference, double lea
 
 /// Position, velocity and acceleration of the reference, each with its first two time derivatives.
 struct ReferenceJets {
-  robot::JetVector q, v, a;
+  robot::JetVector q;  ///< [rad; m]
+  robot::JetVector v;  ///< [rad/s; m/s]
+  robot::JetVector a;  ///< [rad/s^2; m/s^2]
 
+  /// At the instant of `r`.
   explicit ReferenceJets(const ReferencePoint& r)
       : q(robot::jet(r.q_ref, r.v_ref, r.a_ref)),
         v(robot::jet(r.v_ref, r.a_ref, r.jerk_ref)),
@@ -95,22 +103,25 @@ template <class R, class G>
 class LawOf {
  public:
   using Robot = R;  ///< of rigid joints with rotor inertia: M = M_l + J
-  using Gains = G;
+  using Gains = G;  ///< declares `keys`
 
-  static constexpr bool regulation_only = false;
+  static constexpr bool regulation_only = false;  ///< follows any reference
   /// Laws for flexible joints differentiate their feed-forward twice, and have no more of the
   /// reference to look ahead by.
   static constexpr bool has_feedforward_lead = std::is_same_v<Robot, robot::Model>;
 
+  /// Both with an entry per joint.
   LawOf(Robot robot, Gains gains, const Settings& settings)
       : robot_(std::move(robot)), gains_(std::move(gains)), settings_(settings) {}
 
  protected:
+  /// As the settings have it; a, b [1/s].
   [[nodiscard]] Filter filter(const Vector& a, const Vector& b) const {
     return {a, b, settings_.filter, settings_.filter_start, settings_.period_s};
   }
   /// A parameter's value for each joint.
   [[nodiscard]] static const Vector& each(const Vector& value) { return value; }
+  /// Likewise.
   [[nodiscard]] Vector each(double value) const {
     return Vector::Constant(robot_.num_joints, value);
   }
@@ -119,21 +130,24 @@ class LawOf {
     return feedforward_ahead(reference, settings_.feedforward_lead_s);
   }
 
-  Robot robot_;
-  Gains gains_;
-  Settings settings_;
+  Robot robot_;        ///< as given
+  Gains gains_;        ///< likewise
+  Settings settings_;  ///< likewise
 };
 
+/// Of rigid joints.
 template <class Gains>
 using RigidLaw = LawOf<robot::Model, Gains>;
+/// Of motors behind springs.
 template <class Gains>
 using FlexibleLaw = LawOf<FlexibleRobot, Gains>;
 
 /// Base of the laws that are fed the full state and keep nothing from one tick to the next.
 struct FullState {
-  using Measurement = loop::StateMeasurement;
+  using Measurement = loop::StateMeasurement;  ///< what it is fed
   struct Memory {};
 
+  /// Nothing.
   [[nodiscard]] static Memory start(const Measurement& /*measurement*/,
                                     const ReferencePoint& /*reference*/) {
     return {};

@@ -61,26 +61,6 @@ Finding judge_timing(const Json& summary, const certificate::Prediction& loop,
                       scenario)};
 }
 
-/// A new directory, and its end with this.
-class PrivateDirectory {
- public:
-  PrivateDirectory() {
-    std::string name = (fs::temp_directory_path() / "tachless-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) {
-      throw diagnostics::bad_usage("{}: no directory can be made there; set TMPDIR", name);
-    }
-    path = name;
-  }
-  PrivateDirectory(const PrivateDirectory&) = delete;
-  PrivateDirectory& operator=(const PrivateDirectory&) = delete;
-  ~PrivateDirectory() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-
-  fs::path path;
-};
-
 struct Doctor {
   std::string lcm_url = node::default_lcm_url;
   fs::path scenario;
@@ -122,9 +102,9 @@ struct Doctor {
   [[nodiscard]] Finding timing() const {
     const certificate::Prediction loop =
         certificate::analyse(experiment::load_scenario(scenario, {}), certificate::Effort::full);
-    const PrivateDirectory directory;
+    const diagnostics::TemporaryDirectory directory;
     RunOptions options;
-    options.out = directory.path / "run";
+    options.out = directory.path() / "run";
     options.mode = "realtime";
     options.duration_s = fmt::format("{:g}", seconds);
     options.overrides = {"loop.max_missed_share=1"};  // is judged here

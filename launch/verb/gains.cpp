@@ -36,8 +36,7 @@ class RunningRobot {
  public:
   /// @param robot its name, in any case
   RunningRobot(const std::string& robot, const bus::LcmUrl& url, const std::optional<bus::Key>& key)
-      : transport_(url), bus_(transport_, key), prefix_(robot) {
-    for (char& c : prefix_) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+      : transport_(url), bus_(transport_, key), prefix_(loop::channel_prefix(robot)) {
     for (const std::string& channel :
          {loop::channel<loop::Participant>(prefix_), loop::channel<loop::RunInfo>(prefix_),
           loop::channel<loop::ReferencePoint>(prefix_), loop::channel<loop::Tick>(prefix_)}) {

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "certificate/certify.h"
@@ -17,6 +18,7 @@
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "experiment/scenario.h"
+#include "experiment/yaml_tree.h"
 #include "identify/excite.h"
 #include "identify/identify.h"
 #include "launch/progress.h"
@@ -41,20 +43,35 @@ void require_scenario_name(const std::filesystem::path& file) {
                                file.string());
 }
 
+std::string path_from(const std::filesystem::path& output, const std::filesystem::path& file) {
+  using std::filesystem::absolute;
+  const std::filesystem::path whole = absolute(file).lexically_normal();
+  if (output.empty()) return whole.string();
+  return whole.lexically_relative(absolute(output).lexically_normal().parent_path()).string();
+}
+
+std::string text_for(const std::filesystem::path& output, const experiment::Scenario& scenario,
+                     const std::filesystem::path& input) {
+  experiment::YamlNode root = experiment::parse_yaml(scenario.text, scenario.source);
+  const auto move = [&](std::string_view key, const std::string& path) {
+    const std::string moved = path_from(output, input.parent_path() / path);
+    experiment::apply_override(root, fmt::format("{}={}", key, moved));
+  };
+  move("robot.urdf", scenario.robot.urdf_path);
+  if (scenario.believed_model) move("controller.urdf", scenario.controller.urdf_path);
+  using reference::trajectory::MotionFile;
+  if (const auto* const motion = std::get_if<MotionFile>(&scenario.reference)) {
+    move("reference.file.path", motion->path);
+  }
+  return experiment::emit_yaml(root);
+}
+
 void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
                     const std::vector<std::string>& changes, const std::filesystem::path& output) {
-  namespace fs = std::filesystem;
   overrides.insert(overrides.end(), changes.begin(), changes.end());
   overrides.push_back(fmt::format("name={}", output.stem().string()));
   const experiment::Scenario changed = experiment::load_scenario(input, overrides);
-  const fs::path urdf = fs::absolute(input.parent_path() / changed.robot.urdf_path);
-  const fs::path beside = fs::absolute(output).parent_path();
-  const std::string path =
-      urdf.lexically_normal().lexically_relative(beside.lexically_normal()).string();
-  diagnostics::UnfinishedFile(output, write_remedy)
-      .write(experiment::parse_scenario(changed.text, changed.robot.urdf_text, input.string(),
-                                        {fmt::format("robot.urdf={}", path)})
-                 .text);
+  diagnostics::UnfinishedFile(output, write_remedy).write(text_for(output, changed, input));
 }
 
 namespace {

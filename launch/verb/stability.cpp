@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <iostream>
@@ -183,6 +184,17 @@ nlohmann::ordered_json to_json(const tuning::Design& design, const experiment::S
   return json;
 }
 
+/// A scenario's name after its file: each character that is not allowed in one is _.
+std::string scenario_name(const fs::path& file) {
+  std::string name = file.stem().string().substr(0, 100);
+  for (char& c : name) {
+    const bool first = &c == name.data();
+    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
+    if (!letter && (first || (c != '.' && c != '-'))) c = '_';
+  }
+  return name;
+}
+
 struct Design {
   fs::path input;
   std::vector<std::string> overrides;
@@ -301,15 +313,6 @@ struct Design {
                std::string::npos;
   }
 
-  /// As it is written into the file: relative to that.
-  [[nodiscard]] std::string path_of(const fs::path& urdf) const {
-    const fs::path absolute = fs::absolute(urdf).lexically_normal();
-    return output.empty()
-               ? absolute.string()
-               : absolute.lexically_relative(fs::absolute(output).lexically_normal().parent_path())
-                     .string();
-  }
-
   /// The scenario, that of a bare URDF from text, with these overrides.
   [[nodiscard]] experiment::Scenario load(std::vector<std::string> more) const {
     if (period_s > 0) more.push_back(fmt::format("loop.period_s={}", period_s));
@@ -325,8 +328,8 @@ struct Design {
     try {
       const robot::Model model =
           robot::read_urdf(urdf, input.string(), experiment::urdf_options(overrides));
-      experiment::UrdfScenario of{(output.empty() ? input : output).stem().string(), path_of(input),
-                                  period_s > 0 ? period_s : 1e-3};
+      experiment::UrdfScenario of{scenario_name(output.empty() ? input : output),
+                                  path_from(output, input), period_s > 0 ? period_s : 1e-3};
       if (!from.empty()) of.from = from_posture(model);
       scenario = experiment::urdf_scenario(model, of);
     } catch (const std::invalid_argument& problem) {
@@ -355,20 +358,13 @@ struct Design {
   [[nodiscard]] std::string designed_text(const experiment::Scenario& scenario,
                                           const tuning::Design& design) const {
     std::vector<std::string> gains = tuning::overrides_of(design);
-    const auto add_path = [&](const char* key, const fs::path& urdf) {
-      gains.push_back(fmt::format("{}={}", key, path_of(input.parent_path() / urdf)));
-    };
-    if (bare_urdf()) {
-      // It goes on for 3 s after its motion: as long as the slowest error needs to vanish, up to a
-      // minute in all.
-      const double h = scenario.loop.period_s;
-      const double longer = std::max(0.0, 1.5 * design.loop.modes.settling_s - 3);
-      const double ticks = std::ceil(std::min(60.0, scenario.loop.duration_s + longer) / h);
-      gains.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
-    } else {
-      add_path("robot.urdf", scenario.robot.urdf_path);
-      if (scenario.believed_model) add_path("controller.urdf", scenario.controller.urdf_path);
-    }
+    if (!bare_urdf()) return text_for(output, load(std::move(gains)), input);
+    // It goes on for 3 s after its motion: as long as the slowest error needs to vanish, up to a
+    // minute in all.
+    const double h = scenario.loop.period_s;
+    const double longer = std::max(0.0, 1.5 * design.loop.modes.settling_s - 3);
+    const double ticks = std::ceil(std::min(60.0, scenario.loop.duration_s + longer) / h);
+    gains.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
     return load(std::move(gains)).text;
   }
 };

@@ -105,7 +105,7 @@ TEST(UdpTransport, SendsWithTheTtlOfItsUrl) {
   address.sin_port = htons(listener.url().port);
   ASSERT_EQ(::bind(fd.get(), reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
   for (const int ttl : {0, 1, 3}) {
-    UdpTransport("udpm://?ttl=" + std::to_string(ttl)).publish("C", {});
+    UdpTransport(parse_lcm_url("udpm://?ttl=" + std::to_string(ttl))).publish("C", {});
     std::array<char, 64> data{};
     alignas(cmsghdr) std::array<char, 64> control{};
     iovec part{data.data(), data.size()};
@@ -165,9 +165,9 @@ TEST(UdpTransport, KeepsToItsDeadline) {
   EXPECT_FALSE(a.receive(loop::Clock::time_point::min()));
 }
 TEST(UdpTransport, KeepsGroupsOnOnePortApart) {
-  UdpTransport a("udpm://239.1.1.1:7700");
-  UdpTransport b("udpm://239.1.1.2:7700");
-  UdpTransport to_a("udpm://239.1.1.1:7700");
+  UdpTransport a(parse_lcm_url("udpm://239.1.1.1:7700"));
+  UdpTransport b(parse_lcm_url("udpm://239.1.1.2:7700"));
+  UdpTransport to_a(parse_lcm_url("udpm://239.1.1.1:7700"));
   a.subscribe_all();
   b.subscribe_all();
   to_a.publish("C", bytes("for a"));
@@ -175,8 +175,8 @@ TEST(UdpTransport, KeepsGroupsOnOnePortApart) {
   EXPECT_FALSE(b.receive(now()));
 }
 TEST(UdpTransport, KeepsPortsOfOneGroupApart) {
-  UdpTransport a("udpm://:7701");
-  UdpTransport b("udpm://:7702");
+  UdpTransport a(parse_lcm_url("udpm://:7701"));
+  UdpTransport b(parse_lcm_url("udpm://:7702"));
   b.subscribe_all();
   a.publish("C", {});
   EXPECT_FALSE(b.receive(now()));
@@ -202,9 +202,6 @@ TEST(UdpTransport, RefusesImpossibleChannelNames) {
     EXPECT_THROW(a.subscribe(name), std::invalid_argument);
     EXPECT_THROW(a.publish(name, {}), std::invalid_argument);
   }
-}
-TEST(UdpTransport, RefusesOtherProviders) {
-  EXPECT_THROW(UdpTransport("tcpq://localhost:7700"), std::invalid_argument);
 }
 
 TEST(UdpTransport, GivesAMonitorEveryChannelWithSequenceAndTime) {
@@ -245,7 +242,7 @@ TEST(UdpTransport, CountsMalformedDatagrams) {
 }
 TEST(UdpTransport, CountsWhatItsBufferCouldNotHold) {
   UdpTransport a;
-  UdpTransport monitor("udpm://?recv_buf_size=20000");
+  UdpTransport monitor(parse_lcm_url("udpm://?recv_buf_size=20000"));
   EXPECT_EQ(monitor.receive_buffer_bytes(), 20'000);
   monitor.subscribe_all();
   const std::string payload(1000, 'x');
@@ -259,7 +256,7 @@ TEST(UdpTransport, CountsWhatItsBufferCouldNotHold) {
 }
 TEST(UdpTransport, DoesNotTellWhatItsBufferCouldNotHoldWhereItsFilterHidesIt) {
   UdpTransport a;
-  UdpTransport b("udpm://?recv_buf_size=20000");
+  UdpTransport b(parse_lcm_url("udpm://?recv_buf_size=20000"));
   b.subscribe("C");
   const std::string payload(1000, 'x');
   for (int i = 0; i < 200; ++i) a.publish("C", bytes(payload));

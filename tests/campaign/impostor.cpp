@@ -43,7 +43,7 @@ void append(std::vector<std::byte>& bytes, const Header& header) {
 
 }  // namespace
 
-Impostor::Impostor(std::string_view whom) : bus_(node::default_lcm_url), sequence_(first_own) {
+Impostor::Impostor(std::string_view whom) : bus_(bus::LcmUrl()), sequence_(first_own) {
   for (int i = 0; i < loop::num_roles; ++i) {
     const auto role = static_cast<loop::Role>(i);
     if (whom == std::string(loop::name(role)) + "'s endpoint") whom_ = role;

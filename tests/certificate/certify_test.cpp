@@ -1,5 +1,6 @@
 #include "certificate/certify.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,6 +14,7 @@ namespace {
 
 using namespace testing;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// The figures were computed by an independent program.
 TEST(Certify, OfThePapersRigidScenario) {
@@ -36,18 +38,65 @@ TEST(Certify, OfThePapersRigidScenario) {
   const std::string brief = page(certify(scenario, false), scenario, false);
   EXPECT_EQ(std::ranges::count(brief, '\n'), 5) << brief;
   EXPECT_THAT(brief, HasSubstr("proved: this start is in it"));
+  EXPECT_THAT(brief, HasSubstr(" N m (shoulder, no limit), 1 rad/s (elbow, no limit)\n"));
 }
 
-/// Of initial states, V decides.
+constexpr const char* limits = "plant.drive.torque_limit_Nm=[900, 300]";
+
+/// Of initial states, V decides. From where no bound holds none is printed.
 TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
-  const experiment::Scenario scenario = shipped(
-      "practical_rigid",
-      {"plant.initial.position_rad=[3, -3]", "plant.initial.velocity_rad_per_s=[2000, 2000]"});
+  const experiment::Scenario scenario =
+      shipped("practical_rigid", {"plant.initial.position_rad=[3, -3]",
+                                  "plant.initial.velocity_rad_per_s=[2000, 2000]", limits});
   const Certificate result = certify(scenario, false);
   ASSERT_TRUE(result.stability && result.stability->largest);
   EXPECT_FALSE(result.stability->largest->holds_initial_state());
   EXPECT_GT(result.stability->largest->V0, result.stability->largest->region.level);
-  EXPECT_FALSE(to_json(result)["region"]["largest"]["initial_state"]["certified"].get<bool>());
+  const auto region = to_json(result)["region"];
+  EXPECT_FALSE(region["largest"]["initial_state"]["certified"].get<bool>());
+  EXPECT_FALSE(region["start"]["certified"].get<bool>());
+  EXPECT_TRUE(region["start"]["torque_share"].is_null());
+  EXPECT_TRUE(region["largest"]["torque_share"].is_null());
+  EXPECT_GT(region["largest"]["torque_level"], 0);
+  for (const bool full : {false, true}) {
+    EXPECT_THAT(page(result, scenario, full), Not(HasSubstr("needs at most")));
+  }
+  EXPECT_THAT(page(result, scenario, false), HasSubstr("this start is NOT in it"));
+}
+
+/// Each choice of the weights has a bound that holds.
+TEST(Certify, TheStartHasTheLeastBoundOfTheTorque) {
+  const experiment::Scenario scenario = shipped("practical_rigid", {limits});
+  const Certificate result = certify(scenario, false);
+  const auto region = to_json(result)["region"];
+  const double share = region["start"]["torque_share"];
+  EXPECT_EQ(share, std::min(region["fastest"]["torque_share"].get<double>(),
+                            region["largest"]["torque_share"].get<double>()));
+  for (const bool full : {false, true}) {
+    EXPECT_THAT(page(result, scenario, full),
+                HasSubstr(fmt::format("needs at most {:.0f} % of a limit", 100 * share)));
+  }
+  EXPECT_THAT(page(result, scenario, false),
+              HasSubstr(" % of the torque limit (shoulder), 1 rad/s (elbow, no limit)\n"));
+}
+
+/// V without cross terms holds every start at a constant reference; the region of a rate does not.
+TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
+  const auto start = [](const char* position, const char* says) {
+    const experiment::Scenario scenario =
+        shipped("regulation", {position, "plant.drive.torque_limit_Nm=[9000, 3000]"});
+    const Certificate result = certify(scenario, false);
+    EXPECT_THAT(page(result, scenario, false), HasSubstr(says));
+    return to_json(result)["region"]["start"];
+  };
+  const auto near = start("plant.initial.position_rad=[0.1, 0]", "proved: this start is in it");
+  const auto far = start("plant.initial.position_rad=[3, 3]",
+                         "proved: this start is certified, but without a rate");
+  for (const auto& each : {near, far}) {
+    EXPECT_TRUE(each["certified"].get<bool>());
+    EXPECT_TRUE(each["proved"].get<bool>());
+  }
+  EXPECT_GT(far["torque_share"].get<double>(), near["torque_share"].get<double>());
 }
 
 TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {

@@ -33,7 +33,9 @@ inline FilterGains practical_link() {
 }
 inline FilterGains practical_motor() { return {both(100), both(13, 20), both(1000), both(1000)}; }
 
-inline ErrorSystem rigid(const FilterGains& gains) { return rigid_error_system(gains); }
+inline ErrorSystem rigid(const FilterGains& gains) {
+  return {gains.kp.asDiagonal(), gains.kd.asDiagonal(), gains.a, gains.b, {}};
+}
 inline ErrorSystem flexible(const FilterGains& link, const FilterGains& motor) {
   return flexible_error_system(stiffness(), rotors(), link, motor);
 }

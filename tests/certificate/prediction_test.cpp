@@ -119,6 +119,16 @@ TEST(Prediction, TextHasLimitAndSettlingTime) {
   EXPECT_THAT(line, HasSubstr(" ms, settles in 0.1"));
 }
 
+/// Postures that a search ended at, and rounding; not what is infinite beside it.
+TEST(Prediction, WhatIsFarBelowTheOthersIsPrintedAsZero) {
+  const auto of = [](double a, double b) { return list_text(Eigen::Vector2d(a, b)); };
+  EXPECT_EQ(of(1.072e-9, -0.5), "[0, -0.5]");
+  EXPECT_EQ(of(1.2246e-16, 0), "[0, 0]");
+  EXPECT_EQ(of(2e-5, 1.5), "[2e-05, 1.5]");
+  EXPECT_EQ(of(2e-5, infinity), "[2e-05, inf]");
+  EXPECT_EQ(list_text({}), "[]");
+}
+
 TEST(Prediction, RefusalNamesLimitPeriodAndWhatToType) {
   const Prediction result =
       analyse(shipped("paper_rigid", {"loop.command_delay=1"}), Effort::quick);

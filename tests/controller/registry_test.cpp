@@ -45,7 +45,7 @@ experiment::Scenario rigid_scenario() {
       robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path));
   scenario.robot.rigid_rotor_inertia_kgm2 = pair(0, 0);
   scenario.reference =
-      reference::trajectory::Sinusoid{pair(1, 1), pair(1, 1), pair(0, 0), pair(0, 0)};
+      reference::trajectory::Sinusoid{{pair(1, 1), pair(1, 1), pair(0, 0)}, pair(0, 0)};
   scenario.controller.law = "loria_ortega_rigid";
   scenario.controller.gains = {
       {"kp", pair(5, 6)}, {"kd", pair(7, 8)}, {"a", pair(9, 10)}, {"b", pair(11, 12)}};

@@ -6,7 +6,6 @@
 #include <fstream>
 
 #include "diagnostics/failure.h"
-#include "tests/support/temporary_directory.h"
 
 namespace tachless::diagnostics {
 namespace {
@@ -16,23 +15,23 @@ using ::testing::HasSubstr;
 TEST(AFilesText, IsEveryByteOfIt) {
   const TemporaryDirectory directory;
   const std::string content("two\r\nlines\0and \xff", 16);
-  std::ofstream(directory / "file", std::ios::binary) << content;
-  std::ofstream(directory / "empty");
-  EXPECT_EQ(file_text(directory / "file"), content);
-  EXPECT_EQ(file_text(directory / "empty"), "");
+  std::ofstream(directory.path() / "file", std::ios::binary) << content;
+  std::ofstream(directory.path() / "empty");
+  EXPECT_EQ(file_text(directory.path() / "file"), content);
+  EXPECT_EQ(file_text(directory.path() / "empty"), "");
 }
 
 TEST(AFilesText, IsNothingWhereThereIsNoneToRead) {
   const TemporaryDirectory directory;
   EXPECT_EQ(file_text(directory.path()), std::nullopt);
   errno = 0;
-  EXPECT_EQ(file_text(directory / "missing"), std::nullopt);
+  EXPECT_EQ(file_text(directory.path() / "missing"), std::nullopt);
   EXPECT_EQ(errno, ENOENT);
 }
 
 TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
   const TemporaryDirectory directory;
-  const auto path = directory / "table.csv";
+  const auto path = directory.path() / "table.csv";
   std::ofstream(path) << "earlier";
   {
     const UnfinishedFile abandoned(path, "name another");
@@ -47,8 +46,8 @@ TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
 
 TEST(AnUnfinishedFile, IsNotWrittenThroughALinkThatHasItsName) {
   const TemporaryDirectory directory;
-  const auto path = directory / "table.csv";
-  const auto other = directory / "other";
+  const auto path = directory.path() / "table.csv";
+  const auto other = directory.path() / "other";
   std::ofstream(other) << "untouched";
   std::filesystem::create_symlink(other, path.string() + ".partial");
   UnfinishedFile(path, "name another").write("whole");
@@ -60,14 +59,26 @@ TEST(AnUnfinishedFile, IsNotWrittenThroughALinkThatHasItsName) {
 TEST(AnUnfinishedFile, SaysWhyItCannotBeWrittenAndWhatToDo) {
   const TemporaryDirectory directory;
   try {
-    const UnfinishedFile refused(directory / "missing/table.csv", "name another with -o");
+    const UnfinishedFile refused(directory.path() / "missing/table.csv", "name another with -o");
     ADD_FAILURE() << "before anything is written";
   } catch (const Failure& failure) {
     EXPECT_THAT(failure.what(),
                 HasSubstr("table.csv: cannot be written: No such file or directory; "
                           "name another with -o"));
   }
-  EXPECT_THROW(UnfinishedFile(directory / ".", "name a file"), Failure);
+  EXPECT_THROW(UnfinishedFile(directory.path() / ".", "name a file"), Failure);
+}
+
+TEST(TemporaryDirectory, GoesWithAllThatIsInIt) {
+  std::filesystem::path path;
+  {
+    const TemporaryDirectory directory;
+    path = directory.path();
+    std::filesystem::create_directory(path / "inner");
+    std::ofstream(path / "inner/file") << "text";
+    EXPECT_TRUE(std::filesystem::exists(path / "inner/file"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 }  // namespace

@@ -238,6 +238,28 @@ TEST_F(IdentifyVerb, CommissionTellsWhatAnArmDoesAndRefusesPosturesThatAreNotSaf
   EXPECT_EQ(std::ranges::count(stretched.errors, '\n'), 1) << stretched.errors;
 }
 
+TEST_F(IdentifyVerb, WhatIsWrittenIntoAnotherFolderFindsItsFiles) {
+  fs::create_directories(directory_ / "a/b");
+  const std::string motion = directory_ / "motion.csv", written = directory_ / "a/b/f.yaml";
+  std::ofstream(motion) << "0, 0.25, 0.2\n1, 0.3, 0.1\n2, 0.25, 0.2\n";
+  const Words safe = {"--set", "plant.mechanics=native",
+                      "--set", "plant.drive.torque_limit_Nm=[400, 100]",
+                      "--set", "plant.initial.position_rad=[0.25, 0.2]"};
+  for (const char* verb : {"commission", "excite", "design"}) {
+    Words words = {verb,      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+                   "--quiet", "--write",
+                   written,   "--force",
+                   "--set",   "controller.urdf=robots/two_link.urdf",
+                   "--set",   "reference={file: " + motion + "}"};
+    words.insert(words.end(), safe.begin(), safe.end());
+    const Result result = tachless(words);
+    EXPECT_EQ(result.code, 0) << verb << ": " << result.errors;
+    const Result certified = tachless({"certify", written, "--quiet"});
+    EXPECT_EQ(certified.code, 0) << verb << ": " << certified.errors;
+  }
+  EXPECT_THAT(contents(written), HasSubstr("path: ../../motion.csv"));
+}
+
 TEST_F(IdentifyVerb, SaysWhatIsNotIdentifiableAndWritesNothing) {
   // One joint alone moves.
   const std::string log = run(

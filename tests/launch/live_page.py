@@ -145,6 +145,10 @@ STATE = """JSON.stringify({
   status: document.querySelector('.status')?.textContent})"""
 
 
+def data_of(page):
+    return json.JSONDecoder().raw_decode(page.decode()[page.decode().index('{"charts":'):])[0]["charts"]
+
+
 def check_page(browser):
     state = wait("curves that move", lambda: (s := json.loads(browser.value(STATE)))["version"] > 20 and s["drawn"] and s)
     later = wait("a later state", lambda: (s := json.loads(browser.value(STATE)))["version"] > state["version"] + 40 and s)
@@ -158,6 +162,20 @@ def check_page(browser):
     assert json.loads(browser.value(STATE))["at"] == paused["at"], "the cursor stays"
     browser.value(f"report.seek({state['at']})")
     assert json.loads(browser.value(STATE))["at"] == state["at"], "it goes back to what is kept"
+
+
+def check_reconnection(browser):
+    def offline(is_so):
+        browser.call("Network.emulateNetworkConditions", offline=is_so, latency=0, downloadThroughput=-1, uploadThroughput=-1)
+
+    browser.call("Network.enable")
+    offline(True)
+    wait("the loss to show", lambda: "no connection" in json.loads(browser.value(STATE))["status"])
+    offline(False)
+    lost = json.loads(browser.value(STATE))
+    wait("points after it", lambda: json.loads(browser.value(STATE))["version"] > lost["version"] + 10)
+    assert browser.value("report.data.charts.every(chart => chart.curves.every("
+                         "curve => curve.x.every((x, i, all) => i === 0 || x >= all[i - 1])))"), "nothing is drawn twice"
 
 
 def main():
@@ -180,9 +198,12 @@ def main():
                     r"127.0.0.1:(\d+)/", (place / "run.txt").read_text())).group(1))
                 wait("its own page with the URDF's visuals", lambda: VISUAL in get(own_port, "/")[1])
                 refuses_others(port)
+                assert all(chart["levels"] for chart in data_of(get(port, "/")[1]) if chart["name"].startswith("torque")), \
+                    "a torque has its limits"
                 browser = Browser(place / "profile", f"http://127.0.0.1:{port}/")
                 try:
                     check_page(browser)
+                    check_reconnection(browser)
                     if len(sys.argv) > 3:
                         picture = browser.call("Page.captureScreenshot")["data"]
                         pathlib.Path(sys.argv[3]).write_bytes(base64.b64decode(picture))
@@ -191,6 +212,11 @@ def main():
                     browser.process.wait(SECONDS)
             subprocess.run(run_command(tachless, scenario, place / "lockstep", 2), check=True, stdout=subprocess.DEVNULL)
             assert watch.poll() is None, "it goes on watching"
+            with started(run_command(tachless, scenario, place / "second", 3600, "--quiet", "--set", "robot.name=second"),
+                         stdout=subprocess.DEVNULL):
+                wait("a list of two robots", lambda: get(port, "/")[1].count(b'href="/?robot=') == 2)
+            for robot in (b"ARM", b"SECOND"):
+                assert b'"robot":"' + robot in get(port, "/?robot=" + robot.decode())[1], robot
         subprocess.run(run_command(tachless, scenario, place / "alone", 2), check=True, stdout=subprocess.DEVNULL)
         logs = [digest(place / name / "lcmlog") for name in ("lockstep", "alone")]
         assert logs[0] == logs[1], "a run that is watched has the same log"

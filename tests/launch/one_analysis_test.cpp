@@ -1,4 +1,5 @@
-// What certify, the line before a run, summary.json and the report print of a loop is one analysis.
+// What certify, the line before a run, its closing table, summary.json and the report print of a
+// loop is one analysis. That of design is compared in tests/tuning/design_test.cpp.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -78,8 +79,8 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, OneAnalysis, ::testing::ValuesIn(twenty()),
 
 TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
   const PlannedRun run = planned();
-  const report::RunSummary summary{
-      planned_facts(run), study::Tracking(run.scenario.num_joints), {}, {}, run.predicted};
+  const report::RunSummary summary{run.scenario, {}, study::Tracking(run.scenario.num_joints),
+                                   {},           {}, run.predicted};
   Json predicted = to_json(summary, robot::joint_labels(*run.scenario.model))["predicted"];
   // The line and, with dry friction, a second one.
   std::string lines = run.remarks[0].line;
@@ -101,6 +102,47 @@ TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
     const double stiffness = certified["stiffness_Nm_per_rad"][i];
     EXPECT_NEAR(stiffness, kp->second[kp->second.size() == 1 ? 0 : i], 1e-5 * stiffness) << i;
   }
+}
+
+/// What is certified of the start. Where a run's quick search leaves it open certify looks further.
+void expect_same_start(const experiment::Scenario& scenario) {
+  using namespace certificate;
+  Certificate all;
+  all.stability = stability_certificate(scenario, Effort::full, all.no_stability);
+  EXPECT_EQ(all.no_stability, no_certificate(scenario));
+  const auto of_run = certified_run(scenario);
+  if (!all.stability) {
+    EXPECT_FALSE(of_run);
+    return;
+  }
+  const CertifiedStart start = of_run ? of_run->start : CertifiedStart();
+  const Json certified = to_json(all)["region"]["start"];
+  EXPECT_TRUE(certified["certified"].is_boolean());
+  if (start.decided) {
+    EXPECT_EQ(to_json(start), certified);
+  } else {
+    EXPECT_FALSE(all.stability->proved);
+    EXPECT_TRUE(to_json(start)["certified"].is_null());
+  }
+}
+
+TEST_P(OneAnalysis, SaysTheSameOfTheStartInCertifyAndInARun) {
+  expect_same_start(planned().scenario);
+}
+
+TEST(Start, HasTheSameShareOfTheTorqueLimitsInCertifyAndInARun) {
+  const auto with = [](const char* scenario, const std::vector<std::string>& set) {
+    SCOPED_TRACE(set[0]);
+    expect_same_start(
+        experiment::load_scenario(fmt::format("{}/{}.yaml", TACHLESS_SOURCE_DIR, scenario), set));
+  };
+  for (const char* limits : {"[900, 300]", "[500, 100]"}) {
+    with("scenarios/practical_rigid", {fmt::format("plant.drive.torque_limit_Nm={}", limits)});
+  }
+  with("scenarios/regulation", {"plant.drive.torque_limit_Nm=[900, 300]"});
+  with("examples/project/arm", {"plant.initial.position_rad=[0.1, -0.1]"});
+  with("scenarios/iiwa_point_to_point",
+       {"plant.initial.position_rad=[0.1, 0.4, 0, -1, 0, 0.8, 0]"});
 }
 
 /// Of a real robot alone, and only where nothing else is given.
@@ -135,18 +177,30 @@ TEST(RestError, IsThatOfTheStiffnessThatTheLawHas) {
   EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = ["));
 }
 
-TEST(Page, HasTheLineOfThePrediction) {
-  const experiment::Scenario scenario = support::shortened("practical_rigid.yaml", "0.1");
-  const TemporaryDirectory directory;
-  const auto log = directory.path() / "lcmlog";
-  logger::write_file(log, logger::log_of(support::in_process_log(scenario)));
-  std::vector<report::RecordedRun> runs;
-  runs.push_back(report::read_recorded_run(log));
-  const auto predicted = certificate::analyse(scenario, certificate::Effort::quick);
-  runs[0].outcome = {{"predicted", to_json(predicted)}};
-  label(runs);
-  const report::Overlay all(runs);
-  EXPECT_THAT(report_page(all, report_sections(all)), HasSubstr(text(predicted)));
+TEST(Page, HasTheLineOfThePredictionAndTheCertifiedBound) {
+  for (const std::string name :
+       {"practical_rigid", "paper_rigid_offset", "paper_flexible", "ur5e"}) {
+    SCOPED_TRACE(name);
+    const experiment::Scenario scenario = support::shortened(name + ".yaml", "0.1");
+    const TemporaryDirectory directory;
+    const auto log = directory.path() / "lcmlog";
+    logger::write_file(log, logger::log_of(support::in_process_log(scenario)));
+    std::vector<report::RecordedRun> runs;
+    runs.push_back(report::read_recorded_run(log, {}, certificate::certified_run));
+    const auto predicted = certificate::analyse(scenario, certificate::Effort::quick);
+    runs[0].outcome = {{"predicted", to_json(predicted)}};
+    const auto certified = certificate::certified_run(scenario);
+    ASSERT_TRUE(certified && runs[0].certified);
+    EXPECT_EQ(to_json(runs[0].certified->start), to_json(certified->start));
+    label(runs);
+    const report::Overlay all(runs);
+    const std::string page = report_page(all, report_sections(all));
+    EXPECT_THAT(page, HasSubstr(text(predicted)));
+    // Within 0.1 s the reference of ur5e has not begun to move.
+    EXPECT_THAT(page, HasSubstr(certified->rate == 0
+                                    ? "V does not rise"
+                                    : fmt::format("V(0) exp(−{:.3g} t)", certified->rate)));
+  }
 }
 
 }  // namespace

@@ -52,7 +52,7 @@ TEST(InitialState, PutsMotorsInStaticBalance) {
   const experiment::Scenario s = scenario(
       "paper_flexible", {"plant.initial.position_rad=[0.8, -0.3]", "plant.payload.mass_kg=0.5"});
   const robot::Model model = plant_model(s);
-  Arm arm = make_arm(s, model);
+  Arm arm = make_arm(s, model, initial_state(s, model));
   EXPECT_EQ(arm.state().thetadot, Vector(Vector::Zero(2)));
   // Held by its own gravity torque, nothing moves.
   const ArmAcceleration rest = arm.acceleration(robot::gravity_torque(model, arm.state().q));
@@ -85,7 +85,7 @@ TEST(MakeDrive, HoldsTheInitialPostureUntilTheFirstCommand) {
       scenario("practical_rigid", {"plant.initial={position_rad: [0.5, 1], torque: hold}",
                                    "reference={hold: {position_rad: [0.5, 1]}}"});
   const robot::Model model = plant_model(s);
-  Arm arm = make_arm(s, model);
+  Arm arm = make_arm(s, model, initial_state(s, model));
   arm.advance(make_drive(s, model).applied().tau, s.loop.period_s);
   EXPECT_LT(arm.state().v.norm(), 1e-9) << "of 5e-2 rad/s without it";
 }
@@ -95,42 +95,11 @@ TEST(ProtectiveStop, BringsARobotToRest) {
     const experiment::Scenario s =
         scenario(name, {"plant.initial.velocity_rad_per_s=[2, -3]", "robot.gravity_m_per_s2=0"});
     const robot::Model model = plant_model(s);
-    Arm arm = make_arm(s, model);
+    Arm arm = make_arm(s, model, initial_state(s, model));
     arm.brake(protective_stop_damping(s, model, arm.state().q));
     arm.advance(Vector::Zero(2), 2);
     EXPECT_LT(arm.state().v.norm(), 0.01) << name;  // twenty time constants of 0.1 s
   }
-}
-
-struct Stiff {
-  const char* scenario;
-  std::vector<std::string> overrides;
-  std::size_t joint;
-  double steps;
-  const char* key;
-};
-
-TEST(StiffestJoint, HasTheFastestSpringOrFriction) {
-  // The two-link arm at rest at 0: M^-1 has the diagonal 0.4, 1.8 or so; a tick of 1 ms.
-  const std::string friction = "plant.drive.viscous_friction_Nms_per_rad",
-                    spring = "robot.joints.flexible.stiffness_Nm_per_rad",
-                    damping = "robot.joints.flexible.motor_damping_Nms_per_rad";
-  for (const Stiff& each : std::vector<Stiff>{
-           {"practical_rigid", {friction + "=[1, 1e6]"}, 1, 1e6, friction.c_str()},
-           {"practical_rigid", {friction + "=[1e9, 1e3]"}, 0, 1e9, friction.c_str()},
-           {"practical_flexible", {spring + "=[1e3, 1e12]"}, 1, 1e6, spring.c_str()},
-           {"practical_flexible", {damping + "=[1e8, 0]"}, 0, 1e9, damping.c_str()}}) {
-    const experiment::Scenario s = scenario(each.scenario, each.overrides);
-    const StiffestJoint stiffest = stiffest_joint(s, plant_model(s));
-    EXPECT_EQ(stiffest.joint, each.joint) << each.overrides[0];
-    EXPECT_STREQ(stiffest.key, each.key);
-    // Its rate is the key's value times an inverse inertia between 0.1 and 30.
-    const double unit = s.loop.period_s / 3.4 * each.steps;
-    EXPECT_GT(stiffest.steps, 0.1 * unit);
-    EXPECT_LT(stiffest.steps, 30 * unit);
-  }
-  const experiment::Scenario ordinary = scenario("practical_flexible");
-  EXPECT_LT(stiffest_joint(ordinary, plant_model(ordinary)).steps, 1);
 }
 
 /// Moving without gravity, with a payload.

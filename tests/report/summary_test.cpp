@@ -26,13 +26,18 @@ study::Tracking two_ticks() {
   return tracking;
 }
 
+experiment::Scenario scenario() {
+  experiment::Scenario scenario;
+  scenario.name = "paper_rigid";
+  scenario.controller.law = "loria_ortega_rigid";
+  scenario.loop.period_s = 0.25;
+  scenario.loop.num_ticks = 2;
+  return scenario;
+}
+
 RunFacts facts() {
   RunFacts facts;
-  facts.scenario = "paper_rigid";
   facts.run_id = 7;
-  facts.mode = "lockstep";
-  facts.law = "loria_ortega_rigid";
-  facts.period_s = 0.25;
   facts.wall_s = 9;
   facts.log_path = "out/lcmlog";
   facts.log_ticks = 2;
@@ -71,7 +76,7 @@ std::vector<node::Statistics> counters() {
 
 nlohmann::ordered_json summarise(const RunFacts& facts, const study::Tracking& tracking,
                                  const std::vector<node::Statistics>& statistics) {
-  return to_json(RunSummary{facts, tracking, statistics}, two_rotary);
+  return to_json(RunSummary{scenario(), facts, tracking, statistics}, two_rotary);
 }
 
 TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
@@ -131,18 +136,18 @@ TEST(Summary, OfARunThatNeverBeganSaysSo) {
   RunFacts failed = facts();
   failed.fault = "plant was killed by signal 9 (Killed)";
   failed.log_ticks = 0;
-  const RunSummary run{failed, study::Tracking(2), {}};
+  const RunSummary run{scenario(), failed, study::Tracking(2), {}};
   const nlohmann::ordered_json summary = to_json(run, two_rotary);
   EXPECT_EQ(summary["fault"], "plant was killed by signal 9 (Killed)");
   EXPECT_EQ(summary["ticks"], 0);
   EXPECT_TRUE(summary["position_error_rad"]["peak"].empty());
   EXPECT_TRUE(summary["round_trip_us"]["p50"].is_null());
   EXPECT_EQ(summary["wall_s"], 9);
-  EXPECT_THAT(closing_table(run, two_rotary), HasSubstr("0 ticks"));
+  EXPECT_THAT(closing_table(run, two_rotary), HasSubstr("0 of 2 ticks"));
 }
 
 TEST(Summary, TableShowsEveryJointWithItsUnits) {
-  const std::string table = closing_table({facts(), two_ticks(), counters()},
+  const std::string table = closing_table({scenario(), facts(), two_ticks(), counters()},
                                           {{"turn", "slide"}, {"rad", "m"}, {"N m", "N"}});
   EXPECT_THAT(table, HasSubstr("  1 turn        5.000e-01"));
   EXPECT_THAT(table, HasSubstr("\n  2 slide  "));
@@ -154,9 +159,9 @@ TEST(Summary, TableShowsEveryJointWithItsUnits) {
 }
 
 TEST(Summary, TableOfARealtimeRunShowsMissedDeadlines) {
-  RunFacts realtime = facts();
-  realtime.mode = "realtime";
-  const std::string table = closing_table({realtime, two_ticks(), counters()}, two_rotary);
+  experiment::Scenario realtime = scenario();
+  realtime.loop.mode = experiment::Mode::realtime;
+  const std::string table = closing_table({realtime, facts(), two_ticks(), counters()}, two_rotary);
   EXPECT_THAT(table, HasSubstr("missed deadlines 4 (longest run of them 2)"));
   EXPECT_THAT(table, HasSubstr("missed commands 7 (longest run of them 6)"));
   EXPECT_THAT(table, HasSubstr("command age    50 µs (median)"));

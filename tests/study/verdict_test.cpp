@@ -1,5 +1,6 @@
 #include "study/verdict.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -106,6 +107,15 @@ TEST(Verdict, OfAJointThatFrictionHoldsIsStuck) {
   EXPECT_THAT(text(seen, rotary), HasSubstr("holds it up to F_c/kp = 0.3 rad"));
   // While the reference moves on, too.
   EXPECT_EQ(verdict([](double t) { return 0.01 - five_hertz(t); }, five_hertz, 30).word(), "stuck");
+  // And where it slips at each turn of the motion.
+  const auto slips = [](double t) {
+    return 0.004 * std::round(five_hertz(t) / 0.06) - five_hertz(t);
+  };
+  EXPECT_EQ(verdict(slips, five_hertz, 30).word(), "stuck");
+  // A joint that moves as little but never rests is not held by friction.
+  const Verdict moves = verdict([](double t) { return -0.9 * five_hertz(t); }, five_hertz, 30);
+  EXPECT_EQ(moves.word(), "lags");
+  EXPECT_THAT(text(moves, rotary), HasSubstr("the motion, or dry friction, makes it"));
   // Without friction something else holds it.
   EXPECT_EQ(verdict(held, step).word(), "rests_beside");
 }
@@ -136,6 +146,47 @@ TEST(Verdict, OfAGrowingErrorIsDiverging) {
   // The motion that comes late makes an error that comes late.
   const auto late = [](double t) { return t < 1.5 ? 0 : 0.3 * (t - 1.5); };
   EXPECT_NE(verdict([&](double t) { return 0.3 * late(t); }, late).word(), "diverging");
+}
+
+TEST(Verdict, OfASwingThatDecaysOnASlowErrorIsThatOfTheError) {
+  // As the fast swing decays it turns the slow error ever more seldom: what is between two turns is
+  // more and more the slow error's, and grows.
+  const auto motion = [](double t) { return 0.1 * std::sin(2 * std::numbers::pi * t); };
+  const auto swing = [&](double per_s) {
+    return [=](double t) {
+      const double fast = 6e-5 * std::exp(-per_s * t) * std::sin(2 * std::numbers::pi * 20 * t);
+      return 5e-3 * motion(t - 0.1) + fast;
+    };
+  };
+  for (const double per_s : {0.2, 0.4, 0.6, 1.0, 2.0}) {
+    EXPECT_EQ(verdict(swing(per_s), motion).word(), "converged") << per_s;
+  }
+  // One that grows by 40 % from quarter to quarter, and is less than the slow error.
+  EXPECT_EQ(verdict(swing(-0.67), motion).word(), "diverging");
+}
+
+TEST(Verdict, OfAnErrorBeyondTheMotionAndItsStartIsNeverThatTheMotionMakesIt) {
+  const auto swing = [](const OverTime& size) {
+    return [=](double t) { return size(t) * std::sin(2 * std::numbers::pi * 13 * t); };
+  };
+  // 13 Hz are too few turns more than those of the motion to be no swing of the motion's.
+  const auto settled = [](double t) { return 1.4 * std::min(1.0, 0.05 + t); };
+  const Verdict seen = verdict(swing(settled), five_hertz);
+  EXPECT_EQ(seen.word(), "limit_cycle");
+  EXPECT_THAT(text(seen, rotary), HasSubstr("swings by 1.4 rad at 1"));
+  // Smaller than in the quarter before, but not than at first.
+  const auto uneven = [&](double t) { return settled(t) * (t > 1.5 ? 0.9 : 1); };
+  EXPECT_EQ(verdict(swing(uneven), five_hertz).word(), "limit_cycle");
+  EXPECT_EQ(verdict(swing([](double t) { return 0.02 * std::exp(t); }), five_hertz).word(),
+            "diverging");
+  EXPECT_EQ(verdict(swing([](double t) { return 1.4 * std::exp(-t); }), five_hertz).word(), "slow");
+  // Thrown off by a start at another speed, by more than the motion, and slowly on its way back.
+  const auto thrown = [](double t) {
+    return 0.13 * (1 - std::exp(-20 * t)) * std::exp(-0.2 * t) + 0.1 * five_hertz(t);
+  };
+  EXPECT_EQ(verdict(thrown, five_hertz).word(), "slow");
+  EXPECT_EQ(verdict([](double t) { return 0.13 + 0.1 * five_hertz(t); }, five_hertz).word(),
+            "rests_beside");
 }
 
 TEST(Verdict, OfAJointAtItsLimitForMostOfTheRunIsSaturated) {
@@ -175,9 +226,9 @@ TEST(Verdict, FailuresAreFromRestingBesideOn) {
 
 // ---- real runs ----------------------------------------------------------------------------------
 
-Verdict of_run(std::vector<std::string> overrides) {
+Verdict of_run(std::vector<std::string> overrides, const std::string& name = "practical_rigid") {
   overrides.insert(overrides.begin(), {"plant.mechanics=native", "plant.integrator.accuracy=1e-6"});
-  return measure(experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+  return measure(experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/" + name + ".yaml",
                                            overrides))
       ->verdict;
 }
@@ -187,6 +238,45 @@ TEST(VerdictOfARun, IsStuckWithStiffFrictionAndSoftGains) {
       of_run({"controller.gains.kp=1", "plant.drive.coulomb_friction_Nm=50",
               "reference={hold: {position_rad: [0.5, 0.5]}}", "loop.duration_s=1"});
   EXPECT_EQ(seen.word(), "stuck") << text(seen, rotary);
+}
+
+TEST(VerdictOfARun, IsStuckWhereFrictionLetsTheJointSlipAtTimes) {
+  const Verdict seen =
+      of_run({"controller.gains.kp=1", "plant.drive.coulomb_friction_Nm=50", "loop.duration_s=1"});
+  EXPECT_EQ(seen.word(), "stuck") << text(seen, rotary);
+  EXPECT_EQ(seen.joint, 1U);
+}
+
+/// study_delay with the gains that a sweep over its period gives each law.
+TEST(VerdictOfARun, IsBadBeyondTheLargestStablePeriodThoughItStaysBounded) {
+  const auto at = [](const std::string& law, const std::string& gains, double period_s) {
+    const int ticks = static_cast<int>(2 / period_s);
+    return of_run({"controller.gains={kd: [470.8, 32.21], kp: [7396, 505.9]" + gains + "}",
+                   "controller.law=" + law, fmt::format("loop.period_s={:.9g}", period_s),
+                   fmt::format("loop.duration_s={:.12g}", ticks * period_s)},
+                  "study_delay");
+  };
+  const std::string filter = ", a: 314.2, b: 314.2";
+  EXPECT_FALSE(bad(at("loria_ortega_rigid", filter, 6.6e-3).outcome));  // 0.96 of its limit
+  EXPECT_FALSE(bad(at("wen_bayard", "", 8.4e-3).outcome));              // 0.96
+  for (const double period_s : {7.952707e-3, 9.274009e-3}) {            // 1.15 and 1.34
+    const Verdict seen = at("loria_ortega_rigid", filter, period_s);
+    EXPECT_EQ(seen.word(), "limit_cycle") << text(seen, rotary);
+  }
+  EXPECT_TRUE(bad(at("wen_bayard", "", 10.814837e-3).outcome));                  // 1.22
+  EXPECT_TRUE(bad(at("numerical_difference", ", samples: 6", 4.3e-3).outcome));  // 1.31
+}
+
+/// study_flexibility's rigid law: a swing of the springs that takes 3 s to decay.
+TEST(VerdictOfARun, IsConvergedWhileTheSpringsStillSwing) {
+  for (const char* stiffness : {"1.78e5", "2.4e5", "4.4e5"}) {
+    const Verdict seen =
+        of_run({"controller.law=loria_ortega_rigid",
+                "controller.gains={kd: [188.3, 12.88], kp: [1183, 80.96], a: 125.7, b: 125.7}",
+                std::string("robot.joints.flexible.stiffness_Nm_per_rad=") + stiffness},
+               "study_flexibility");
+    EXPECT_EQ(seen.word(), "converged") << stiffness << " " << text(seen, rotary);
+  }
 }
 
 TEST(VerdictOfARun, RestsBesideWithAnUnknownMass) {

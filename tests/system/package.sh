@@ -13,7 +13,21 @@ cmake --build "$build" --target package_files
 cpack --config "$build/CPackConfig.cmake" -B "$root/package"
 for package in "$root"/package/*.deb; do dpkg-deb -x "$package" "$root"; done
 cd "$root"
-zcat usr/share/man/man1/tachless.1.gz | grep -q '^.SH "TACHLESS REPLAY"'
+
+# A man page for each program and verb, which groff takes without a warning, with every exit code.
+verbs=$(sed -n 's/^TACHLESS_VERB(\(.*\))/-\1/p' "$tree/launch/verbs.inc")
+codes=$(sed -n 's/^  [a-z_]* = \([0-9]*\),.*/\1/p' "$tree/diagnostics/failure.h")
+[[ $verbs == *-run* && $codes == *130* ]]
+for page in '' -plant -reference -controller -logger $verbs; do
+  zcat "usr/share/man/man1/tachless$page.1.gz" >page
+  for line in 'SH SYNOPSIS' 'SH OPTIONS' 'SH EXAMPLES' 'SH EXIT STATUS' 'SH ENVIRONMENT' 'fBTACHLESS_KEY_FILE\fR' 'SH SEE ALSO'; do
+    grep -qF "$line" page || { echo "tachless$page.1: no $line"; exit 1; }
+  done
+  for code in $codes; do grep -qF "fB$code\fR" page || { echo "tachless$page.1: no exit code $code"; exit 1; }; done
+  warnings=$(groff -man -ww -z -k -Tutf8 -rLL=78n page 2>&1)
+  [[ -z $warnings ]] || { echo "tachless$page.1: $warnings"; exit 1; }
+done
+rm page
 zcat usr/share/man/man1/tachless-plant.1.gz | grep -q 'run\\-id'
 
 cat >user.sh <<'END'

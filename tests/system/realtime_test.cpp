@@ -254,7 +254,7 @@ TEST(RealtimeRun, EndsWhenTheLoggerDiesThoughSomebodyRepeatsWhatItHasAnnounced) 
 /// Puts a node on the real bus.
 Wrapper on_the_network(const std::string& url) {
   return [url](Role, std::unique_ptr<bus::Transport>) {
-    return std::unique_ptr<bus::Transport>(new bus::UdpTransport(url));
+    return std::unique_ptr<bus::Transport>(new bus::UdpTransport(bus::parse_lcm_url(url)));
   };
 }
 
@@ -270,7 +270,7 @@ class Counting : public Wrapped {
   };
 
   Counting(std::string channel, std::string not_after, Count& count)
-      : Wrapped(std::make_unique<bus::UdpTransport>(counting_url)),
+      : Wrapped(std::make_unique<bus::UdpTransport>(bus::parse_lcm_url(counting_url))),
         channel_(std::move(channel)),
         not_after_(std::move(not_after)),
         count_(count) {}

@@ -63,7 +63,7 @@ TEST(MultiSine, EachDerivativeIsThatOfTheOneBefore) {
 }
 
 TEST(Sinusoid, IsAMultiSineOfOneTermBitForBit) {
-  const Sinusoid one{pair(0.1, 0.2), pair(5, 0.7), pair(0.3, -1), pair(0.5, -0.25)};
+  const Sinusoid one{{pair(0.1, 0.2), pair(5, 0.7), pair(0.3, -1)}, pair(0.5, -0.25)};
   const MultiSine same{one.offset_rad, {{one.amplitude_rad, one.frequency_hz, one.phase_rad}}};
   for (const double t : {0.0, 0.0317, 1.9}) {
     EXPECT_EQ(orders(one.at(t)), orders(same.at(t))) << t;
