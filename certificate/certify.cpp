@@ -83,16 +83,16 @@ Group loop_group(const Prediction& p) {
               fmt::format("{}, at q = {}", modulus_text(g), list_text(p.margin_q)));
   }
   if (p.missed) {
-    const MissedTicks& m = *p.missed;
+    const MissedTicks& missed = *p.missed;
     group.add("missed", "missed commands",
-              {{"commands", m.commands},
-               {"measurements", m.measurements ? Json(*m.measurements) : Json()},
-               {"unstable", m.unstable ? Json(*m.unstable) : Json()},
-               {"unstable_hits", m.unstable ? Json(m.hits) : Json()}},
-              missed_text(m));
-    if (m.measurements) {
+              {{"commands", missed.commands},
+               {"measurements", missed.measurements ? Json(*missed.measurements) : Json()},
+               {"unstable", missed.unstable ? Json(*missed.unstable) : Json()},
+               {"unstable_hits", missed.unstable ? Json(missed.hits) : Json()}},
+              missed_text(missed));
+    if (missed.measurements) {
       group.add("", "missed measurements", Json(),
-                fmt::format("any pattern of at most {} in a row is stable", *m.measurements));
+                fmt::format("any pattern of at most {} in a row is stable", *missed.measurements));
     }
   }
   group.add("gain_Nm_per_rad", "torque per angle", json_of(p.gain_Nm_per_rad),
@@ -171,16 +171,14 @@ void add(Group& group, std::string_view key, std::string_view name,
                   c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
   group.add("", "  one error alone from rest, up to", Json(), list_text(region.e_at_rest));
   group.add("", "  one rate alone, up to", Json(), list_text(region.edot));
-  if (c->tube.size() > 0) {
+  if (c->tube.size() > 0)
     group.add("", "  postures", Json(), "within " + list_text(c->tube) + " of the reference");
-  }
   group.add("", "  small errors decay at", Json(),
             c->rate > 0 ? fmt::format("{:.4g} 1/s", c->rate / 2) : "no certified rate");
   if (c->torque) group.add("", "  torque", Json(), torque_text(*c));
-  if (c->unknown_torque.size() > 0) {
+  if (c->unknown_torque.size() > 0)
     group.add("", "  unknown torque at one joint, up to", Json(),
               list_text(c->unknown_torque) + " N m, constant; errors then end at 0");
-  }
   if (c->friction_error) {
     group.add("", "  with friction errors end within", Json(),
               c->friction_error->size() > 0 ? list_text(*c->friction_error) : "no certified bound");
@@ -279,20 +277,18 @@ std::vector<Group> groups(const Certificate& certificate) {
 /// Of torque or speed the largest share of a limit that the reference asks for, or where no joint
 /// has one the largest value: "57 % of the torque limit (elbow)", "345 N m (elbow, no limit)".
 std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
-  double largest = 0;
-  bool limited = false;
+  std::pair<bool, double> largest;
   std::string text;
   for (std::size_t i = 0; i < f.joints.size(); ++i) {
     const JointDemand& joint = f.joints[i];
     const auto& limit = speed ? joint.speed_limit : joint.torque_limit;
-    const double size = (speed ? joint.speed : joint.moving) / limit.value_or(1);
-    if (limit ? limited && size < largest : limited || size < largest) continue;
-    largest = size;
-    limited = limit.has_value();
-    text = limited ? fmt::format("{:.0f} % of the {} limit ({})", 100 * size,
-                                 speed ? "speed" : "torque", joint.name)
-                   : fmt::format("{:.4g} {} ({}, no limit)", size,
-                                 speed ? labels.length[i] + "/s" : labels.effort[i], joint.name);
+    const double share = (speed ? joint.speed : joint.moving) / limit.value_or(1);
+    if (std::pair(limit.has_value(), share) < largest) continue;
+    largest = {limit.has_value(), share};
+    text = limit ? fmt::format("{:.0f} % of the {} limit ({})", 100 * share,
+                               speed ? "speed" : "torque", joint.name)
+                 : fmt::format("{:.4g} {} ({}, no limit)", share,
+                               speed ? labels.length[i] + "/s" : labels.effort[i], joint.name);
   }
   return text;
 }
@@ -306,19 +302,18 @@ std::string missed_text(const MissedTicks& missed, const experiment::LoopSpec& l
 
 /// With the larger region that holds the start; where none does the larger one.
 std::string region_text(const StabilityCertificate& s) {
-  const auto holds = [](const auto& region) { return region && region->holds_initial_state(); };
-  const auto& region = s.largest && (holds(s.largest) || !holds(s.fastest)) ? s.largest : s.fastest;
+  const bool faster = !s.largest || (holds_start(s.fastest) && !holds_start(s.largest));
+  const auto& region = faster ? s.fastest : s.largest;
   std::string torque = share_text(s.start, "; torque: this start ");
-  if (!region && s.constant) return "none: without a rate every start is certified" + torque;
-  if (!region) return "none: no weights were found";
+  if (!region)
+    return (s.constant ? "every start, without a rate" : "none: no weights were found") + torque;
   if (region->torque) torque += (torque.empty() ? "; torque: " : "; ") + torque_text(*region);
-  return fmt::format("{}: this start is {}; from rest up to |e_i| = {}, one at a time{}",
-                     s.proved                  ? "proved"
-                     : region->tube.size() > 0 ? "at sampled postures near the reference"
-                                               : "at sampled postures",
-                     holds(region) ? "in it"
-                     : s.constant  ? "certified, but without a rate (constant reference)"
-                                   : "NOT in it",
+  return fmt::format("{}{}: this start is {}; from rest up to |e_i| = {}, one at a time{}",
+                     s.proved ? "proved" : "at sampled postures",
+                     region->tube.size() > 0 ? " near the reference" : "",
+                     holds_start(region) ? "in it"
+                     : s.constant        ? "certified, but without a rate (constant reference)"
+                                         : "NOT in it",
                      list_text(region->region.e_at_rest), torque);
 }
 
@@ -332,17 +327,14 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
                                   : "none");
-  if (all.loop.missed && scenario.loop.mode == experiment::Mode::realtime) {
+  if (all.loop.missed && scenario.loop.mode == experiment::Mode::realtime)
     text += line("missed commands", missed_text(*all.loop.missed, scenario.loop));
-  }
-  if (const std::string held = friction_text(all.loop); !held.empty()) {
-    text += line("friction", held);
-  }
+  const std::string held = friction_text(all.loop);
+  if (!held.empty()) text += line("friction", held);
   if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);
   const robot::JointLabels labels = robot::joint_labels(*scenario.model);
-  std::string reference =
-      fmt::format("asks for {}, {}", largest_text(all.feasibility, false, labels),
-                  largest_text(all.feasibility, true, labels));
+  const auto largest = [&](bool speed) { return largest_text(all.feasibility, speed, labels); };
+  std::string reference = fmt::format("asks for {}, {}", largest(false), largest(true));
   for (const std::string& problem : all.feasibility.impossible) reference = problem;
   text += line("reference", reference);
   return text + line("certified region",

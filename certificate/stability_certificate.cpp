@@ -26,7 +26,7 @@ using robot::Vector;
 
 /// @param region of the weights chosen, if any
 std::vector<std::string> provisos(const experiment::Scenario& scenario,
-                                  const CertifiedRegion* region) {
+                                  const std::optional<CertifiedRegion>& region) {
   std::vector<std::string> result;
   if (scenario.plant.payload.mass_kg > 0) {
     result.push_back(fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
@@ -50,7 +50,7 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario,
     result.emplace_back("the law's robot (controller.urdf) is not the plant's");
   }
   const robot::Model& model = *scenario.model;
-  for (int i = 0; region != nullptr && region->tube.size() == 0 && i < model.num_joints; ++i) {
+  for (int i = 0; region && region->tube.size() == 0 && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
     result.push_back(
         fmt::format("{} is prismatic and its range was sampled: it holds while |e_{}| stays in "
@@ -244,8 +244,7 @@ class ErrorLoop {
   }
   [[nodiscard]] std::optional<CertifiedRegion::Torque> torque(const CertifiedRegion& c) const {
     if (!torque_limited() || !std::isfinite(c.region.level)) return {};
-    CertifiedRegion::Torque result;
-    result.level = c.region.level;
+    CertifiedRegion::Torque result{c.region.level, 0, {}};
     if (c.holds_initial_state()) result.share = torque_share(c.region, c.V0).maxCoeff();
     if (torque_share(c.region, result.level).maxCoeff(&result.joint) <= 1) return result;
     double low = 0, high = 1;  // of sqrt(level)
@@ -308,21 +307,6 @@ class ErrorLoop {
   std::optional<MatrixCondition> fine_;
 };
 
-/// By the fastest region as quick effort finds it too, then by the others.
-CertifiedStart start_of(const StabilityCertificate& all,
-                        const std::optional<CertifiedRegion>& first, Effort effort) {
-  CertifiedStart start{effort == Effort::full || all.proved, false, all.proved, {}};
-  for (const auto* region : {&first, &all.fastest, &all.largest}) {
-    if (region == &all.fastest && start.certified && !all.proved) break;
-    if (!*region || !(*region)->holds_initial_state()) continue;
-    start.decided = start.certified = true;
-    if (const auto& torque = (*region)->torque) {
-      start.torque_share = std::min(start.torque_share.value_or(infinity), *torque->share);
-    }
-  }
-  return start;
-}
-
 }  // namespace
 
 std::string no_certificate(const experiment::Scenario& scenario) {
@@ -364,7 +348,8 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
     tell("certified region: fastest rate");
     result.proved = loop.proved();
     result.fastest = loop.best(Goal::rate);
-    const auto first = result.fastest;
+    result.start = {result.proved || effort == Effort::full, false, result.proved, {}};
+    add(result.start, result.fastest);
     if (!result.constant && (result.proved || effort == Effort::full)) {
       tell("certified region: largest region");
       result.largest = loop.largest(result.fastest);
@@ -372,15 +357,17 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
     }
     if (result.largest && result.largest->tube.size() > 0) {
       const auto near = loop.best(Goal::rate, result.largest->weights);
-      const bool start = first && first->holds_initial_state();
-      const bool better = start && near && near->holds_initial_state() && near->rate > first->rate;
-      if (near && (!start || better)) result.fastest = near;
+      const bool start = result.start.certified;  // by the fastest one so far
+      if (near && (!start || (holds_start(near) && near->rate > result.fastest->rate)))
+        result.fastest = near;
     }
-    result.start = start_of(result, first, effort);
+    if (result.proved || !result.start.certified) {
+      add(result.start, result.fastest);
+      add(result.start, result.largest);
+    }
   }
   if (result.constant) result.start = loop.held_start();
-  const auto& choice = result.largest ? result.largest : result.fastest;
-  result.provisos = provisos(scenario, choice ? &*choice : nullptr);
+  result.provisos = provisos(scenario, result.largest ? result.largest : result.fastest);
   return result;
 }
 
@@ -398,8 +385,8 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
   const auto all = stability_certificate(scenario, Effort::quick, why_not);
   if (!all) return {};
   if (all->constant) {
-    return CertifiedRun{{},        ErrorLoop(scenario).V0({}), infinity, 0, true, all->provisos,
-                        all->start};
+    const double V0 = ErrorLoop(scenario).V0({});
+    return CertifiedRun{{}, V0, infinity, 0, true, all->provisos, all->start};
   }
   std::optional<CertifiedRun> best;
   for (const auto& found : {all->fastest, all->largest}) {

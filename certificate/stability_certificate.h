@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
@@ -58,6 +59,17 @@ struct CertifiedRegion : Certified {
 
   [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level && starts_in_tube; }
 };
+
+inline bool holds_start(const std::optional<CertifiedRegion>& region) {
+  return region && region->holds_initial_state();
+}
+/// What one more region says of the start: each that holds it bounds its torque.
+inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& region) {
+  if (!holds_start(region)) return;
+  start.decided = start.certified = true;
+  if (!region->torque) return;
+  start.torque_share = std::min(*region->torque->share, start.torque_share.value_or(infinity));
+}
 
 struct StabilityCertificate {
   bool proved = false;       ///< of all postures; otherwise of the sampled ones

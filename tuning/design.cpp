@@ -44,10 +44,12 @@ constexpr double margin_tolerance = 0.002;  // numbers are printed with two digi
 
 class Search {
  public:
-  Search(const experiment::Scenario& scenario, const DesignGoal& goal, const LawAnswers& answers)
+  Search(const experiment::Scenario& scenario, const DesignGoal& goal, const LawAnswers& answers,
+         bool from_own)
       : scenario_(scenario),
         goal_(goal),
         answers_(answers),
+        from_own_(from_own),
         law_(scenario, goal, answers),
         labels_(robot::joint_labels(*scenario.model)) {
     law_.choose_variables();
@@ -66,8 +68,10 @@ class Search {
     }
   }
 
-  Design found(const OnProgress& tell) {
+  /// Nothing: no gains keep the margin.
+  std::optional<Design> found(const OnProgress& tell) {
     const std::vector<FoundGains> starts = good_starts(tell);
+    if (starts.empty()) return {};
     best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
     if (starts.size() > 1) {
       const FoundGains other =
@@ -83,7 +87,7 @@ class Search {
       if (std::isfinite(next.settling_s) || !std::isfinite(best_.settling_s)) best_ = next;
       worst_ = worst_postures();
     }
-    if (!std::isfinite(best_.settling_s)) refuse();
+    if (!std::isfinite(best_.settling_s)) return {};
     for (int attempt = 0; attempt < 3; ++attempt) {
       Design design = result(tell);
       if (!design.loop.stable || !design.loop.margins) break;
@@ -95,18 +99,10 @@ class Search {
       if (!std::isfinite(best_.settling_s)) break;
       worst_ = worst_postures();
     }
-    refuse();
+    return {};
   }
 
  private:
-  [[noreturn]] void refuse() const {
-    throw Failure(ExitCode::check_said_no,
-                  "no gains were found that keep a modulus margin of {:g} at all postures within "
-                  "the torque of an encoder count{}; allow a shorter period, less delay, a finer "
-                  "encoder or a smaller --margin",
-                  goal_.modulus, goal_.least_kp ? " and the stiffness asked for" : "");
-  }
-
   // ---- search -----------------------------------------------------------------------------------
 
   FoundGains climbed(const std::string& what, const VectorXd& theta, int steps,
@@ -189,12 +185,14 @@ class Search {
 
   /// The gains of some starts after some steps each, the best first: by the rule, with the inertias
   /// of joints when the others are free or halfway to when they are held, at the largest w that has
-  /// half the margin; where these come to nothing, at the largest that has it all; then the
-  /// scenario's own gains. Of a rule that has less, the w with the most.
+  /// half the margin; where these come to nothing, at the largest that has it all. Of a rule that
+  /// has less, the w with the most.
   std::vector<FoundGains> good_starts(const OnProgress& tell) {
-    if (answers_) {
-      const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
+    if (from_own_) {
+      const auto own = law_.own_theta();
+      const FoundGains given = own ? judged(problem_, *own) : FoundGains();
       if (given.modulus > 0) return {given};
+      if (!answers_) return {};
       throw Failure(ExitCode::check_said_no,
                     "design starts from the scenario's controller.gains, and the loop is unstable "
                     "with them at a posture of the motion or in range: begin with softer ones");
@@ -230,11 +228,6 @@ class Search {
           gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
       if (std::isfinite(here.settling_s)) all.push_back(here);
     }
-    const auto own = all.empty() ? law_.own_theta() : std::nullopt;
-    if (own && judged(problem_, *own).modulus > 0) {
-      all = {climbed("design: the scenario's gains", *own, steps_of_a_round, tell, false)};
-    }
-    if (all.empty() || !std::isfinite(all[0].settling_s)) refuse();
     std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
     return all;
   }
@@ -337,6 +330,7 @@ class Search {
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
   LawAnswers answers_;
+  bool from_own_;  ///< it starts from the scenario's gains, those of an external law
   DesignProblem law_;
   robot::JointLabels labels_;
   GainProblem problem_;
@@ -357,16 +351,24 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal, cons
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
   }
   if (!answers) require_rule(scenario);
-  Design best;
+  std::optional<Design> best;
   try {
-    best = Search(scenario, goal, answers).found(tell);
+    if (!answers) best = Search(scenario, goal, answers, false).found(tell);
+    if (!best) best = Search(scenario, goal, answers, true).found(tell);
   } catch (const NoLinearModel& why) {
     throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());
   }
-  if (goal.settling_s && best.loop.modes.settling_s > 1.05 * *goal.settling_s) {
-    best.missed = goal.settling_s;
+  if (!best) {
+    throw Failure(ExitCode::check_said_no,
+                  "no gains were found that keep a modulus margin of {:g} at all postures within "
+                  "the torque of an encoder count{}; allow a shorter period, less delay, a finer "
+                  "encoder or a smaller --margin",
+                  goal.modulus, goal.least_kp ? " and the stiffness asked for" : "");
   }
-  return best;
+  if (goal.settling_s && best->loop.modes.settling_s > 1.05 * *goal.settling_s) {
+    best->missed = goal.settling_s;
+  }
+  return *best;
 }
 
 Design rule_of_thumb(const experiment::Scenario& scenario, double hz) {

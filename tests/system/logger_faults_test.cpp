@@ -127,12 +127,12 @@ INSTANTIATE_TEST_SUITE_P(In, AFullDisk, ::testing::Values("lockstep", "realtime"
 TEST(ASlowDisk, IsWaitedForAtTheEnd) {
   for (const char* mode : {"lockstep", "realtime"}) {
     const TemporaryDirectory directory;
-    Program run("env",
-                {"LD_PRELOAD=" TACHLESS_SLOW_DISK, TACHLESS_BINARY_DIR "/bin/tachless", "run",
-                 practical_rigid, "--quiet", "--duration", "0.1", "--mode", mode, "--set", patient,
-                 "--set", "loop.max_missed_share=1", "--set", "loop.give_up_s=1", "--out",
-                 directory / "out"},
-                directory.path());
+    Program run(
+        "env",
+        {"LD_PRELOAD=" TACHLESS_SLOW_DISK, TACHLESS_BINARY_DIR "/bin/tachless", "run",
+         practical_rigid, "--quiet", "--duration", "0.1", "--mode", mode, "--set", patient, "--set",
+         "loop.max_missed_share=1", "--set", "loop.give_up_s=1", "--out", directory / "out"},
+        directory.path());
     EXPECT_EQ(run.wait(), 0) << run.errors();
     EXPECT_FALSE(logger::RunLog::open(directory / "out/lcmlog").damage().any());
   }
