@@ -71,7 +71,7 @@ calls "cpack --config $root/build/release/CPackConfig.cmake"
 case_of 'docs: a warning is an error'
 tool doxygen 'exit 0'; tool sphinx-build 'exit 0'
 run docs; exits 0; prints /build/docs/html/index.html; calls '--target python_module'; calls 'sphinx-build -W'
-prints "--out $root/build/docs/run"
+prints '--out run'
 tool doxygen 'echo "law.h:1: warning: Member kp is not documented"; exit 1'
 run docs; exits 1; prints 'kp is not documented'; prints 'the site is not complete'; calls_no sphinx-build
 tool doxygen 'exit 0'
