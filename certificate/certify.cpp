@@ -133,7 +133,7 @@ Group reference_group(const Feasibility& f) {
   return group;
 }
 
-/// Of the torque limits the share that the start may need, behind `before`; empty.
+/// `before`, and the share of a torque limit that the start may need; empty where none is known.
 std::string share_text(const CertifiedStart& start, std::string_view before) {
   if (!start.torque_share) return {};
   return fmt::format("{}needs at most {:.0f} % of a limit", before, 100 * *start.torque_share);

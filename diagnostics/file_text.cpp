@@ -94,8 +94,8 @@ void UnfinishedFile::refuse(std::string_view cause) const {
                 fmt::format("{}: cannot be written: {}; {}", path_.string(), cause, remedy_));
 }
 
-TemporaryDirectory::TemporaryDirectory() {
-  std::string name = (fs::temp_directory_path() / "tachless-XXXXXX").string();
+TemporaryDirectory::TemporaryDirectory(const fs::path& parent) {
+  std::string name = (parent / "tachless-XXXXXX").string();
   if (mkdtemp(name.data()) == nullptr) {
     throw bad_usage("{}: no directory can be made there; set TMPDIR", name);
   }

@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-/// Files as a whole: what is in one, one that is there when it is whole, and where one goes that
-/// nobody keeps. Knows no format.
+/// Files as a whole: what is in one, and one that is there when it is whole; a temporary directory.
+/// Knows no format.
 namespace tachless::diagnostics {
 
 /// Longest text of a scenario or a URDF that is read, from files and from logs.
@@ -53,11 +53,12 @@ class UnfinishedFile {
   bool direct_ = false;
 };
 
-/// A new directory, which goes with this and all that is in it.
+/// A new empty directory, removed with the object.
 class TemporaryDirectory {
  public:
   /// @throw Failure(bad_usage) when it cannot be made
-  TemporaryDirectory();
+  explicit TemporaryDirectory(
+      const std::filesystem::path& parent = std::filesystem::temp_directory_path());
   TemporaryDirectory(const TemporaryDirectory&) = delete;
   TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
   ~TemporaryDirectory();

@@ -61,24 +61,13 @@ int turns(const std::vector<Point>& points, double from, double to, double ampli
   return result;
 }
 
-/// The length of a curve's way up and down.
-double way(const std::vector<Point>& points, double from, double to) {
+/// The sum of f(time, way up or down) over the steps of a curve.
+template <class F>
+double sum_of_steps(const std::vector<Point>& points, double from, double to, F f) {
   double result = 0;
   for (std::size_t i = 1; i < points.size(); ++i) {
-    if (points[i - 1].x >= from && points[i].x <= to) {
-      result += std::abs(points[i].y - points[i - 1].y);
-    }
-  }
-  return result;
-}
-
-/// For how long a curve moves by less than `speed`.
-double slower_than(double speed, const std::vector<Point>& points, double from, double to) {
-  double result = 0;
-  for (std::size_t i = 1; i < points.size(); ++i) {
-    const double time = points[i].x - points[i - 1].x;
-    const bool slow = std::abs(points[i].y - points[i - 1].y) <= speed * time;
-    if (slow && points[i - 1].x >= from && points[i].x <= to) result += time;
+    if (points[i - 1].x < from || points[i].x > to) continue;
+    result += f(points[i].x - points[i - 1].x, std::abs(points[i].y - points[i - 1].y));
   }
   return result;
 }
@@ -91,13 +80,14 @@ double entry(const robot::Vector& values, std::size_t joint) {
 /// A joint's run in the numbers that decide.
 struct Joint {
   std::vector<Point> error, q, q_ref;
-  double end, quarter, own_scale, noise;
+  double end, quarter, own_scale, noise, friction;
   double scale = 0;
+  Outcome outcome = Outcome::converged;
   std::array<Span, 4> in;  ///< the error in each quarter
   Span last, position;     ///< the error in the last quarter; q in it
   int fast;                ///< turns in the last quarter, by as much as the error's peak
 
-  Joint(const JointTracking& joint, double resolution)
+  Joint(const JointTracking& joint, double resolution, double friction_Nm)
       : error(joint.error_over_time.points()),
         q(joint.q.points()),
         q_ref(joint.q_ref.points()),
@@ -105,6 +95,7 @@ struct Joint {
         quarter(end / 4),
         own_scale(std::max(span(q_ref, 0, end).extent(), std::abs(joint.error.first()))),
         noise(std::max(counts * resolution, least)),
+        friction(friction_Nm),
         in{of(error, 0), of(error, 1), of(error, 2), of(error, 3)},
         last(in[3]),
         position(of(q, 3)),
@@ -152,23 +143,25 @@ struct Joint {
     const double asked_before = span(q_ref, 0, 2 * quarter).extent();
     return last.peak() > scale || of(q_ref, 3).extent() <= asked_before;
   }
-  [[nodiscard]] bool lasts() const { return last.peak() >= 0.8 * in[2].peak(); }
   [[nodiscard]] bool cycles() const {
-    return last.peak() > std::max(small, noise) && lasts() && fast >= unasked(3);
+    const bool lasts = last.peak() >= 0.8 * in[2].peak();
+    return last.peak() > std::max(small, noise) && lasts && fast >= unasked(3);
   }
   /// Whether dry friction holds it, though its reference may go on.
   [[nodiscard]] bool sticks() const {
     if (position.extent() <= still * last.peak()) return true;
-    const double speed = at_rest * way(q_ref, 3 * quarter, end) / quarter;
+    const double way = sum_of_steps(q_ref, 3 * quarter, end, [](double, double up) { return up; });
+    const double speed = at_rest * way / quarter;
+    const auto slow = [&](double time, double up) { return up <= speed * time ? time : 0; };
     return position.extent() <= hardly * of(q_ref, 3).extent() &&
-           slower_than(speed, q, 3 * quarter, end) >= rests_for * quarter;
+           sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
-  [[nodiscard]] Outcome outcome(bool friction) const {
+  [[nodiscard]] Outcome judged() const {
     if (diverges()) return Outcome::diverging;
     if (cycles()) return Outcome::limit_cycle;
     if (within(converged_share)) return Outcome::converged;
     if (within(followed_share)) return Outcome::followed;
-    if (friction && sticks()) return Outcome::stuck;
+    if (friction > 0 && sticks()) return Outcome::stuck;
     // On a motion that is slower than the run an error is nearly constant too.
     if (last.extent() < constant * last.peak() && position.extent() < last.peak()) {
       return Outcome::rests_beside;
@@ -176,8 +169,8 @@ struct Joint {
     return !within(1) || last.peak() < 0.95 * in[2].peak() ? Outcome::slow : Outcome::lags;
   }
   /// What an error beyond the scale is, which no motion makes and no start that decays, unless it
-  /// falls; else what `outcome` says.
-  [[nodiscard]] Outcome beyond_scale(Outcome outcome) const {
+  /// falls; else the outcome that it has.
+  [[nodiscard]] Outcome judged_by_scale() const {
     constexpr double less = 0.995;
     const double before = in[2].peak(), now = last.peak();
     const bool falls = now < less * before && before < less * in[1].peak() && now < in[0].peak();
@@ -206,24 +199,23 @@ void set_scales(std::vector<Joint>& joints) {
 }
 
 /// Sets what the worst joint is: of equally bad ones that with the largest share of its scale.
-void judge_worst(const std::vector<Joint>& joints, const Yardsticks& yardsticks, bool by_scale,
-                 Verdict& result) {
+void judge_worst(const std::vector<Joint>& joints, const Yardsticks& yardsticks, Verdict& result) {
   result.outcome = Outcome::converged;
   double worst = -1;
   for (std::size_t i = 0; i < joints.size(); ++i) {
     const Joint& joint = joints[i];
-    const double friction = entry(yardsticks.friction, i), share = joint.last.peak() / joint.scale;
-    Outcome outcome = joint.outcome(friction > 0);
-    if (by_scale) outcome = joint.beyond_scale(outcome);
+    const double share = joint.last.peak() / joint.scale;
     const double badness = std::isfinite(share) ? share : 0;
-    if (outcome < result.outcome || (outcome == result.outcome && badness <= worst)) continue;
+    const bool worse =
+        joint.outcome > result.outcome || (joint.outcome == result.outcome && badness > worst);
+    if (!worse) continue;
     worst = badness;
-    result.outcome = outcome;
+    result.outcome = joint.outcome;
     result.joint = i;
     result.error = joint.last.peak();
     result.share = share;
     result.frequency_hz = joint.fast / (2 * joint.quarter);
-    result.friction = friction;
+    result.friction = joint.friction;
     result.stiffness = entry(yardsticks.stiffness, i);
   }
 }
@@ -270,15 +262,17 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
   if (tracking.num_ticks() < fewest_ticks) return result;
   std::vector<Joint> joints;
   for (std::size_t i = 0; i < tracking.joints().size(); ++i) {
-    joints.emplace_back(tracking.joints()[i], entry(yardsticks.resolution, i));
+    joints.emplace_back(tracking.joints()[i], entry(yardsticks.resolution, i),
+                        entry(yardsticks.friction, i));
   }
   set_scales(joints);
   double above_s = 0;
-  for (const Joint& joint : joints) {
+  for (Joint& joint : joints) {
+    joint.outcome = joint.judged();
     above_s = std::max(above_s, joint.above_s());
     result.counted_from_s = std::max(result.counted_from_s, rests_from_s(joint.q_ref));
   }
-  judge_worst(joints, yardsticks, false, result);
+  judge_worst(joints, yardsticks, result);
   result.settled_s = std::max(0.0, above_s - result.counted_from_s);
   const auto ticks = static_cast<double>(tracking.num_ticks());
   std::size_t most = 0;
@@ -291,7 +285,10 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
     result.outcome = Outcome::saturated;
     result.joint = most;
   }
-  if (!bad(result.outcome)) judge_worst(joints, yardsticks, true, result);
+  if (!bad(result.outcome)) {
+    for (Joint& joint : joints) joint.outcome = joint.judged_by_scale();
+    judge_worst(joints, yardsticks, result);
+  }
   return result;
 }
 

@@ -146,7 +146,8 @@ STATE = """JSON.stringify({
 
 
 def data_of(page):
-    return json.JSONDecoder().raw_decode(page.decode()[page.decode().index('{"charts":'):])[0]["charts"]
+    text = page.decode()
+    return json.JSONDecoder().raw_decode(text[text.index('{"charts":'):])[0]["charts"]
 
 
 def check_page(browser):
