@@ -216,10 +216,13 @@ TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
 }
 
 TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
-  /// Its elbow moves on by `step` in each of its ticks.
+  /// Its elbow moves on by `step` in each of its ticks. An exchange takes 50 us, so that the run
+  /// lasts longer than the time over which speed is measured however fast the machine is.
   class Moving final : public Ticking {
    public:
     ArmState exchange(const robot::Vector& tau) override {
+      const auto until = std::chrono::steady_clock::now() + 50us;
+      while (std::chrono::steady_clock::now() < until) continue;
       if (tau.size() > 0) state.q[1] += step;
       return Ticking::exchange(tau);
     }
