@@ -13,13 +13,16 @@ constexpr std::int64_t fewest_ticks = 40;
 constexpr double converged_share = 0.01, followed_share = 0.05;  // of the scale
 constexpr double counts = 3;    // of the encoder, which no error has to be below
 constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits is 1.5e-6
-// [rad; m] Below, no limit cycle is called so: encoders and noise swing too.
+// [rad; m] Below, no limit cycle is called so, nor in real time any growth of swings: encoders, noise
+// and late commands swing too.
 constexpr double small = 1e-3;
 constexpr double still = 1e-3;     // of an error: how far a joint that rests may move
 constexpr double constant = 0.05;  // of an error: how far one that is called constant may change
 // Of what the reference does: how far, or fast, a joint moves that friction holds most of the time.
 constexpr double hardly = 0.2, at_rest = 0.01;
 constexpr double rests_for = 0.25;  // of the time
+// Of the largest scale: a joint that has less only holds its place, against what the others do.
+constexpr double holds = 1e-3;
 
 struct Span {
   double low = INFINITY, high = -INFINITY;
@@ -80,14 +83,14 @@ double entry(const robot::Vector& values, std::size_t joint) {
 /// A joint's run in the numbers that decide.
 struct Joint {
   std::vector<Point> error, q, q_ref;
-  double end, quarter, own_scale, noise, friction;
+  double end, quarter, own_scale, noise, smallest_swing, friction;
   double scale = 0;
   Outcome outcome = Outcome::converged;
   std::array<Span, 4> in;  ///< the error in each quarter
   Span last, position;     ///< the error in the last quarter; q in it
   int fast;                ///< turns in the last quarter, by as much as the error's peak
 
-  Joint(const JointTracking& joint, double resolution, double friction_Nm)
+  Joint(const JointTracking& joint, double resolution, double friction_Nm, bool realtime)
       : error(joint.error_over_time.points()),
         q(joint.q.points()),
         q_ref(joint.q_ref.points()),
@@ -95,6 +98,7 @@ struct Joint {
         quarter(end / 4),
         own_scale(std::max(span(q_ref, 0, end).extent(), std::abs(joint.error.first()))),
         noise(std::max(counts * resolution, least)),
+        smallest_swing(realtime ? std::max(noise, small) : noise),
         friction(friction_Nm),
         in{of(error, 0), of(error, 1), of(error, 2), of(error, 3)},
         last(in[3]),
@@ -119,7 +123,7 @@ struct Joint {
   /// error goes back that often. The slow error on which they ride is not in it. 0: by noise.
   [[nodiscard]] double swing(int i) const {
     const int often = unasked(i);
-    double low = noise, high = in[static_cast<std::size_t>(i)].extent();
+    double low = smallest_swing, high = in[static_cast<std::size_t>(i)].extent();
     if (turns_in(error, i, low) < often) return 0;
     constexpr double precision = 1.005;
     for (int step = 0; step < 40 && high > precision * low; ++step) {
@@ -194,7 +198,8 @@ void set_scales(std::vector<Joint>& joints) {
   for (const Joint& joint : joints) largest = std::max(largest, joint.own_scale);
   for (Joint& joint : joints) {
     const double whole = span(joint.error, 0, joint.end).peak();
-    joint.scale = joint.own_scale > 0 ? joint.own_scale : largest > 0 ? largest : whole;
+    const bool moves = joint.own_scale > std::max(joint.noise, holds * largest);
+    joint.scale = moves ? joint.own_scale : largest > 0 ? largest : whole;
   }
 }
 
@@ -243,6 +248,7 @@ Yardsticks yardsticks(const experiment::Scenario& scenario) {
     result.friction = result.friction.cwiseMax(*drive.static_friction_Nm);
   result.resolution = experiment::encoder_count(scenario, *scenario.model)
                           .cwiseMax(scenario.plant.encoder.noise_std_rad);
+  result.realtime = scenario.loop.mode == experiment::Mode::realtime;
   return result;
 }
 
@@ -263,7 +269,7 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
   std::vector<Joint> joints;
   for (std::size_t i = 0; i < tracking.joints().size(); ++i) {
     joints.emplace_back(tracking.joints()[i], entry(yardsticks.resolution, i),
-                        entry(yardsticks.friction, i));
+                        entry(yardsticks.friction, i), yardsticks.realtime);
   }
   set_scales(joints);
   double above_s = 0;

@@ -49,6 +49,7 @@ struct Yardsticks {
   robot::Vector friction{};    ///< largest dry friction [N m; N]
   robot::Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
   std::vector<std::int64_t> saturated_ticks{};  ///< per joint
+  bool realtime = false;  ///< late and missed commands make it swing too
 };
 
 /// What the scenario says of it: all but the saturated ticks and the stiffness, which only the
@@ -74,8 +75,8 @@ struct Verdict {
 double rests_from_s(const std::vector<Point>& q_ref);
 
 /// A joint's scale is the largest of the extent of its reference and its initial error; that of one
-/// which has neither is the largest of all joints' scales, and where none has any, its largest
-/// error.
+/// which has neither, or less than its noise or a thousandth of the largest, is the largest of all
+/// joints' scales, and where none has any, its largest error.
 Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks);
 
 /// "converged, settled within 0.21 s", "stuck: joint 2 (elbow) rests 0.03 rad beside …", …

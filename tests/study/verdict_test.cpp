@@ -36,10 +36,12 @@ Tracking run(const std::vector<OverTime>& errors, const OverTime& q_ref) {
 }
 
 /// Of one joint, with an encoder of 20 bits.
-Verdict verdict(const OverTime& error, const OverTime& q_ref, double friction = 0) {
+Verdict verdict(const OverTime& error, const OverTime& q_ref, double friction = 0,
+                bool realtime = false) {
   return judge(run({error}, q_ref), {.resolution = robot::Vector::Constant(1, 6e-6),
                                      .friction = robot::Vector::Constant(1, friction),
-                                     .stiffness = robot::Vector::Constant(1, 100)});
+                                     .stiffness = robot::Vector::Constant(1, 100),
+                                     .realtime = realtime});
 }
 
 double still(double /*t*/) { return 0; }
@@ -143,6 +145,10 @@ TEST(Verdict, OfAGrowingErrorIsDiverging) {
     return 1e-5 * std::exp(2 * t) * std::sin(2 * std::numbers::pi * 200 * t);
   };
   EXPECT_EQ(verdict(slowly, five_hertz).word(), "diverging");
+  // In real time late commands can make a small one; a larger one they do not.
+  EXPECT_EQ(verdict(slowly, five_hertz, 0, true).word(), "converged");
+  const auto larger = [&](double t) { return 100 * slowly(t); };
+  EXPECT_EQ(verdict(larger, five_hertz, 0, true).word(), "diverging");
   // The motion that comes late makes an error that comes late.
   const auto late = [](double t) { return t < 1.5 ? 0 : 0.3 * (t - 1.5); };
   EXPECT_NE(verdict([&](double t) { return 0.3 * late(t); }, late).word(), "diverging");
@@ -207,6 +213,9 @@ TEST(Verdict, IsThatOfTheWorstJoint) {
             {})
           .word(),
       "converged");
+  // So is one that starts next to its place: a count beside it is no scale for what the others do.
+  const OverTime coupled = [](double t) { return 1e-7 + 3e-5 * (t < 0.5 ? 0.1 : t); };
+  EXPECT_EQ(judge(run({decay(0.5, 20), coupled}, step), {}).word(), "converged");
 }
 
 TEST(Verdict, DoesNotJudgeAFewTicks) {
