@@ -5,6 +5,7 @@
 #include <cctype>
 #include <charconv>
 #include <numeric>
+#include <utility>
 
 namespace tachless::diagnostics {
 namespace {
@@ -164,11 +165,11 @@ std::optional<std::string> nearest_of(std::string_view word,
                                       const std::vector<std::string_view>& candidates) {
   const std::string wanted = lower(word);
   std::optional<std::string> nearest;
-  std::size_t least = 0;
+  std::pair<std::size_t, std::size_t> least;  // of equally similar ones the shorter
   for (const std::string_view candidate : candidates) {
     const auto unlike = unlikeness(wanted, lower(candidate));
-    if (!unlike || (nearest && *unlike >= least)) continue;
-    least = *unlike;
+    if (!unlike || (nearest && std::pair(*unlike, candidate.size()) >= least)) continue;
+    least = {*unlike, candidate.size()};
     nearest = candidate;
   }
   return nearest;

@@ -273,7 +273,7 @@ TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {
     scenario.robot.flexible.reset();
     EXPECT_THAT(refusal(scenario),
                 AllOf(HasSubstr("arm.yaml:20: controller.law:"), HasSubstr("flexible"),
-                      HasSubstr("allowed on rigid joints: loria_ortega_rigid")));
+                      HasSubstr("allowed on rigid joints: berghuis_nijmeijer")));
   }
 }
 

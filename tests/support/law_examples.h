@@ -1,11 +1,18 @@
 #pragma once
 
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "controller/registry.h"
+
 namespace tachless::support {
 
-/// A shipped scenario under a law of the catalogue, with gains that are stable there.
+/// A shipped scenario of a two-link arm under a law of the catalogue, with gains that are stable
+/// there.
 struct LawExample {
   std::string law, scenario;
   std::vector<std::string> gains;  ///< as given to --set
@@ -18,53 +25,62 @@ struct LawExample {
   }
 };
 
-/// Every law there is.
+/// By the law's rule of thumb.
+inline std::string ruled_gains(const controller::LawFacts& law) {
+  controller::law::Tuning tuning;
+  tuning.w = 20;
+  tuning.filter = 1000;
+  tuning.inertia = Eigen::Vector2d(20, 3);
+  if (law.needs_flexible_joints) {
+    tuning.stiffness = Eigen::Vector2d(8000, 4000);
+    tuning.rotor = Eigen::Vector2d(0.5, 0.3);
+  }
+  const auto gains = law.tuned(tuning);
+  std::string all;
+  for (const controller::Parameter& each : law.parameters) {
+    const robot::Vector& of = gains.at(std::string(each.name));
+    const bool one = each.shape != schema::Shape::joints;
+    all += fmt::format("{}{}: {}", all.empty() ? "" : ", ", each.name,
+                       one ? fmt::format("{}", of[0]) : fmt::format("[{}, {}]", of[0], of[1]));
+  }
+  return fmt::format("controller.gains={{{}}}", all);
+}
+
+/// Every law there is. Those without a row here have the gains of their rule of thumb.
 inline const std::vector<LawExample>& law_examples() {
-  static const std::vector<LawExample> all = {
-      {"loria_ortega_rigid", "practical_rigid", {}},
-      {"loria_ortega_flexible", "practical_flexible", {}},
-      {"loria_ortega_integral",
-       "practical_rigid",
-       {"controller.gains={kp: [40000, 2400], kd: [1000, 60], a: 1000, b: 1000, ki: [10000, 600], "
-        "eps_1: 28, eps_2: 0.14}"}},
+  static const std::map<std::string_view, LawExample> rows = {
+      {"loria_ortega_rigid", {"", "practical_rigid", {}}},
+      {"loria_ortega_flexible", {"", "practical_flexible", {}}},
+      {"kelly_regulation", {"", "regulation", {}}},
+      {"kelly_flexible", {"", "flexible_regulation", {}}},
       {"loria_ortega_matrix",
-       "practical_rigid",
-       {"controller.gains={kp: [[40000, 2000], [2000, 2400]], kd: [[1000, 50], [50, 60]], "
-        "a: 1000, b: 1000}"}},
-      {"loria_ortega_scheduled",
-       "practical_rigid",
-       {"controller.gains={w: 60, damping: 0.7, a: 1000, b: 1000}"}},
-      {"kelly_regulation", "regulation", {}},
-      {"kelly_flexible", "flexible_regulation", {}},
-      {"wen_bayard", "practical_rigid", {"controller.gains={kp: [40000, 2400], kd: [1000, 60]}"}},
-      {"slotine_li", "practical_rigid", {"controller.gains={lambda: 20, ks: [500, 30]}"}},
-      {"slotine_li_flexible",
-       "practical_flexible",
-       {"controller.gains={lambda: 20, ks1: [500, 30], ks2: [10, 10]}"}},
-      {"berghuis_nijmeijer",
-       "practical_rigid",
-       {"controller.gains={lambda: 20, kd: [300, 60], observer_ld: 400}"}},
-      {"nicosia_tomei",
-       "practical_rigid",
-       {"controller.gains={kp: [4000, 1000], kv: [400, 60], observer_kd: 300, "
-        "observer_ko: [4e5, 4e4]}"}},
-      {"zhang_dawson", "practical_rigid", {"controller.gains={k: 150}"}},
-      {"lanari_wen", "practical_flexible", {"controller.gains={kp: [4000, 1000], kv: [80, 40]}"}},
-      {"numerical_difference",
-       "practical_rigid",
-       {"controller.gains={kp: [40000, 2400], kd: [1000, 60], samples: 3}"}},
-      {"difference_of_error",
-       "practical_rigid",
-       {"controller.gains={kp: [40000, 2400], kd: [1000, 60], samples: 3}"}},
-      {"kalman_velocity",
-       "practical_rigid",
-       {"controller.gains={kp: [40000, 2400], kd: [1000, 60], order: 3, process_noise: 1e8}"}},
+       {"",
+        "practical_rigid",
+        {"controller.gains={kp: [[40000, 2000], [2000, 2400]], kd: [[1000, 50], [50, 60]], "
+         "a: 1000, b: 1000}"}}},
+      {"zhang_dawson", {"", "practical_rigid", {"controller.gains={k: 150}"}}},
+      {"lanari_wen",
+       {"", "practical_flexible", {"controller.gains={kp: [4000, 1000], kv: [80, 40]}"}}},
       {"robust_differentiator",
-       "practical_rigid",
-       {"controller.gains={kp: [4000, 1000], kd: [400, 60], lipschitz: 4000}",
-        "plant.initial.velocity_rad_per_s=[1, 1]"}},
-      {"computed_torque", "practical_rigid", {"controller.gains={kp: 400, kd: 40}"}},
-      {"pd_gravity", "regulation", {"controller.gains={kp: [40000, 2400], kd: [1000, 60]}"}}};
+       {"",
+        "practical_rigid",
+        {"controller.gains={kp: [4000, 1000], kd: [400, 60], lipschitz: 4000}",
+         "plant.initial.velocity_rad_per_s=[1, 1]"}}}};
+  static std::vector<LawExample> all;
+  if (!all.empty()) return all;
+  for (const controller::LawFacts& law : controller::laws()) {
+    LawExample example;
+    if (const auto row = rows.find(law.name); row != rows.end()) {
+      example = row->second;
+    } else {
+      example.scenario = law.needs_flexible_joints ? "practical_flexible"
+                         : law.regulation_only     ? "regulation"
+                                                   : "practical_rigid";
+      example.gains = {ruled_gains(law)};
+    }
+    example.law = law.name;
+    all.push_back(std::move(example));
+  }
   return all;
 }
 
