@@ -122,8 +122,10 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
     if (!answer.sums[at].empty()) {
       each.in_sum = !result.links.empty();
       each.half_width = std::numeric_limits<double>::infinity();
-      each.doubt = answer.sums[at] == "nothing" ? "it has no part in any torque"
-                                                : "only in sums with " + answer.sums[at];
+      each.doubt = answer.sums[at] != "nothing" ? "only in sums with " + answer.sums[at]
+                   : entry.kind == Kind::inertia
+                       ? "it has no part in any torque"
+                       : "the joint hardly moves, or it has no part in any torque";
     } else if (entry.kind != Kind::inertia) {
       each.doubt =
           doubt_about(entry, i, answer.values[i], answer.half_width[i], recordings, regressions);

@@ -308,8 +308,8 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
   };
   switch (verdict.outcome) {
     case Outcome::converged:
-      if (verdict.counted_from_s > 0 && verdict.settled_s == 0)
-        return "converged when the motion ends";
+      if (verdict.settled_s == 0)
+        return verdict.counted_from_s > 0 ? "converged when the motion ends" : "converged throughout";
       return fmt::format("converged, settled within {:.3g} s{}", verdict.settled_s,
                          verdict.counted_from_s > 0 ? " of the motion's end" : "");
     case Outcome::followed:

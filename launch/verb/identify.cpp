@@ -208,9 +208,9 @@ struct Identify {
     }
     if (!whole) {
       diagnostics::log_error(
-          "{}: not every parameter is identifiable{}; record a motion that "
-          "moves each joint both ways, slowly and fast, or leave one out of "
-          "--unknown",
+          "{}: not every parameter is identifiable{}; record a motion that moves each joint both "
+          "ways, slowly and fast (a joint that friction holds moves with a guess of it: run with "
+          "--set controller.friction.coulomb=…), or leave one out of --unknown",
           recordings.front().source, output.empty() ? "" : ": nothing written");
       return ExitCode::check_said_no;
     }

@@ -71,6 +71,8 @@ TEST(Verdict, CountsSettlingFromTheMotionsEnd) {
   // ln(0.1 / (1 % of 0.5)) / 20 = 0.150 s.
   EXPECT_NEAR(seen.settled_s, 0.150, 0.003);
   EXPECT_THAT(text(seen, rotary), HasSubstr("s of the motion's end"));
+  EXPECT_EQ(text(verdict(constantly(1e-5), step), rotary), "converged when the motion ends");
+  EXPECT_EQ(text(verdict(constantly(1e-5), five_hertz), rotary), "converged throughout");
 }
 
 TEST(Verdict, DoesNotDependOnHowBadlyItBegan) {
