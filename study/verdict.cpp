@@ -13,8 +13,8 @@ constexpr std::int64_t fewest_ticks = 40;
 constexpr double converged_share = 0.01, followed_share = 0.05;  // of the scale
 constexpr double counts = 3;    // of the encoder, which no error has to be below
 constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits is 1.5e-6
-// [rad; m] Below, no limit cycle is called so, nor in real time any growth of swings: encoders, noise
-// and late commands swing too.
+// [rad; m] Below, no limit cycle is called so, nor in real time any growth of swings: encoders,
+// noise and late commands swing too.
 constexpr double small = 1e-3;
 constexpr double still = 1e-3;     // of an error: how far a joint that rests may move
 constexpr double constant = 0.05;  // of an error: how far one that is called constant may change
@@ -309,7 +309,8 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
   switch (verdict.outcome) {
     case Outcome::converged:
       if (verdict.settled_s == 0)
-        return verdict.counted_from_s > 0 ? "converged when the motion ends" : "converged throughout";
+        return verdict.counted_from_s > 0 ? "converged when the motion ends"
+                                          : "converged throughout";
       return fmt::format("converged, settled within {:.3g} s{}", verdict.settled_s,
                          verdict.counted_from_s > 0 ? " of the motion's end" : "");
     case Outcome::followed:

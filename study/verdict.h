@@ -49,7 +49,7 @@ struct Yardsticks {
   robot::Vector friction{};    ///< largest dry friction [N m; N]
   robot::Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
   std::vector<std::int64_t> saturated_ticks{};  ///< per joint
-  bool realtime = false;  ///< late and missed commands make it swing too
+  bool realtime = false;                        ///< late and missed commands make it swing too
 };
 
 /// What the scenario says of it: all but the saturated ticks and the stiffness, which only the
