@@ -49,8 +49,8 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
       disturbances_(options.disturbances),
       tau_(robot::Vector::Zero(model.num_joints)),
       lag_(initial.torque),
-      since_s_(options.start_s),
-      now_s_(options.start_s) {
+      since_s_(0),
+      now_s_(0) {
   const Eigen::Index n = num_joints_, num_motors = flexible_ ? n : 0;
   require_size(initial.q, n);
   require_size(initial.v, n);

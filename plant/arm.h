@@ -25,7 +25,6 @@ struct ArmOptions {
   DriveSpec drive;  ///< of which friction, current loop, scale and offset; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   Disturbances* disturbances = nullptr;     ///< outlive the arm; none when null
-  double start_s = 0;                       ///< time of the initial state
 };
 
 /// A multibody arm whose motor torque is asked for over each call of `advance`, and follows: the

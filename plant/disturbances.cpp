@@ -5,15 +5,12 @@
 #include <limits>
 #include <numbers>
 
-#include "plant/encoder.h"
 #include "robot/kinematics.h"
 
 namespace tachless::plant {
 namespace {
 
 constexpr double never = std::numeric_limits<double>::infinity();
-/// Of the encoders' noise, other channels.
-constexpr std::uint32_t noise_channel = 16;
 
 }  // namespace
 
@@ -41,13 +38,9 @@ double Disturbances::next_jump(double from_s, double until_s) const {
 
 void Disturbances::choose(double from_s, double until_s) {
   const double middle_s = from_s + (until_s - from_s) / 2;
-  const auto tick = static_cast<std::int64_t>(middle_s / period_s_);
-  for (std::size_t i = 0; i < sources_.size(); ++i) {
-    Source& source = sources_[i];
+  for (Source& source : sources_) {
     const DisturbanceSpec& spec = *source.spec;
     source.active = spec.start_s <= middle_s && middle_s < spec.end_s.value_or(never);
-    if (!source.active || spec.shape != DisturbanceShape::noise) continue;
-    source.noise = standard_normal(spec.seed, tick, noise_channel, static_cast<std::uint32_t>(i));
   }
 }
 
@@ -66,9 +59,6 @@ void Disturbances::add(double time_s, const robot::Vector& q, robot::Vector& tau
         break;
       case DisturbanceShape::sinusoid:
         value = std::sin(2 * pi * spec.frequency_hz * since_s + spec.phase_rad);
-        break;
-      case DisturbanceShape::noise:
-        value = source.noise;
         break;
     }
     if (source.joint >= 0) {

@@ -9,8 +9,7 @@
 namespace tachless::plant {
 
 /// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints that no
-/// drive gives. A function of the specs, the time and the links' position alone, with jumps: noise
-/// is drawn by seed, tick and the number of the disturbance.
+/// drive gives. A function of the specs, the time and the links' position alone, with jumps.
 class Disturbances {
  public:
   /// @param specs, model of which the joints and links are: both outlive this.
@@ -32,7 +31,6 @@ class Disturbances {
     const DisturbanceSpec* spec;
     int joint;  ///< -1: a force on a link
     bool active = false;
-    double noise = 0;
   };
 
   const robot::Model& model_;

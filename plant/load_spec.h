@@ -24,8 +24,6 @@ struct PayloadSpec {
   std::string link;    ///< empty: the leaf link that is farthest from the root
   std::vector<double> center_of_mass_m = {0, 0, 0};
   std::vector<double> inertia_kgm2 = {0, 0, 0, 0, 0, 0};
-  double attach_s = 0;
-  std::optional<double> release_s;  ///< nothing: never
 
   static constexpr std::tuple keys{
       schema::Key{"mass_kg", &PayloadSpec::mass_kg, "kg",
@@ -39,31 +37,19 @@ struct PayloadSpec {
           .by_default("[0, 0, 0]"),
       schema::Key{"inertia_kgm2", &PayloadSpec::inertia_kgm2, "kg m²",
                   "ixx, ixy, ixz, iyy, iyz, izz about its centre of mass, in the link's axes"}
-          .by_default("a point mass's"),
-      schema::Key{"attach_s", &PayloadSpec::attach_s, "s",
-                  "When it is attached: it is at rest until then, and the links' velocities jump; "
-                  "0 = it is there from the start"}
-          .in(schema::not_negative)
-          .by_default(),
-      schema::Key{"release_s", &PayloadSpec::release_s, "s",
-                  "When it is let go, the links' velocities staying as they are"}
-          .in(schema::positive)
-          .by_default("never")};
+          .by_default("a point mass's")};
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const {
     if (center_of_mass_m.size() != 3)
       return numbers_refusal("center_of_mass_m", center_of_mass_m, 3);
     if (inertia_kgm2.size() != 6) return numbers_refusal("inertia_kgm2", inertia_kgm2, 6);
-    if (release_s && *release_s <= attach_s) {
-      return schema::Refusal{"release_s", "not after plant.payload.attach_s; allowed: later"};
-    }
     return {};
   }
 };
 
-enum class DisturbanceShape { constant, pulse, sinusoid, noise };
-constexpr std::array<std::string_view, 4> names(DisturbanceShape /*type*/) {
-  return {"constant", "pulse", "sinusoid", "noise"};
+enum class DisturbanceShape { constant, pulse, sinusoid };
+constexpr std::array<std::string_view, 3> names(DisturbanceShape /*type*/) {
+  return {"constant", "pulse", "sinusoid"};
 }
 
 /// A torque on a joint, or a force on a link, that no drive gives: its value times its shape.
@@ -78,7 +64,6 @@ struct DisturbanceSpec {
   std::optional<double> end_s;  ///< nothing: it does not end
   double frequency_hz = 0;
   double phase_rad = 0;
-  std::uint64_t seed = 1;
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const {
     if (joint.empty() == link.empty()) {
@@ -119,8 +104,7 @@ struct DisturbanceSpec {
           .by_default("[0, 0, 0]"),
       schema::Key{"shape", &DisturbanceSpec::shape, "",
                   "What the value is multiplied by from `start_s` to `end_s`: 1; half a sine wave "
-                  "from start to end; sin(2π frequency (t - start) + phase); a standard normal "
-                  "number, drawn anew each tick"}
+                  "from start to end; sin(2π frequency (t - start) + phase)"}
           .by_default(),
       schema::Key{"start_s", &DisturbanceSpec::start_s, "s", "Nothing before"}
           .in(schema::not_negative)
@@ -131,10 +115,7 @@ struct DisturbanceSpec {
       schema::Key{"frequency_hz", &DisturbanceSpec::frequency_hz, "Hz", "Of a sinusoid"}
           .in(schema::not_negative)
           .by_default(),
-      schema::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Of a sinusoid"}.by_default(),
-      schema::Key{"seed", &DisturbanceSpec::seed, "", "Of noise: the same seed gives the same run"}
-          .in({0, 9007199254740992.0})
-          .by_default()};
+      schema::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Of a sinusoid"}.by_default()};
 };
 
 }  // namespace tachless::plant

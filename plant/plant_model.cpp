@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "robot/cholesky.h"
 #include "robot/dynamics.h"
 
 namespace tachless::plant {
@@ -12,27 +11,9 @@ robot::Vector or_zero(const robot::Vector& x, int size) {
   return x.size() == 0 ? robot::Vector(robot::Vector::Zero(size)) : x;
 }
 
-robot::Model without_payload(const experiment::Scenario& scenario) {
-  robot::Model model = *scenario.model;
-  if (!scenario.robot.flexible) {
-    model.rotor_inertia = or_zero(scenario.robot.rigid_rotor_inertia_kgm2, model.num_joints);
-  }
-  return model;
-}
-
 /// Null for rigid joints.
 const FlexibleDrive* flexible_drive(const experiment::Scenario& scenario) {
   return scenario.robot.flexible ? &*scenario.robot.flexible : nullptr;
-}
-
-/// Velocity after a body at rest has become part of the robot: the joints' momentum stays.
-robot::Vector after_impact(const robot::Model& before, const robot::Model& after,
-                           const ArmState& state) {
-  robot::Vector v = robot::mass_matrix(before, state.q) * state.v;
-  robot::Matrix LD = robot::mass_matrix(after, state.q);
-  robot::factorise(LD);
-  robot::solve_in_place(LD, v);
-  return v;
 }
 
 /// Of the drives until the first command acts.
@@ -45,8 +26,10 @@ robot::Vector initial_torque(const experiment::Scenario& scenario, const robot::
 }  // namespace
 
 robot::Model plant_model(const experiment::Scenario& scenario) {
-  robot::Model model = without_payload(scenario);
-  if (scenario.plant.payload.attach_s > 0) return model;
+  robot::Model model = *scenario.model;
+  if (!scenario.robot.flexible) {
+    model.rotor_inertia = or_zero(scenario.robot.rigid_rotor_inertia_kgm2, model.num_joints);
+  }
   return experiment::with_payload(scenario, std::move(model));
 }
 
@@ -68,11 +51,11 @@ ArmState initial_state(const experiment::Scenario& scenario, const robot::Model&
 }
 
 Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
-             double start_s, Disturbances* disturbances) {
+             Disturbances* disturbances) {
   const Spec& spec = scenario.plant;
   return Arm(model,
              {spec.mechanics, spec.integrator.accuracy, spec.drive, flexible_drive(scenario),
-              disturbances, start_s},
+              disturbances},
              start);
 }
 
@@ -99,18 +82,10 @@ robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
 
 EmulatedRobot::EmulatedRobot(const experiment::Scenario& scenario, const robot::Model& model)
     : scenario_(scenario),
-      model_(&model),
+      model_(model),
       disturbances_(scenario.plant.disturbances, scenario.loop.period_s, model),
       before_(initial_torque(scenario, model, initial_state(scenario, model).q)),
-      arm_(make_arm(scenario, model, initial_state(scenario, model), 0, &disturbances_)) {
-  const PayloadSpec& payload = scenario.plant.payload;
-  if (payload.mass_kg == 0) return;
-  const robot::Model alone = without_payload(scenario);
-  if (payload.attach_s > 0) {
-    changes_.push_back({payload.attach_s, experiment::with_payload(scenario, alone), true});
-  }
-  if (payload.release_s) changes_.push_back({*payload.release_s, alone, false});
-}
+      arm_(make_arm(scenario, model, initial_state(scenario, model), &disturbances_)) {}
 
 ArmState EmulatedRobot::read() {
   ArmState state = arm_.state();
@@ -122,16 +97,6 @@ void EmulatedRobot::hold(const robot::Vector& tau, double until_s) {
   if (const double late = scenario_.plant.drive.delay_fraction; late > 0) {
     advance(before_, now_s_ + late * (until_s - now_s_));
   }
-  // A change at the end of a tick, but for rounding, is one at the beginning of the next.
-  const double same_s = 1e-9 * scenario_.loop.period_s;
-  while (num_changed_ < changes_.size() && changes_[num_changed_].at_s < until_s - same_s) {
-    const ModelChange& change = changes_[num_changed_++];
-    if (change.at_s > now_s_ + same_s) advance(tau, change.at_s);
-    ArmState state = arm_.state();
-    if (change.impact) state.v = after_impact(*model_, change.model, state);
-    model_ = &change.model;
-    arm_ = make_arm(scenario_, *model_, state, now_s_, &disturbances_);
-  }
   advance(tau, until_s);
   before_ = tau;
 }
@@ -142,11 +107,11 @@ void EmulatedRobot::advance(const robot::Vector& tau, double until_s) {
 }
 
 void EmulatedRobot::stop() {
-  arm_.brake(protective_stop_damping(scenario_, *model_, arm_.state().q));
+  arm_.brake(protective_stop_damping(scenario_, model_, arm_.state().q));
 }
 
 void EmulatedRobot::rest(double until_s) {
-  advance(robot::Vector::Zero(model_->num_joints), until_s);
+  advance(robot::Vector::Zero(model_.num_joints), until_s);
 }
 
 }  // namespace tachless::plant

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/disturbances.h"
@@ -14,7 +11,7 @@
 namespace tachless::plant {
 
 /// The true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints, and the
-/// payload that the controller does not know, unless it is attached later.
+/// payload that the controller does not know.
 /// @throw diagnostics::Failure(bad_usage) naming the key.
 robot::Model plant_model(const experiment::Scenario& scenario);
 
@@ -22,10 +19,9 @@ robot::Model plant_model(const experiment::Scenario& scenario);
 /// theta = q + K^-1 g(q).
 ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model);
 
-/// The arm of the scenario at `start` and its time. `model` is its model from then on;
-/// `disturbances`, if not null, outlive the arm.
+/// The arm of the scenario, with this model, at `start`. `disturbances`, if not null, outlive it.
 Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
-             double start_s = 0, Disturbances* disturbances = nullptr);
+             Disturbances* disturbances = nullptr);
 
 /// The drives: the scenario's torque limit (which defaults to the URDF's), rate and command delay.
 Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model);
@@ -35,8 +31,8 @@ Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model
 robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
                                       const robot::Model& model, const robot::Vector& q);
 
-/// An arm in a robot's place, with disturbances and a payload that comes and goes. It stops by
-/// viscous braking (`protective_stop_damping`); the payload then stays where it is.
+/// The simulated robot: arm, payload and disturbances. It stops by viscous braking
+/// (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
   /// @param model `plant_model(scenario)`. Both outlive this.
@@ -51,20 +47,11 @@ class EmulatedRobot final : public RobotDriver {
   void rest(double until_s) override;
 
  private:
-  /// The robot from an instant of the run on.
-  struct ModelChange {
-    double at_s;
-    robot::Model model;
-    bool impact;  ///< what comes was at rest: M v stays, v jumps; else v stays
-  };
-
   void advance(const robot::Vector& tau, double until_s);
 
   const experiment::Scenario& scenario_;
-  const robot::Model* model_;
+  const robot::Model& model_;
   Disturbances disturbances_;
-  std::vector<ModelChange> changes_;  ///< the payload's coming and going, in order
-  std::size_t num_changed_ = 0;
   double now_s_ = 0;
   robot::Vector before_;  ///< torque over the tick before; the initial one at first
   Arm arm_;

@@ -895,7 +895,6 @@ TEST(Scenario, RefusesAPayloadAndDisturbancesThatMakeNoSense) {
       {"payload={mass_kg: 1, inertia_kgm2: [1, 0, 0]}", "inertia_kgm2: 3 numbers; allowed: 6"},
       {"payload={mass_kg: 1, inertia_kgm2: [1, 0, 0, 1, 0, 9]}", "triangle inequality"},
       {"payload={mass_kg: 1, center_of_mass_m: [0]}", "center_of_mass_m: 1 numbers; allowed: 3"},
-      {"payload={mass_kg: 1, attach_s: 2, release_s: 2}", "plant.payload.release_s: not after"},
       {"disturbances=[{torque_Nm: 1}]", "plant.disturbances[0].joint: neither a joint nor a link"},
       {"disturbances=[{joint: elbow, link: lower, torque_Nm: 1}]", "[0].joint: and a link"},
       {"disturbances=[{joint: elbow, force_N: [1, 0, 0]}]", "[0].torque_Nm: a joint takes"},

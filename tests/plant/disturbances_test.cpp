@@ -71,19 +71,6 @@ TEST_P(Disturbed, ByASinusoidFollowsItsIntegral) {
               accuracy);
 }
 
-TEST_P(Disturbed, ByNoiseIsPushedAnewEachTick) {
-  DisturbanceSpec spec = on_the_axle(DisturbanceShape::noise, 0, {});
-  spec.seed = 4;
-  double sum = 0, squares = 0;
-  for (int k = 0; k < 1000; ++k) {
-    const double drawn = standard_normal(4, k, 16, 0);
-    sum += drawn;
-    squares += drawn * drawn;
-  }
-  EXPECT_NEAR(squares / 1000, 1, 0.15);  // three standard deviations of it, sqrt(2/1000)
-  EXPECT_NEAR(after(spec, 1).v[0], T / I * h * sum, accuracy);
-}
-
 INSTANTIATE_TEST_SUITE_P(, Disturbed, ::testing::Values(Mechanics::simbody, Mechanics::native),
                          testing::name_of_mechanics);
 

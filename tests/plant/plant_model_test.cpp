@@ -110,60 +110,6 @@ experiment::Scenario loaded_scenario(const std::string& name, std::vector<std::s
   return scenario(name, overrides);
 }
 
-double kinetic(double payload, const ArmState& state) {
-  const robot::testing::TwoLinkClosedForm closed{payload};
-  return state.v.dot(closed.M<double>(state.q) * state.v) / 2;
-}
-
-class Payload : public ::testing::TestWithParam<double> {};
-
-TEST_P(Payload, ThatIsAttachedAtRestKeepsTheMomentumAndReleasedKeepsTheVelocity) {
-  const double attach_s = GetParam(), release_s = attach_s + 0.02;
-  const experiment::Scenario s =
-      loaded_scenario("paper_rigid", {"plant.payload.attach_s=" + std::to_string(attach_s),
-                                      "plant.payload.release_s=" + std::to_string(release_s)});
-  const robot::Model model = plant_model(s);
-  EmulatedRobot robot(s, model);
-  const Vector zero = Vector::Zero(2);
-  // Between two such instants velocities change by 1e-8 s times accelerations of some 10 rad/s^2.
-  constexpr double moment_s = 1e-8, tolerance = 1e-6;
-  robot.hold(zero, attach_s - moment_s);
-  const ArmState before = robot.read();
-  robot.hold(zero, attach_s + moment_s);
-  const ArmState loaded = robot.read();
-  const auto M = [&](double mp) {
-    return robot::testing::TwoLinkClosedForm{mp}.M<double>(before.q);
-  };
-  EXPECT_LT((M(0.5) * loaded.v - M(0) * before.v).norm(), tolerance);
-  EXPECT_GT((loaded.v - before.v).norm(), 0.1);
-  EXPECT_LT(kinetic(0.5, loaded), kinetic(0, before));  // a plastic impact loses energy
-
-  robot.hold(zero, release_s - moment_s);
-  const ArmState carried = robot.read();
-  EXPECT_NEAR(kinetic(0.5, carried), kinetic(0.5, loaded), 1e-6);
-  robot.hold(zero, release_s + moment_s);
-  EXPECT_LT((robot.read().v - carried.v).norm(), tolerance);
-  robot.hold(zero, release_s + 0.02);
-  EXPECT_NEAR(kinetic(0, robot.read()), kinetic(0, carried), 1e-6);
-}
-
-// At the beginning of a tick, and within one.
-INSTANTIATE_TEST_SUITE_P(, Payload, ::testing::Values(0.03, 0.0304));
-
-TEST(PayloadOfFlexibleJoints, StopsNoMotorWhenItIsAttached) {
-  const experiment::Scenario s = loaded_scenario(
-      "paper_flexible",
-      {"plant.payload.attach_s=0.01", "plant.initial.motor_velocity_rad_per_s=[1.5, -2]"});
-  const robot::Model model = plant_model(s);
-  EmulatedRobot robot(s, model);
-  robot.hold(Vector::Zero(2), 0.01);
-  const ArmState before = robot.read();
-  robot.hold(Vector::Zero(2), 0.01 + 1e-8);
-  const ArmState loaded = robot.read();
-  EXPECT_GT((loaded.v - before.v).norm(), 0.1);
-  EXPECT_LT((loaded.thetadot - before.thetadot).norm(), 1e-3);  // 1e-8 s of K (theta - q) / J
-}
-
 TEST(PayloadWithInertia, AddsItAboutEveryJointThatTurnsIt) {
   const Vector q = Eigen::Vector2d(0.4, -1.1);
   const auto M = [&](const std::vector<std::string>& overrides) {

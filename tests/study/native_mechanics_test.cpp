@@ -96,7 +96,7 @@ TEST(NativeMechanics, MoveAPlantAsRoughAsRealityAsSimbodyDoes) {
       TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
       {"loop.duration_s=0.5", "plant.encoder.noise_std_rad=1e-6", "plant.encoder.latency_ticks=1",
        "plant.drive.viscous_friction_Nms_per_rad=0.5", "plant.drive.torque_limit_Nm=[700, 70]",
-       "plant.payload={mass_kg: 0.5, attach_s: 0.2}",
+       "plant.payload={mass_kg: 0.5}",
        "plant.disturbances=[{joint: elbow, torque_Nm: 3, shape: pulse, start_s: 0.1, end_s: "
        "0.3}]"});
   const CrossCheck check = cross_check(scenario);

@@ -19,11 +19,10 @@ inline std::vector<std::string> rough_plant(bool friction) {
       "plant.drive.torque_limit_Nm=[150, 40]",
       "plant.drive.torque_rate_limit_Nm_per_s=[1.0e+4, 5.0e+3]",
       "plant.payload={mass_kg: 0.5, inertia_kgm2: [0.01, 0, 0, 0.02, 0, 0.02], center_of_mass_m: "
-      "[0.1, 0, 0], attach_s: 0.0503, release_s: 0.12}",
+      "[0.1, 0, 0]}",
       "plant.disturbances=[{joint: elbow, torque_Nm: 3, start_s: 0.02, end_s: 0.0305}, "
       "{link: tip, force_N: [5, 0, -5], shape: pulse, start_s: 0.06, end_s: 0.08}, "
-      "{joint: shoulder, torque_Nm: 2, shape: sinusoid, frequency_hz: 30}, "
-      "{joint: elbow, torque_Nm: 0.5, shape: noise, start_s: 0.1, seed: 3}]",
+      "{joint: shoulder, torque_Nm: 2, shape: sinusoid, frequency_hz: 30}]",
       "controller.urdf=" TACHLESS_SOURCE_DIR "/scenarios/robots/two_link_payload.urdf"};
   if (friction) {
     all.insert(all.end(), {"plant.drive.coulomb_friction_Nm=[1, 0.3]",
