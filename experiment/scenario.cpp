@@ -385,13 +385,15 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   return read_scenario(std::move(root), plant, believed, {}, std::move(scenario));
 }
 
-robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {
+RobotFile robot_file(const fs::path& file, const std::vector<std::string>& overrides) {
   std::vector<std::string> of_robot;
   std::copy_if(overrides.begin(), overrides.end(), std::back_inserter(of_robot),
                [](const std::string& each) { return each.rfind("robot", 0) == 0; });
   Scenario scenario;
   const YamlNode root = located_tree("robot: {}", of_robot, scenario);
-  return read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
+  const Place place = Place{scenario, &root, ""}.child("robot");
+  read_key(place.child("xacro"), RobotSpec::xacro_key, scenario.robot);
+  return {urdf_text(file, scenario.robot.xacro), read_urdf_options(place, scenario.robot)};
 }
 
 }  // namespace tachless::experiment

@@ -348,8 +348,13 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
 robot::Model with_payload(const Scenario& scenario, robot::Model model);
 
-/// How the overrides of `robot` alone have a URDF read: for who has no scenario yet.
-robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides);
+/// A robot's file, a URDF or an .xacro, as the overrides of `robot` alone have it read: for a
+/// command that has no scenario yet.
+struct RobotFile {
+  std::string urdf;
+  robot::UrdfOptions options;
+};
+RobotFile robot_file(const std::filesystem::path& file, const std::vector<std::string>& overrides);
 
 /// Width of one count of each joint's position encoder [rad; m if prismatic]; 0: ideal.
 /// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.

@@ -51,6 +51,9 @@ void add_quiet(CLI::App& command, bool& quiet);
 /// On stdout: `text`, or, with --json, `all` with `text` in it.
 void print(bool json, nlohmann::ordered_json all, const std::string& text);
 
+/// By its name, which ends with .yaml or .yml.
+bool is_scenario(const std::filesystem::path& file);
+
 inline constexpr std::string_view write_remedy = "name another file with --write";
 /// For verbs that write a scenario: refuse, before the work, a name that is none, and a file that
 /// could not or should not be written after it.

@@ -11,7 +11,6 @@
 #include <stdexcept>
 
 #include "controller/program.h"
-#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
@@ -34,9 +33,9 @@ using robot::Model;
 
 Model read_robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides,
                  double gravity) {
-  const std::string text = diagnostics::given_text(urdf, diagnostics::max_text_bytes);
+  const auto [text, options] = experiment::robot_file(urdf, overrides);
   try {
-    Model model = robot::model_from_urdf(text, urdf.string(), experiment::urdf_options(overrides));
+    Model model = robot::model_from_urdf(text, urdf.string(), options);
     if (!std::isfinite(gravity)) {
       throw diagnostics::bad_usage("gravity: {}; allowed: a finite number [m/s²]", gravity);
     }

@@ -7,7 +7,7 @@
 #include "robot/model.h"
 
 /// A robot as parsed from its URDF, and its mechanics at one position: the content of
-/// `tachless robot`. Nothing of a scenario: no rotors, no payload, gravity as in the model.
+/// `tachless robot`: without rotors and payload, gravity as in the model.
 namespace tachless::report {
 
 /// @throw diagnostics::Failure(bad_usage) unless `position` is empty (each joint as near to 0 as

@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "controller/registry.h"
-#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
+#include "experiment/scenario.h"
 #include "launch/verb.h"
 #include "node/options.h"
 #include "report/robot_facts.h"
@@ -104,12 +104,16 @@ struct Laws {
 };
 
 struct Robot {
-  std::filesystem::path urdf;
+  std::filesystem::path file;
+  std::vector<std::string> overrides;
   std::vector<double> position;
   bool json = false;
 
   void declare(CLI::App& command) {
-    node::with_installed_scenarios(command.add_option("FILE", urdf, "A URDF file"))->required();
+    node::with_installed_scenarios(
+        command.add_option("FILE", file, "A URDF or .xacro file, or a scenario"))
+        ->required();
+    node::add_overrides(command, overrides, "robot.key=value, as in a scenario; may be repeated");
     command
         .add_option("--position", position,
                     "a,b,... in the order of the joints [rad; m]; default: as near to 0 as their "
@@ -122,7 +126,7 @@ struct Robot {
     std::optional<std::string> refusal;
     const report::RobotFacts facts(read(refusal), position);
     std::cout << (json ? diagnostics::json_text(to_json(facts), 2) + "\n"
-                       : urdf.string() + ": " + to_text(facts));
+                       : file.string() + ": " + to_text(facts));
     if (!refusal) return ExitCode::done;
     diagnostics::log_error(*refusal);
     return ExitCode::check_said_no;
@@ -132,16 +136,17 @@ struct Robot {
   /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
   /// message.
   robot::Model read(std::optional<std::string>& refusal) const {
-    const std::string text = diagnostics::given_text(urdf, diagnostics::max_text_bytes);
+    if (is_scenario(file)) return *experiment::load_scenario(file, overrides).model;
+    const auto [text, options] = experiment::robot_file(file, overrides);
     try {
       try {
-        return robot::model_from_urdf(text, urdf.string());
+        return robot::model_from_urdf(text, file.string(), options);
       } catch (const std::invalid_argument& problem) {
         refusal = problem.what();
       }
-      robot::UrdfOptions lenient;
+      robot::UrdfOptions lenient = options;
       lenient.check_inertia = robot::CheckInertia::warn;
-      return robot::model_from_urdf(text, urdf.string(), lenient);
+      return robot::model_from_urdf(text, file.string(), lenient);
     } catch (const std::invalid_argument& problem) {
       throw diagnostics::bad_usage(refusal.value_or(problem.what()));
     }
@@ -160,6 +165,7 @@ const Verb robot_verb = verb_of<Robot>(
     "robot",
     "What was parsed from a URDF: joints, limits, masses; torques and inertia at a position",
     "  tachless robot robot.urdf\n"
+    "  tachless robot ur.urdf.xacro --set robot.xacro.ur_type=ur5e\n"
     "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json");
 
 }  // namespace tachless::launch

@@ -308,7 +308,7 @@ struct Design {
   }
 
   [[nodiscard]] bool bare_urdf() const {
-    return input.extension() != ".yaml" && input.extension() != ".yml" &&
+    return !is_scenario(input) &&
            diagnostics::given_text(input, diagnostics::max_text_bytes).find("<robot") !=
                std::string::npos;
   }
@@ -323,11 +323,10 @@ struct Design {
     }
     more.insert(more.begin(), overrides.begin(), overrides.end());
     if (!bare_urdf()) return experiment::load_scenario(input, more);
-    const std::string urdf = diagnostics::given_text(input, diagnostics::max_text_bytes);
+    const auto [urdf, options] = experiment::robot_file(input, overrides);
     std::string scenario;
     try {
-      const robot::Model model =
-          robot::read_urdf(urdf, input.string(), experiment::urdf_options(overrides));
+      const robot::Model model = robot::read_urdf(urdf, input.string(), options);
       experiment::UrdfScenario of{scenario_name(output.empty() ? input : output),
                                   path_from(output, input), period_s > 0 ? period_s : 1e-3};
       if (!from.empty()) of.from = from_posture(model);

@@ -74,6 +74,18 @@ TEST_F(Xacro, MakesTheUrdfThatTheRecordedScenarioHas) {
   EXPECT_EQ(recorded.robot.xacro.at("name"), "arm");
 }
 
+TEST_F(Xacro, IsRunOnAFileWithoutAScenarioToo) {
+  install(stand_in);
+  const RobotFile file =
+      robot_file(directory_ / "arm.urdf.xacro",
+                 {"robot.xacro.name=arm", "robot.locked.elbow=0.5", "loop.period_s=0.1"});
+  EXPECT_THAT(file.urdf, HasSubstr("<robot name=\"two_link\""));
+  EXPECT_EQ(file.options.locked.at("elbow"), 0.5);
+  std::stringstream words;
+  words << std::ifstream(directory_ / "words").rdbuf();
+  EXPECT_THAT(words.str(), HasSubstr("\nname:=arm\n"));
+}
+
 TEST_F(Xacro, SaysWhatIsMissingOrWrong) {
   setenv("PATH", directory_.path().c_str(), 1);
   EXPECT_THAT(refusal({}), HasSubstr("not on the PATH; type: pip install xacro"));
