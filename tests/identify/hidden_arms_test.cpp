@@ -112,8 +112,9 @@ class Tally {
 };
 
 /// TACHLESS_IDENTIFY_ARMS=N tries N arms, each for 20 s, from the one numbered
-/// TACHLESS_IDENTIFY_FIRST on; TACHLESS_IDENTIFY_ROBOT=NAME those of one scenario. A ur5e is among those only: its soft wrists are at rest for much of the time, and a
-/// loop takes longer to simulate.
+/// TACHLESS_IDENTIFY_FIRST on; TACHLESS_IDENTIFY_ROBOT=NAME those of one scenario. A ur5e is among
+/// those only: its soft wrists are at rest for much of the time, and a loop takes longer to
+/// simulate.
 TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
   const char* many = std::getenv("TACHLESS_IDENTIFY_ARMS");
   const char* only = std::getenv("TACHLESS_IDENTIFY_ROBOT");
