@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
 #include <filesystem>
 #include <iostream>
 #include <optional>
@@ -137,6 +139,16 @@ struct Robot {
   /// message.
   robot::Model read(std::optional<std::string>& refusal) const {
     if (is_scenario(file)) return *experiment::load_scenario(file, overrides).model;
+    for (const std::string& each : overrides) {
+      const bool known = std::ranges::any_of(
+          std::array{"robot.xacro", "robot.locked", "robot.base", "robot.check_inertia"},
+          [&](const char* key) { return each.starts_with(key); });
+      if (known) continue;
+      throw diagnostics::bad_usage(
+          "--set {}: says nothing of how a URDF is read; allowed: robot.xacro, robot.locked, "
+          "robot.base, robot.check_inertia, or a scenario as FILE",
+          each);
+    }
     const auto [text, options] = experiment::robot_file(file, overrides);
     try {
       try {

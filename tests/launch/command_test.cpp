@@ -200,6 +200,13 @@ TEST_F(Command, RobotShowsWhatIsReadOfAUrdf) {
   const Outcome json = tachless("robot " + urdf + " --position 0.5,-1 --json");
   EXPECT_EQ(json.exit_code, 0);
   EXPECT_THAT(json.output, AllOf(HasSubstr("32.78"), HasSubstr("\"warnings\": []")));
+  EXPECT_THAT(tachless("robot practical_rigid --set robot.locked.elbow=0.5").output,
+              HasSubstr("1 joints"));
+  EXPECT_THAT(tachless("robot " + urdf + " --set robot.locked.elbow=0.5").output,
+              HasSubstr("1 joints"));
+  const Outcome unread = tachless("robot " + urdf + " --set loop.period_s=1");
+  EXPECT_EQ(unread.exit_code, 2);
+  EXPECT_THAT(unread.output, HasSubstr("says nothing of how a URDF is read"));
   const Outcome wrong = tachless("robot " + urdf + " --position 1");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.output, HasSubstr("1 numbers; the robot has 2 joints: shoulder, elbow"));
