@@ -52,7 +52,7 @@ void add_quiet(CLI::App& command, bool& quiet);
 void print(bool json, nlohmann::ordered_json all, const std::string& text);
 
 /// By its name, which ends with .yaml or .yml.
-bool is_scenario(const std::filesystem::path& file);
+bool is_yaml(const std::filesystem::path& file);
 
 inline constexpr std::string_view write_remedy = "name another file with --write";
 /// For verbs that write a scenario: refuse, before the work, a name that is none, and a file that

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <array>
 #include <filesystem>
 #include <iostream>
 #include <optional>
@@ -138,11 +136,12 @@ struct Robot {
   /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
   /// message.
   robot::Model read(std::optional<std::string>& refusal) const {
-    if (is_scenario(file)) return *experiment::load_scenario(file, overrides).model;
+    if (is_yaml(file)) return *experiment::load_scenario(file, overrides).model;
     for (const std::string& each : overrides) {
-      const bool known = std::ranges::any_of(
-          std::array{"robot.xacro", "robot.locked", "robot.base", "robot.check_inertia"},
-          [&](const char* key) { return each.starts_with(key); });
+      bool known = false;
+      for (const char* key : {"robot.xacro", "robot.locked", "robot.base", "robot.check_inertia"}) {
+        known = known || each.starts_with(key);
+      }
       if (known) continue;
       throw diagnostics::bad_usage(
           "--set {}: says nothing of how a URDF is read; allowed: robot.xacro, robot.locked, "

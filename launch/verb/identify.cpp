@@ -37,12 +37,12 @@ void require_writable(const std::filesystem::path& file, bool force) {
   diagnostics::UnfinishedFile(file, write_remedy);
 }
 
-bool is_scenario(const std::filesystem::path& file) {
+bool is_yaml(const std::filesystem::path& file) {
   return file.extension() == ".yaml" || file.extension() == ".yml";
 }
 
 void require_scenario_name(const std::filesystem::path& file) {
-  if (file.empty() || is_scenario(file)) return;
+  if (file.empty() || is_yaml(file)) return;
   throw diagnostics::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
                                file.string());
 }
@@ -87,9 +87,8 @@ using identify::Recording;
 std::vector<Recording> read(const std::vector<fs::path>& logs) {
   std::vector<Recording> recordings;
   for (const fs::path& log : logs) {
-    const bool table = is_scenario(log);
-    recordings.push_back(table ? identify::read_table(log)
-                               : identify::read_recording(logger::find_log(log)));
+    recordings.push_back(is_yaml(log) ? identify::read_table(log)
+                                      : identify::read_recording(logger::find_log(log)));
   }
   return recordings;
 }

@@ -308,7 +308,7 @@ struct Design {
   }
 
   [[nodiscard]] bool bare_urdf() const {
-    return !is_scenario(input) &&
+    return !is_yaml(input) &&
            diagnostics::given_text(input, diagnostics::max_text_bytes).find("<robot") !=
                std::string::npos;
   }

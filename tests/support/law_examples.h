@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <map>
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -48,39 +48,31 @@ inline std::string ruled_gains(const controller::LawFacts& law) {
 
 /// Every law there is. Those without a row here have the gains of their rule of thumb.
 inline const std::vector<LawExample>& law_examples() {
-  static const std::map<std::string_view, LawExample> rows = {
-      {"loria_ortega_rigid", {"", "practical_rigid", {}}},
-      {"loria_ortega_flexible", {"", "practical_flexible", {}}},
-      {"kelly_regulation", {"", "regulation", {}}},
-      {"kelly_flexible", {"", "flexible_regulation", {}}},
-      {"loria_ortega_matrix",
-       {"",
-        "practical_rigid",
-        {"controller.gains={kp: [[40000, 2000], [2000, 2400]], kd: [[1000, 50], [50, 60]], "
-         "a: 1000, b: 1000}"}}},
-      {"zhang_dawson", {"", "practical_rigid", {"controller.gains={k: 150}"}}},
-      {"lanari_wen",
-       {"", "practical_flexible", {"controller.gains={kp: [4000, 1000], kv: [80, 40]}"}}},
-      {"robust_differentiator",
-       {"",
-        "practical_rigid",
-        {"controller.gains={kp: [4000, 1000], kd: [400, 60], lipschitz: 4000}",
-         "plant.initial.velocity_rad_per_s=[1, 1]"}}}};
-  static std::vector<LawExample> all;
-  if (!all.empty()) return all;
-  for (const controller::LawFacts& law : controller::laws()) {
-    LawExample example;
-    if (const auto row = rows.find(law.name); row != rows.end()) {
-      example = row->second;
-    } else {
-      example.scenario = law.needs_flexible_joints ? "practical_flexible"
-                         : law.regulation_only     ? "regulation"
-                                                   : "practical_rigid";
-      example.gains = {ruled_gains(law)};
+  static const std::vector<LawExample> all = [] {
+    std::vector<LawExample> examples = {
+        {"loria_ortega_rigid", "practical_rigid", {}},
+        {"loria_ortega_flexible", "practical_flexible", {}},
+        {"kelly_regulation", "regulation", {}},
+        {"kelly_flexible", "flexible_regulation", {}},
+        {"loria_ortega_matrix",
+         "practical_rigid",
+         {"controller.gains={kp: [[40000, 2000], [2000, 2400]], kd: [[1000, 50], [50, 60]], "
+          "a: 1000, b: 1000}"}},
+        {"zhang_dawson", "practical_rigid", {"controller.gains={k: 150}"}},
+        {"lanari_wen", "practical_flexible", {"controller.gains={kp: [4000, 1000], kv: [80, 40]}"}},
+        {"robust_differentiator",
+         "practical_rigid",
+         {"controller.gains={kp: [4000, 1000], kd: [400, 60], lipschitz: 4000}",
+          "plant.initial.velocity_rad_per_s=[1, 1]"}}};
+    for (const controller::LawFacts& law : controller::laws()) {
+      if (std::ranges::find(examples, law.name, &LawExample::law) != examples.end()) continue;
+      const char* scenario = law.needs_flexible_joints ? "practical_flexible"
+                             : law.regulation_only     ? "regulation"
+                                                       : "practical_rigid";
+      examples.push_back({std::string(law.name), scenario, {ruled_gains(law)}});
     }
-    example.law = law.name;
-    all.push_back(std::move(example));
-  }
+    return examples;
+  }();
   return all;
 }
 
