@@ -1,7 +1,5 @@
 #include "certificate/gain_rows.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -59,7 +57,7 @@ FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s) {
   if (memory > 0) {
     MatrixXcd resolvent = -law.A.cast<std::complex<double>>();
     resolvent.diagonal().array() += std::polar(1.0, w * period_s);
-    const MatrixXcd inverse = Eigen::PartialPivLU<MatrixXcd>(resolvent).inverse();
+    const MatrixXcd inverse = robot::complex_inverse(resolvent);
     to_memory = inverse * law.B;
     from_memory = law.C * inverse;
     at.K += law.C * to_memory;
@@ -149,7 +147,7 @@ std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, doubl
       continue;
     }
     // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
-    MatrixXcd inverse = Eigen::PartialPivLU<MatrixXcd>(one_plus).inverse();
+    MatrixXcd inverse = robot::complex_inverse(one_plus);
     bound = 1 / inverse.norm();
     for (int k = 2; bound <= enough && k <= 8; k *= 2) {
       inverse = inverse.lazyProduct(inverse).eval();
@@ -167,15 +165,15 @@ void RestLoop::add_rows(const FeedbackAt& at, const Feedback& feedback, double l
   const auto scaled = [&](const MatrixXcd& K) -> MatrixXcd {
     return -(scale.cwiseInverse().asDiagonal() * (K * P) * scale.asDiagonal());
   };
-  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(scaled(at.K));
-  const MatrixXcd left = Eigen::PartialPivLU<MatrixXcd>(eigen.eigenvectors()).inverse();
+  const robot::ComplexEigen eigen = robot::complex_eigen(scaled(at.K));
+  const MatrixXcd left = robot::complex_inverse(eigen.vectors);
   for (Index m = 0; m < n_; ++m) {
-    const std::complex<double> from = eigen.eigenvalues()[m] + 1.0;
+    const std::complex<double> from = eigen.values[m] + 1.0;
     const double distance = std::abs(from);
     if (distance > least + near) continue;
     LinearProgramme::Row row{VectorXd(feedback.num_variables()), least - distance};
     for (std::size_t kind = 0; kind < at.by_kind.size(); ++kind) {
-      const VectorXcd moved = scaled(at.by_kind[kind]) * eigen.eigenvectors().col(m);
+      const VectorXcd moved = scaled(at.by_kind[kind]) * eigen.vectors.col(m);
       const VectorXd change =
           (std::conj(from) / distance * left.row(m).transpose().cwiseProduct(moved).array()).real();
       const auto first = static_cast<Index>(kind);

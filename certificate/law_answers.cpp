@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -110,16 +109,15 @@ LinearLaw model_of(const std::vector<MatrixXd>& h, const VectorXd& noise) {
   const MatrixXd triangle = qr.matrixR().template triangularView<Eigen::Upper>();
   const Index rows =
       std::max<Index>(1, (qr.matrixR().diagonal().cwiseAbs().array() > least / 64).count());
-  const Eigen::JacobiSVD<MatrixXd> svd(
-      MatrixXd(triangle.topRows(rows)) * qr.colsPermutation().transpose(),
-      Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const VectorXd& s = svd.singularValues();
+  const robot::Singular svd =
+      robot::singular(MatrixXd(triangle.topRows(rows)) * qr.colsPermutation().transpose());
+  const VectorXd& s = svd.values;
   const Index r = (s.array() > least).count();
   const VectorXd root = s.head(r).cwiseSqrt(), inverse = root.cwiseInverse();
   MatrixXd observed = MatrixXd::Zero(hankel.rows(), r);
-  observed.topRows(rows) = svd.matrixU().leftCols(r);
+  observed.topRows(rows) = svd.U.leftCols(r);
   observed.applyOnTheLeft(qr.householderQ());
-  const MatrixXd reached = svd.matrixV().leftCols(r);
+  const MatrixXd reached = svd.V.leftCols(r);
   return in_pulses(
       {inverse.asDiagonal() * (observed.transpose() * shifted * reached) * inverse.asDiagonal(),
        root.asDiagonal() * reached.topRows(m).transpose(),

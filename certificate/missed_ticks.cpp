@@ -1,6 +1,5 @@
 #include "certificate/missed_ticks.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,6 +12,7 @@
 #include "diagnostics/failure.h"
 #include "identify/least_squares.h"
 #include "reference/make_trajectory.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
 namespace tachless::identify {
@@ -140,7 +140,7 @@ double condition_of(const Regression& regression) {
   for (Eigen::Index i = 0; i < columns.cols(); ++i) {
     columns.col(i) /= std::max(1e-12, columns.col(i).norm());
   }
-  const VectorXd singular = columns.jacobiSvd().singularValues();
+  const VectorXd singular = robot::singular(columns).values;
   return singular.maxCoeff() / std::max(1e-12, singular.minCoeff());
 }
 

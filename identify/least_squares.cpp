@@ -1,7 +1,5 @@
 #include "identify/least_squares.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,7 @@
 #include <utility>
 
 #include "identify/inertia.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
 namespace tachless::identify {
@@ -241,13 +240,13 @@ double quantile(double freedom) {
 /// standard errors for linear regression with multi-stage samples, Survey Methodology 28(2), 2002).
 VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
   const Eigen::Index length = residual.size() / blocks, p = J.cols();
-  const MatrixXd N = J.transpose() * J, inverse = N.inverse();
+  const MatrixXd N = J.transpose() * J, inverse = robot::inverse(N);
   std::vector<MatrixXd> own, without;  // normal matrices; solutions of the other blocks'
   MatrixXd moves(of.rows(), blocks);
   for (Eigen::Index b = 0; b < blocks; ++b) {
     const auto rows = J.middleRows(b * length, length);
     own.emplace_back(rows.transpose() * rows);
-    without.emplace_back((N - own.back()).inverse() * of.transpose());
+    without.emplace_back(robot::inverse(N - own.back()) * of.transpose());
     moves.col(b) =
         without.back().transpose() * (rows.transpose() * residual.segment(b * length, length));
   }
@@ -293,9 +292,7 @@ Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& res
   // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
   constexpr double zero = 1e-9;
   const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
-  const VectorXd& value = eigen.eigenvalues();
-  const MatrixXd& V = eigen.eigenvectors();
+  const auto [value, V] = robot::symmetric_eigen(scaled.transpose() * scaled);
   const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
   const Eigen::Index rank = value.size() - null;
   const auto determined = V.rightCols(rank);

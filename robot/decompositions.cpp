@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <Eigen/SVD>
 #include <unsupported/Eigen/MatrixFunctions>
 
 namespace tachless::robot {
@@ -20,6 +21,11 @@ VectorXd symmetric_eigenvalues(const MatrixXd& A) {
 SymmetricEigen symmetric_eigen(const MatrixXd& A) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(A);
   return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+Singular singular(const MatrixXd& A) {
+  const Eigen::JacobiSVD<MatrixXd> svd(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  return {svd.singularValues(), svd.matrixU(), svd.matrixV()};
 }
 
 MatrixXd exponential(const MatrixXd& A) { return A.exp(); }

@@ -21,7 +21,21 @@ struct SymmetricEigen {
 };
 SymmetricEigen symmetric_eigen(const Eigen::MatrixXd& A);
 
+/// A vectors = vectors diag(values).
+struct ComplexEigen {
+  Eigen::VectorXcd values;
+  Eigen::MatrixXcd vectors;
+};
+ComplexEigen complex_eigen(const Eigen::MatrixXcd& A);
+
 double smallest_singular_value(const Eigen::MatrixXcd& A);
+
+/// A = U diag(values) V', with as many columns as A has rows or columns, the largest value first.
+struct Singular {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd U, V;
+};
+Singular singular(const Eigen::MatrixXd& A);
 
 /// A = U T U*, U unitary and T upper triangular.
 struct Schur {
@@ -34,6 +48,7 @@ Eigen::MatrixXd exponential(const Eigen::MatrixXd& A);
 
 /// Of an invertible matrix.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
+Eigen::MatrixXcd complex_inverse(const Eigen::MatrixXcd& A);
 
 /// X of A X = B; nothing when A is singular to rounding.
 std::optional<Eigen::MatrixXd> solution(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);

@@ -1,5 +1,6 @@
 #include "robot/dynamics.h"
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
 #include <stdexcept>

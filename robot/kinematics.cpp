@@ -1,5 +1,6 @@
 #include "robot/kinematics.h"
 
+#include <Eigen/Geometry>
 #include <stdexcept>
 
 namespace tachless::robot {
