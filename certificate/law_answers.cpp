@@ -111,9 +111,8 @@ LinearLaw model_of(const std::vector<MatrixXd>& h, const VectorXd& noise) {
       std::max<Index>(1, (qr.matrixR().diagonal().cwiseAbs().array() > least / 64).count());
   const robot::Singular svd =
       robot::singular(MatrixXd(triangle.topRows(rows)) * qr.colsPermutation().transpose());
-  const VectorXd& s = svd.values;
-  const Index r = (s.array() > least).count();
-  const VectorXd root = s.head(r).cwiseSqrt(), inverse = root.cwiseInverse();
+  const Index r = (svd.values.array() > least).count();
+  const VectorXd root = svd.values.head(r).cwiseSqrt(), inverse = root.cwiseInverse();
   MatrixXd observed = MatrixXd::Zero(hankel.rows(), r);
   observed.topRows(rows) = svd.U.leftCols(r);
   observed.applyOnTheLeft(qr.householderQ());

@@ -137,10 +137,8 @@ double condition_of(const Regression& regression) {
   for (Eigen::Index row = 0; row < columns.rows(); ++row) {
     columns.row(row) /= std::max(1e-9, regression.peak[regression.joint[row]]);
   }
-  for (Eigen::Index i = 0; i < columns.cols(); ++i) {
-    columns.col(i) /= std::max(1e-12, columns.col(i).norm());
-  }
-  const VectorXd singular = robot::singular(columns).values;
+  columns.array().rowwise() /= columns.colwise().norm().cwiseMax(1e-12).array();
+  const VectorXd singular = robot::singular_values(columns);
   return singular.maxCoeff() / std::max(1e-12, singular.minCoeff());
 }
 

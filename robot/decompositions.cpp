@@ -23,6 +23,8 @@ SymmetricEigen symmetric_eigen(const MatrixXd& A) {
   return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
+VectorXd singular_values(const MatrixXd& A) { return A.jacobiSvd().singularValues(); }
+
 Singular singular(const MatrixXd& A) {
   const Eigen::JacobiSVD<MatrixXd> svd(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
   return {svd.singularValues(), svd.matrixU(), svd.matrixV()};

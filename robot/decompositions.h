@@ -29,6 +29,7 @@ struct ComplexEigen {
 ComplexEigen complex_eigen(const Eigen::MatrixXcd& A);
 
 double smallest_singular_value(const Eigen::MatrixXcd& A);
+Eigen::VectorXd singular_values(const Eigen::MatrixXd& A);
 
 /// A = U diag(values) V', with as many columns as A has rows or columns, the largest value first.
 struct Singular {
