@@ -121,6 +121,8 @@ LinearPlant held(const LinearPlant& plant, double period_s) {
   return {exponential.topLeftCorner(m, m), exponential.topRightCorner(m, n), plant.num_joints};
 }
 
+MatrixXd CutLoop::closed(double gain) const { return A + gain * B * C; }
+
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay) {
   const LinearPlant step = held(plant, period_s);
   const MatrixXd measured = selection(plant, law);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "loop/measurements.h"
 #include "loop/signals.h"
 #include "robot/model.h"
 
@@ -13,10 +14,9 @@
 /// time, and the map of one period that they make with the torque held.
 namespace tachless::certificate {
 
-inline constexpr double infinity = std::numeric_limits<double>::infinity();
+using loop::Part;
 
-/// What the plant's state consists of, and hence what a law may measure.
-enum class Part { q = 0, v = 1, theta = 2, thetadot = 3 };
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// xdot = A x + B tau in deviations x = (q, v) from the reference, (q, v, theta, thetadot) with
 /// flexible joints; torques of current loops that lag come last.
@@ -74,7 +74,7 @@ struct CutLoop {
   Eigen::MatrixXd A, B, C;
 
   /// The map of one period when it is closed again; `gain` multiplies the feedback terms.
-  [[nodiscard]] Eigen::MatrixXd closed(double gain = 1) const { return A + gain * B * C; }
+  [[nodiscard]] Eigen::MatrixXd closed(double gain = 1) const;
 };
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
 

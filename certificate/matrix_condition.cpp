@@ -50,7 +50,7 @@ struct Slack {
   /// Of V's matrix.
   [[nodiscard]] double of_lyapunov(const Weights& weights) const {
     const auto size = weights.eps_1.array().square() + weights.eps_2.array().square();
-    return spectral_norm(M) * (1 + std::sqrt(size.maxCoeff()));
+    return robot::spectral_norm(M) * (1 + std::sqrt(size.maxCoeff()));
   }
 };
 
@@ -67,7 +67,7 @@ std::vector<MatrixXd> combined(const std::vector<MatrixXd>& C, const MatrixXd& L
 }
 
 /// sym C(q, delta) in the same way, |L^-1 delta| = |x|.
-std::vector<MatrixXd> coriolis_of_delta(const Inertia& inertia, const MatrixXd& L) {
+std::vector<MatrixXd> coriolis_of_delta(const robot::Inertia& inertia, const MatrixXd& L) {
   std::vector<MatrixXd> all = combined(inertia.C, L);
   for (MatrixXd& C : all) C = symmetric_part(C);
   return all;
@@ -80,7 +80,7 @@ MatrixXd decrease_at_rest(const ErrorSystem& system, const Weights& weights, con
 
 Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
                const Weights& weights) {
-  const Postures& postures = condition.postures;
+  const robot::Postures& postures = condition.postures;
   const Index N = system.num_errors(), n = system.num_links();
   Slack result{MatrixXd::Zero(n, n), MatrixXd::Zero(3 * N, 3 * N), MatrixXd::Zero(n, n)};
   if (postures.harmonics.empty()) return result;
@@ -89,7 +89,7 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   const VectorXd scale_M = M.diagonal().cwiseSqrt();
   const VectorXd scale =
       decrease_at_rest(system, weights, M).diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
-  for (const Postures::Harmonic& h : postures.harmonics) {
+  for (const robot::Postures::Harmonic& h : postures.harmonics) {
     const double curvature = postures.chord_factor * h.order * h.order;
     std::vector<MatrixXd> of_C, of_decrease;
     for (const Inertia* part : {&h.cosine, &h.sine}) {
@@ -114,7 +114,7 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
 /// A matrix that is positive definite only when Mm is at delta = 0 for every v_ref of the
 /// condition; nothing when the congruence fails, and then it is not.
 std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
-                                    const Weights& weights, const Inertia& inertia,
+                                    const Weights& weights, const robot::Inertia& inertia,
                                     const Slack& slack) {
   const MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
   if (condition.B_d == 0) return at_rest;
@@ -137,7 +137,7 @@ constexpr Index few = 3;
 
 /// @param states receives those that bind, if it is given
 double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-              const Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
+              const robot::Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   const auto F = decrease_at(condition, system, weights, inertia, slack);
   if (!F) return 0;
@@ -156,13 +156,14 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
     const MatrixXd u = robot::symmetric_eigen(sum).vectors.rightCols(std::min(few, n));
     *states = llt.solve(E * root.matrixU().solve(u));
   }
-  const double largest = std::sqrt(std::max(0.0, largest_eigenvalue(sum))) +
-                         largest_eigenvalue(H.transpose() * slack.delta * H);
+  const double largest = std::sqrt(std::max(0.0, robot::largest_eigenvalue(sum))) +
+                         robot::largest_eigenvalue(H.transpose() * slack.delta * H);
   return strictly_below / std::max(largest, 1e-300);
 }
 
 double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
+               double rho, const robot::Inertia& inertia, const Slack& slack,
+               MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   // P of the posture, enlarged by what it may be in between.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
@@ -191,7 +192,7 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
   if (states != nullptr) {
     *states = half_P.matrixU().solve(robot::symmetric_eigen(scaled).vectors.leftCols(few));
   }
-  const double least = smallest_eigenvalue(scaled);
+  const double least = robot::smallest_eigenvalue(scaled);
   return certified ? least : std::min(0.0, least);
 }
 
@@ -215,32 +216,33 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
                             .triangularView<Eigen::Lower>()
                             .solve(G.leftCols(system.num_links()).transpose());
 
-  const auto inverse_S = [&](const Inertia& inertia) -> std::optional<MatrixXd> {
+  const auto inverse_S = [&](const robot::Inertia& inertia) -> std::optional<MatrixXd> {
     const MatrixXd M = system.inertia(inertia.M + slack.M);
     const Eigen::LLT<MatrixXd> llt(K - G * M * G.transpose());
     if (llt.info() != Eigen::Success) return {};
     return llt.solve(MatrixXd::Identity(2 * N, 2 * N));
   };
   const auto largest_over_postures = [&](const auto& f) {
-    const auto negative = [&](const Inertia& inertia) { return -f(inertia); };
+    const auto negative = [&](const robot::Inertia& inertia) { return -f(inertia); };
     return -condition.postures.smallest(negative, condition.refine).value;
   };
   Shape result;
-  result.w = largest_over_postures([&](const Inertia& inertia) {
+  result.w = largest_over_postures([&](const robot::Inertia& inertia) {
     const auto S = inverse_S(inertia);
-    return S ? largest_eigenvalue(in_L * *S * in_L.transpose()) : infinity;
+    return S ? robot::largest_eigenvalue(in_L * *S * in_L.transpose()) : infinity;
   });
   if (std::isinf(result.w)) return {};
-  result.alpha_2 = largest_over_postures([&](const Inertia& inertia) {
-                     return largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2;
-                   }) +
-                   slack.of_lyapunov(weights) / 2;
+  result.alpha_2 =
+      largest_over_postures([&](const robot::Inertia& inertia) {
+        return robot::largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2;
+      }) +
+      slack.of_lyapunov(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
   result.feedback = VectorXd::Zero(N);
   MatrixXd g(N, 2 * N);
   g << system.kp, system.kd;
-  for (const Inertia& inertia : condition.postures.inertia) {
+  for (const robot::Inertia& inertia : condition.postures.inertia) {
     const auto S = inverse_S(inertia);
     if (!S) return {};
     result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
@@ -258,12 +260,14 @@ MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights) {
 }
 
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
-  Extreme least{infinity, {}};
+  robot::Extreme least{infinity, {}};
   Shape V;
   for (const ErrorSystem& system : systems) {
     const Slack slack = slack_of(*this, system, weights);
-    const Extreme of_system = postures.smallest(
-        [&](const Inertia& inertia) { return rho_at(*this, system, weights, inertia, slack); },
+    const robot::Extreme of_system = postures.smallest(
+        [&](const robot::Inertia& inertia) {
+          return rho_at(*this, system, weights, inertia, slack);
+        },
         refine);
     if (!(of_system.value > 0)) return {};
     if (of_system.value < least.value) least = of_system;
@@ -294,18 +298,18 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
 }
 
 double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
-                           const Inertia& inertia, MatrixXd& states) const {
+                           const robot::Inertia& inertia, MatrixXd& states) const {
   const Slack slack = slack_of(*this, system, weights);
   return goal == Goal::rate ? rate_at(*this, system, weights, 0, inertia, slack, &states)
                             : rho_at(*this, system, weights, inertia, slack, &states);
 }
 
-Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
-  Extreme least{infinity, {}};
+robot::Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
+  robot::Extreme least{infinity, {}};
   for (const ErrorSystem& system : systems) {
     const Slack slack = slack_of(*this, system, weights);
-    const Extreme of_system = postures.smallest(
-        [&](const Inertia& inertia) {
+    const robot::Extreme of_system = postures.smallest(
+        [&](const robot::Inertia& inertia) {
           return rate_at(*this, system, weights, rho, inertia, slack);
         },
         refine);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "certificate/error_system.h"
-#include "certificate/postures.h"
+#include "robot/postures.h"
 
 /// The full matrix condition: where the matrix Mm of error_system.h is positive definite, V
 /// decreases. No norm is bounded on the way, but for the balls of v_ref and delta. Like the error
@@ -42,7 +42,7 @@ Eigen::MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights);
 /// within a bound of the chord (see Postures), which is subtracted everywhere.
 struct MatrixCondition {
   std::vector<ErrorSystem> systems;  ///< the first is that of the start
-  Postures postures;
+  robot::Postures postures;
   double B_d = 0;                ///< largest |R^-1 v_ref| [rad/s; m/s], R = `v_scale`
   bool refine = true;            ///< local refinement of the worst sampled postures
   Eigen::MatrixXd v_scale = {};  ///< of an ellipsoid around v_ref; empty: a ball
@@ -53,7 +53,7 @@ struct MatrixCondition {
   /// The largest mu with Vdot <= -mu V where |L^-1 delta| <= rho [1/s], and the posture that binds
   /// it; V, hence the square of the error, decays at that rate and the error at mu/2. Not positive
   /// when nothing is certified; minus infinity when V is not positive definite.
-  [[nodiscard]] Extreme slowest(const Weights& weights, double rho) const;
+  [[nodiscard]] robot::Extreme slowest(const Weights& weights, double rho) const;
   [[nodiscard]] double rate(const Weights& weights, double rho) const {
     return slowest(weights, rho).value;
   }
@@ -61,7 +61,7 @@ struct MatrixCondition {
   /// columns the states that bind it, when V and with rho also Mm at delta = 0 are positive
   /// definite.
   [[nodiscard]] double at(Goal goal, const Weights& weights, const ErrorSystem& system,
-                          const Inertia& inertia, Eigen::MatrixXd& states) const;
+                          const robot::Inertia& inertia, Eigen::MatrixXd& states) const;
 };
 
 /// Weights and what they certify.

@@ -53,7 +53,7 @@ struct Spreads {
   Spread kd_by_b, kd_by_b_a;  // Kd B^-1, Kd B^-1 A
 
   Spreads(const ErrorSystem& s, const RobotConstants& c)
-      : kp{smallest_eigenvalue(s.kp), largest_eigenvalue(s.kp)},
+      : kp{robot::smallest_eigenvalue(s.kp), robot::largest_eigenvalue(s.kp)},
         kd(spread(s.kd.diagonal())),
         a(spread(s.a)),
         b(spread(s.b)),
@@ -110,19 +110,21 @@ Positive positive_range(const std::function<double(double)>& f, double low, doub
 
 RobotConstants robot_constants(const robot::Model& model) {
   const auto over_postures = [&](int samples, const auto& value) {
-    return largest(
+    return robot::largest(
         model, [&](const Vector& q) { return value(q); }, samples);
   };
   RobotConstants c;
-  c.lambda_max_M = over_postures(
-      2048, [&](const Vector& q) { return largest_eigenvalue(robot::mass_matrix(model, q)); });
-  c.lambda_min_M = over_postures(
-      2048, [&](const Vector& q) { return -smallest_eigenvalue(robot::mass_matrix(model, q)); });
+  c.lambda_max_M = over_postures(2048, [&](const Vector& q) {
+    return robot::largest_eigenvalue(robot::mass_matrix(model, q));
+  });
+  c.lambda_min_M = over_postures(2048, [&](const Vector& q) {
+    return -robot::smallest_eigenvalue(robot::mass_matrix(model, q));
+  });
   c.lambda_min_M.value *= -1;
   c.k_c = over_postures(
-      256, [&](const Vector& q) { return largest_over_directions(inertia_at(model, q).C); });
+      256, [&](const Vector& q) { return largest_over_directions(robot::inertia_at(model, q).C); });
   c.k_g = over_postures(1024, [&](const Vector& q) {
-    return spectral_norm(gradient_by_q(model, constant_reference(q)));
+    return robot::spectral_norm(gradient_by_q(model, constant_reference(q)));
   });
   return c;
 }

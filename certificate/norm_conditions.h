@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "certificate/error_system.h"
-#include "certificate/postures.h"
+#include "robot/postures.h"
 
 /// The constants of a robot, and the conditions of stability that Loria and Ortega (1995) print,
 /// which are made of such norms. One weight eps = eps_1 = eps_2; continuous time. They are very
@@ -15,9 +15,9 @@ namespace tachless::certificate {
 /// there is an x, over |x| = 1. Of sampled postures, the best of which are refined locally: no
 /// bounds. They know no gains.
 struct RobotConstants {
-  Extreme lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
-  Extreme k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
-  Extreme k_g;                         ///< sup |dg/dq| [N m/rad]
+  robot::Extreme lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
+  robot::Extreme k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
+  robot::Extreme k_g;                         ///< sup |dg/dq| [N m/rad]
 };
 
 RobotConstants robot_constants(const robot::Model& model);

@@ -10,10 +10,10 @@
 #include "certificate/gain_rows.h"
 #include "certificate/law_answers.h"
 #include "certificate/law_loop.h"
-#include "certificate/postures.h"
 #include "controller/registry.h"
 #include "diagnostics/text.h"
 #include "process/parallel.h"
+#include "robot/postures.h"
 
 namespace tachless::certificate {
 namespace {
@@ -46,7 +46,7 @@ ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
                           const std::function<double(const ReferencePoint&)>& f) {
   if (!loop.moves()) return loop.rest_at(0);
   constexpr double between = 1.0 / (reference_postures - 1);
-  const auto worst = minimise(
+  const auto worst = robot::minimise(
       [&](const VectorXd& share) {
         return share[0] < 0 || share[0] > 1 ? infinity : -f(loop.rest_at(share[0]));
       },

@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "certificate/postures.h"
 #include "controller/registry.h"
 #include "process/parallel.h"
 #include "robot/decompositions.h"
+#include "robot/postures.h"
 
 namespace tachless::certificate {
 namespace {
@@ -255,7 +255,8 @@ void evaluate(Candidate& candidate, const experiment::Scenario& scenario, const 
   }
   const MatrixXd Q = map.basis.transpose() * weight.asDiagonal() * map.basis;
   const Ellipsoid set(map, mean_lyapunov(maps, 1 - 0.25 * (1 - radius), Q));
-  if (!set.valid() || smallest_eigenvalue(set.P() - maps[0].transpose() * set.P() * maps[0]) <= 0) {
+  if (!set.valid() ||
+      robot::smallest_eigenvalue(set.P() - maps[0].transpose() * set.P() * maps[0]) <= 0) {
     return;
   }
   const double s = searched_radius(set, widest_error / set.widest(),

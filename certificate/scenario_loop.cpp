@@ -11,51 +11,27 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
-#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "certificate/law_answers.h"
 #include "controller/law/parts.h"
-#include "controller/laws.h"
 #include "controller/registry.h"
+#include "controller/stepped_law.h"
 #include "experiment/gains.h"
 
 namespace tachless::certificate {
 namespace {
 
+using controller::packed;
+using controller::SteppedLaw;
+using controller::unpack;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using loop::ReferencePoint;
 using robot::Vector;
-
-/// The vectors of a law's memory.
-template <class Memory>
-std::vector<Vector*> vectors_of(Memory& memory) {
-  std::vector<Vector*> all;
-  controller::law::for_each_vector(memory, [&](Vector& x) { all.push_back(&x); });
-  return all;
-}
-
-/// One after the other; null: none.
-VectorXd packed(std::span<Vector* const> vectors) {
-  std::vector<double> all;
-  for (const Vector* x : vectors) {
-    if (x != nullptr) all.insert(all.end(), x->begin(), x->end());
-  }
-  return Eigen::Map<const VectorXd>(all.data(), static_cast<Index>(all.size()));
-}
-
-void unpack(const VectorXd& from, std::span<Vector* const> vectors) {
-  Index begin = 0;
-  for (Vector* x : vectors) {
-    if (x == nullptr) continue;
-    *x = from.segment(begin, x->size());
-    begin += x->size();
-  }
-}
 
 /// The plant's state on the reference, by part.
 std::array<Vector, 4> state_on(const ReferencePoint& r, const robot::Model& model,
@@ -69,55 +45,9 @@ std::array<Vector, 4> state_on(const ReferencePoint& r, const robot::Model& mode
   return state;
 }
 
-template <class L>
-SteppedLaw stepped_law_of(const experiment::Scenario& scenario, const ReferencePoint& reference,
-                          const std::array<Vector, 4>& state) {
-  const L law = controller::make_law<L>(scenario);
-  typename L::Measurement nominal;
-  SteppedLaw result;
-  const auto parts = loop::parts_of(nominal);
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (parts[i] == nullptr) continue;
-    *parts[i] = state[i];  // of a rigid robot's motors: empty
-    if (state[i].size() > 0) result.measured.push_back(static_cast<Part>(i));
-  }
-  // That of a loop under way: what a law knows only from a step before, such as the torque that it
-  // commanded, is missing in the memory that it starts with.
-  auto memory = law.step(law.start(nominal, reference), nominal, reference).memory;
-  result.memory = packed(vectors_of(memory));
-  result.measurement = packed(parts);
-  result.start = [=](const VectorXd& measurement_in) {
-    typename L::Measurement own = nominal;
-    unpack(measurement_in, loop::parts_of(own));
-    auto first = law.start(own, reference);
-    return packed(vectors_of(first));
-  };
-  result.step = [=](const VectorXd& memory_in, const VectorXd& measurement_in) {
-    auto before = memory;
-    typename L::Measurement own = nominal;
-    unpack(memory_in, vectors_of(before));
-    unpack(measurement_in, loop::parts_of(own));
-    auto next = law.step(before, own, reference);
-    return std::pair<VectorXd, VectorXd>(packed(vectors_of(next.memory)), next.command.tau);
-  };
-  return result;
-}
-
-SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
-                       const std::array<Vector, 4>& state) {
-  SteppedLaw result;
-  const auto take = [&]<class L>(std::type_identity<L> /*type*/) {
-    if constexpr (controller::law::MadeOfVectors<typename L::Memory>) {
-      result = stepped_law_of<L>(scenario, reference, state);
-    }
-  };
-  controller::with_law(scenario.controller.law, take);
-  return result;
-}
-
 LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
                      const std::array<Vector, 4>& state) {
-  const SteppedLaw law = stepped_law(scenario, reference, state);
+  const SteppedLaw law = controller::stepped_law(scenario, reference, state);
   LinearLaw result = linearised(law.step, law.memory, law.measurement, law.measured);
   // Some begin with less memory than they have from a step on.
   if (law.start(law.measurement).size() != law.memory.size()) return result;
@@ -305,7 +235,7 @@ LinearLaw ScenarioLoop::law_with(const std::map<std::string, Vector>& gains,
 }
 
 SteppedLaw ScenarioLoop::stepped(const ReferencePoint& reference) const {
-  return stepped_law(*scenario_, reference, state_on(reference, model_, *scenario_));
+  return controller::stepped_law(*scenario_, reference, state_on(reference, model_, *scenario_));
 }
 
 MatrixXd ScenarioLoop::map_at(double t_s) const {
@@ -326,21 +256,6 @@ std::vector<ReferencePoint> ScenarioLoop::rest_points(int count) const {
   std::vector<ReferencePoint> result;
   for (int k = 0; k < count; ++k) result.push_back(rest_at(static_cast<double>(k) / (count - 1)));
   return result;
-}
-
-LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
-                                   const controller::law::LyapunovWeights& weights) {
-  LyapunovFunction function;
-  const auto take = [&]<class L>(std::type_identity<L> /*type*/) {
-    if constexpr (controller::law::HasLyapunovFunction<L>) {
-      function = [law = controller::make_law<L>(scenario), weights](
-                     const controller::law::LoopState& state, const ReferencePoint& reference) {
-        return law.lyapunov(state, reference, weights);
-      };
-    }
-  };
-  controller::with_law(scenario.controller.law, take);
-  return function;
 }
 
 }  // namespace tachless::certificate

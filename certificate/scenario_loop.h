@@ -11,6 +11,7 @@
 #include "certificate/linear_loop.h"
 #include "certificate/sampled_limit.h"
 #include "controller/law/law.h"
+#include "controller/stepped_law.h"
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
 #include "loop/signals.h"
@@ -19,17 +20,8 @@
 
 /// A scenario's closed loop, linearised: its plant (payload and friction included) about its
 /// reference, and its law, whichever of the catalogue. Saturation, quantisation and noise are not
-/// in it. Also the Lyapunov function that its law declares.
+/// in it.
 namespace tachless::certificate {
-
-/// A law as a function, its reference held, as vectors of numbers: memory and measurement at rest
-/// there, and the memory with which it starts from a measurement.
-struct SteppedLaw {
-  LawStep step;
-  std::function<Eigen::VectorXd(const Eigen::VectorXd&)> start;
-  Eigen::VectorXd memory, measurement;
-  std::vector<Part> measured;
-};
 
 /// The torques that a law of another program answers to measurements, tick by tick from the first
 /// of a run at that period on, its reference held, with that reference's gains, in the scenario's
@@ -61,7 +53,7 @@ class ScenarioLoop {
                                    const loop::ReferencePoint& reference) const;
 
   /// The law itself, not linearised, with the reference held at that point.
-  [[nodiscard]] SteppedLaw stepped(const loop::ReferencePoint& reference) const;
+  [[nodiscard]] controller::SteppedLaw stepped(const loop::ReferencePoint& reference) const;
 
   /// The map of one period of the scenario from time t [s] on: the law at t, the plant half a
   /// period later. Precondition: no answers, whose states at two times need not be the same.
@@ -98,16 +90,5 @@ class ScenarioLoop {
 /// The robot as the plant has it: rotors of rigid joints and payload included.
 /// @throw diagnostics::Failure(bad_usage) for a payload on no link.
 robot::Model plant_of(const experiment::Scenario& scenario);
-
-/// The Lyapunov function by which a law's stability is proved, of a state of the loop [J].
-using LyapunovFunction =
-    std::function<double(const controller::law::LoopState&, const loop::ReferencePoint&)>;
-
-/// That of the scenario's law, with the model that the law is given (a payload unknown to it is
-/// not in M). Empty when the law declares none.
-/// @param weights of its cross terms, where it has some: those of `certified_run`
-/// @throw diagnostics::Failure(bad_usage) when the law cannot be made of the scenario.
-LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
-                                   const controller::law::LyapunovWeights& weights = {});
 
 }  // namespace tachless::certificate

@@ -210,8 +210,8 @@ class ErrorLoop {
     return region;
   }
 
-  [[nodiscard]] Postures postures(int circle_points, bool bound_between, int samples) const {
-    return Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
+  [[nodiscard]] robot::Postures postures(int circle_points, bool bound_between, int samples) const {
+    return robot::Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
   }
 
   /// Of each joint's limit what the torque may take where V <= level.
@@ -264,7 +264,7 @@ class ErrorLoop {
     const double mu = fine().rate(c.weights, c.region.rho / 2);
     if (!(mu > 0)) return {};
     double of_y = 0;
-    for (const Inertia& at : fine().postures.inertia) {
+    for (const robot::Inertia& at : fine().postures.inertia) {
       const MatrixXd inverse = robot::inverse(at.M);
       of_y = std::max(of_y, friction_.on_y.dot(inverse.cwiseAbs() * friction_.on_y));
     }

@@ -26,7 +26,7 @@ Weights weights_of(const VectorXd& x) { return {x.head(x.size() / 2), x.tail(x.s
 /// A state that binds at a posture: its quotient for any weights.
 struct Cut {
   const ErrorSystem* system;
-  Inertia inertia;
+  robot::Inertia inertia;
   VectorXd state;
 
   /// num / den and its gradient by x.
@@ -218,7 +218,7 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
     x = search.improved(x);
     const double promised = search.merit(x);
     const Weights weights = weights_of(x);
-    const Extreme slowest = fine.slowest(weights, 0);
+    const robot::Extreme slowest = fine.slowest(weights, 0);
     const auto region = fine.region(weights);
     if (region) {
       Certified found{weights, *region, slowest.value};
@@ -226,7 +226,7 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
       if (!best || kept > merit(goal, *best)) best = std::move(found);
       if (promised < 1.02 * kept) break;
     }
-    if (coarse.postures.kind != Postures::Kind::sampled) break;
+    if (coarse.postures.kind != robot::Postures::Kind::sampled) break;
     coarse.postures.add(slowest.q);
     if (region) coarse.postures.add(region->q);
   }

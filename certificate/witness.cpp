@@ -12,13 +12,13 @@
 #include <random>
 #include <vector>
 
-#include "certificate/postures.h"
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/fnv.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
+#include "robot/postures.h"
 
 namespace tachless::certificate {
 namespace {
@@ -240,12 +240,12 @@ std::optional<MatrixXd> common_lyapunov(const std::vector<MatrixXd>& maps, doubl
   };
   VectorXd p = VectorXd::Zero(count + 1), objective = VectorXd::Unit(count + 1, count);
   double largest = 1, worst = 0;
-  for (const MatrixXd& w : W) largest = std::max(largest, largest_eigenvalue(w));
+  for (const MatrixXd& w : W) largest = std::max(largest, robot::largest_eigenvalue(w));
   for (Index i = 0; i < count; ++i) {
     const MatrixXd& B = basis[static_cast<std::size_t>(i)];
     if (B.sum() == 1) p[i] = 1.1 * largest;
   }
-  for (const Constraint& c : all) worst = std::max(worst, -smallest_eigenvalue(value(c, p)));
+  for (const Constraint& c : all) worst = std::max(worst, -robot::smallest_eigenvalue(value(c, p)));
   p[count] = 1.5 * worst + 1;
   for (double mu = p[count]; p[count] >= 0; mu *= 0.3) {
     if (mu < 1e-9) return {};

@@ -48,12 +48,14 @@ constexpr bool holds_links = has_field<M>("position");  ///< M has links' positi
 template <class M>
 constexpr bool holds_motors = has_field<M>("motor_position");  ///< M has motors' positions
 
-/// The vectors of a measurement, one of them or any, by part of the state: q, v, theta, thetadot;
-/// null: it has none.
+/// What the plant's state consists of, and hence what a law may measure.
+enum class Part { q = 0, v = 1, theta = 2, thetadot = 3 };
+
+/// The vectors of a measurement, one of them or any, by `Part`; null: it has none.
 template <class M>
 auto parts_of(M& measurement) {
-  using Part = std::conditional_t<std::is_const_v<M>, const robot::Vector, robot::Vector>;
-  std::array<Part*, 4> parts{};
+  using Vector = std::conditional_t<std::is_const_v<M>, const robot::Vector, robot::Vector>;
+  std::array<Vector*, 4> parts{};
   const auto take = [&](auto& each) {
     if constexpr (requires { each.q; }) parts[0] = &each.q;
     if constexpr (requires { each.v; }) parts[1] = &each.v;

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "certificate/scenario_loop.h"
 #include "controller/registry.h"
+#include "controller/stepped_law.h"
 #include "identify/least_squares.h"
 
 namespace tachless::report {
@@ -131,7 +131,7 @@ void add_drives(RecordedRun& run, const logger::TickRecord& record, double t_s) 
   }
 }
 
-void add_lyapunov(RecordedRun& run, const certificate::LyapunovFunction& lyapunov,
+void add_lyapunov(RecordedRun& run, const controller::LyapunovFunction& lyapunov,
                   const logger::TickRecord& record, double t_s) {
   const auto& truth = record.truth;
   const auto& signals = record.controller_state;
@@ -182,7 +182,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   RecordedRun run(log.description());
   run.log = log.path();
   if (certify) run.certified = certify(run.scenario);
-  const auto lyapunov = certificate::lyapunov_function(
+  const auto lyapunov = controller::lyapunov_function(
       run.scenario, run.certified ? run.certified->weights : certificate::Weights());
   if (lyapunov) {
     run.lyapunov_formula = controller::law_facts(run.scenario.controller.law).lyapunov_formula;

@@ -14,11 +14,11 @@
 #include "certificate/feasibility.h"
 #include "certificate/law_answers.h"
 #include "certificate/linear_loop.h"
-#include "certificate/postures.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "process/parallel.h"
 #include "robot/model.h"
+#include "robot/postures.h"
 #include "tuning/design_problem.h"
 #include "tuning/gain_point.h"
 #include "tuning/gain_search.h"
@@ -241,21 +241,21 @@ class Search {
   }
 
   /// The worst postures near the worst of the pool.
-  [[nodiscard]] std::vector<Minimum> worst_postures() const {
+  [[nodiscard]] std::vector<robot::Minimum> worst_postures() const {
     const auto order = worst_of_pool(best_.theta);
     return parallel_map(searched_postures, [&](std::size_t k) {
-      return minimise([&](const VectorXd& q) { return modulus_at(q); },
-                      pool_.rests[order[k].second].q_ref, 0.3, search_evaluations);
+      return robot::minimise([&](const VectorXd& q) { return modulus_at(q); },
+                             pool_.rests[order[k].second].q_ref, 0.3, search_evaluations);
     });
   }
 
-  [[nodiscard]] const Minimum& worst() const {
-    return *std::ranges::min_element(worst_, {}, &Minimum::value);
+  [[nodiscard]] const robot::Minimum& worst() const {
+    return *std::ranges::min_element(worst_, {}, &robot::Minimum::value);
   }
   /// Where one lacks the margin, adds those that lack what is asked; whether there were any.
   bool add_worst() {
     if (worst().value >= range_share * problem_.margin) return false;
-    for (const Minimum& each : worst_) {
+    for (const robot::Minimum& each : worst_) {
       if (each.value >= asked_share * problem_.margin) continue;
       add(problem_, law_.at({constant_reference(each.x)}), 0, asked_share);
     }
@@ -337,8 +337,8 @@ class Search {
   GainProblem pool_, way_;              ///< in the joints' range; along the motion
   std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
   FoundGains best_;
-  std::vector<Minimum> worst_;     ///< postures of the best gains
-  int done_ = 0, most_steps_ = 0;  ///< for the time that is left
+  std::vector<robot::Minimum> worst_;  ///< postures of the best gains
+  int done_ = 0, most_steps_ = 0;      ///< for the time that is left
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 

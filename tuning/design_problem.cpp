@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "certificate/linear_loop.h"
-#include "certificate/postures.h"
 #include "diagnostics/failure.h"
 #include "process/parallel.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
+#include "robot/postures.h"
 
 namespace tachless::tuning {
 
@@ -96,7 +96,7 @@ void require_rule(const experiment::Scenario& scenario) {
 }
 
 ReferencePoint rest_in_range(const robot::Model& model, int k) {
-  Vector q = spread_posture(model, k);
+  Vector q = robot::spread_posture(model, k);
   for (int i = 0; i < model.num_joints; ++i) {
     const double width = model.upper[i] - model.lower[i];
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute &&

@@ -15,7 +15,7 @@
 namespace tachless::certificate::testing {
 
 /// C(q, x).
-inline Eigen::MatrixXd coriolis(const Inertia& inertia, const Eigen::VectorXd& x) {
+inline Eigen::MatrixXd coriolis(const robot::Inertia& inertia, const Eigen::VectorXd& x) {
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(x.size(), x.size());
   for (Eigen::Index j = 0; j < x.size(); ++j) sum += x[j] * inertia.C[static_cast<std::size_t>(j)];
   return sum;
@@ -23,7 +23,7 @@ inline Eigen::MatrixXd coriolis(const Inertia& inertia, const Eigen::VectorXd& x
 
 /// The whole of Mm: Vdot = -x' Mm x.
 inline Eigen::MatrixXd decrease_matrix(const ErrorSystem& system, const Weights& weights,
-                                       const Inertia& inertia, const Eigen::VectorXd& v_ref,
+                                       const robot::Inertia& inertia, const Eigen::VectorXd& v_ref,
                                        const Eigen::VectorXd& delta) {
   const Eigen::Index N = system.num_errors(), n = system.num_links();
   Eigen::MatrixXd Mm = decrease_constant(system, weights) +
@@ -47,14 +47,14 @@ inline std::vector<Eigen::VectorXd> polygon(double radius, int sides) {
 
 /// The largest |delta|^2 / (2 V), of V's whole matrix.
 inline double delta_by_V(const ErrorSystem& system, const Weights& weights,
-                         const Inertia& inertia) {
+                         const robot::Inertia& inertia) {
   const Eigen::Index N = system.num_errors(), n = system.num_links();
   const auto [eps_1, eps_2] = weights.of(N);
   Eigen::MatrixXd of_x = Eigen::MatrixXd::Zero(n, 3 * N);
   of_x.leftCols(n).diagonal() = eps_1.head(n);
   of_x.middleCols(N, n).diagonal() = -eps_2.head(n);
   const Eigen::MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
-  return largest_eigenvalue(of_x * P.inverse() * of_x.transpose());
+  return robot::largest_eigenvalue(of_x * P.inverse() * of_x.transpose());
 }
 
 /// The condition for two joints with polygons around v_ref and delta in place of sums of squares,
@@ -70,7 +70,7 @@ class PolygonCondition {
   /// Only rho, level and ball.
   [[nodiscard]] std::optional<Region> region(const Weights& weights) const {
     double largest = 0;  // of delta's part of Mm over the rest, at |delta| = 1
-    for_each_corner(weights, [&](const Inertia& inertia, const Eigen::MatrixXd& Mm) {
+    for_each_corner(weights, [&](const robot::Inertia& inertia, const Eigen::MatrixXd& Mm) {
       const Eigen::MatrixXd none = at(weights, inertia, {});
       for (const Eigen::VectorXd& delta : delta_) {
         const Eigen::MatrixXd D = none - at(weights, inertia, delta);
@@ -80,11 +80,11 @@ class PolygonCondition {
     Region region;
     region.rho = 1 / largest;
     double w = 0, alpha_2 = 0;
-    for (const Inertia& inertia : condition_.postures.inertia) {
+    for (const robot::Inertia& inertia : condition_.postures.inertia) {
       const ErrorSystem& system = condition_.systems[0];
       w = std::max(w, delta_by_V(system, weights, inertia));
-      alpha_2 =
-          std::max(alpha_2, largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2);
+      alpha_2 = std::max(
+          alpha_2, robot::largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2);
     }
     region.level = region.rho * region.rho / (2 * w);
     region.ball = std::sqrt(region.level / alpha_2);
@@ -94,7 +94,7 @@ class PolygonCondition {
   /// Of V, at delta = 0.
   [[nodiscard]] double rate(const Weights& weights) const {
     double least = std::numeric_limits<double>::infinity();
-    for_each_corner(weights, [&](const Inertia& inertia, const Eigen::MatrixXd& Mm) {
+    for_each_corner(weights, [&](const robot::Inertia& inertia, const Eigen::MatrixXd& Mm) {
       const Eigen::MatrixXd P = lyapunov_matrix(condition_.systems[0], weights, inertia.M);
       least = std::min(least, eigenvalues(Mm, P / 2).minCoeff());
     });
@@ -106,7 +106,7 @@ class PolygonCondition {
     return Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(A, B, Eigen::EigenvaluesOnly)
         .eigenvalues();
   }
-  [[nodiscard]] Eigen::MatrixXd at(const Weights& weights, const Inertia& inertia,
+  [[nodiscard]] Eigen::MatrixXd at(const Weights& weights, const robot::Inertia& inertia,
                                    const Eigen::VectorXd& delta,
                                    const Eigen::VectorXd& v_ref = Eigen::Vector2d::Zero()) const {
     return decrease_matrix(condition_.systems[0], weights, inertia, v_ref,
@@ -114,7 +114,7 @@ class PolygonCondition {
   }
   template <class F>
   void for_each_corner(const Weights& weights, const F& f) const {
-    for (const Inertia& inertia : condition_.postures.inertia) {
+    for (const robot::Inertia& inertia : condition_.postures.inertia) {
       for (const Eigen::VectorXd& v : v_ref_) f(inertia, at(weights, inertia, {}, v));
     }
   }

@@ -110,7 +110,7 @@ TEST(IntegralLaw, VdotIsTheQuadraticFormWhateverTheUnknownTorque) {
     VectorXd z(6);
     z << x.head<2>() - Pair(r.q_ref), x.segment<2>(4), x.segment<2>(2) - Pair(r.v_ref);
     const VectorXd delta = loop.delta(z.head(2), z.segment(2, 2));
-    const MatrixXd Mm = decrease_matrix(system, loop.weights, inertia_at(model, x.head<2>()),
+    const MatrixXd Mm = decrease_matrix(system, loop.weights, robot::inertia_at(model, x.head<2>()),
                                         VectorXd(r.v_ref), delta);
     // Rounding of terms of the size of z's power and of the largest in the form.
     ASSERT_NEAR(loop.Vdot(t, x), -z.dot(Mm * z), 1e-11 * (1e4 + z.squaredNorm() * Mm.norm()));
@@ -156,8 +156,8 @@ void expect_descents(const IntegralLoop& loop, double level, std::size_t runs, d
   for (const std::string& run : wrong) EXPECT_EQ(run, "");
 }
 
-MatrixCondition two_link_condition(const IntegralLoop& loop, const PostureOptions& of = {}) {
-  return {{rigid(loop.gains)}, Postures(robot::testing::two_link(), of), paper_B_d};
+MatrixCondition two_link_condition(const IntegralLoop& loop, const robot::PostureOptions& of = {}) {
+  return {{rigid(loop.gains)}, robot::Postures(robot::testing::two_link(), of), paper_B_d};
 }
 
 TEST(IntegralLaw, TotalVNeverRisesInAThousandRunsFromTheBoundaryOfTheRegion) {
@@ -299,7 +299,8 @@ void expect_identity(const robot::Model& model, unsigned seed) {
     }
     VectorXd z(3 * n);
     z << e, nu, edot;
-    const MatrixXd Mm = decrease_matrix(s, w, inertia_at(model, q), VectorXd(r.v_ref), delta);
+    const MatrixXd Mm =
+        decrease_matrix(s, w, robot::inertia_at(model, q), VectorXd(r.v_ref), delta);
     ASSERT_NEAR(-z.dot(Mm * z), Vdot, 1e-12 * size);
   }
 }

@@ -77,7 +77,7 @@ void expect_identity(const robot::Model& model, const ErrorSystem& system, unsig
       VectorXd z(3 * N);
       for (Eigen::Index k = 0; k < 3 * N; ++k) z[k] = random.uniform(-1, 1);
       const VectorXd delta = (delta_of(system, w) * z.head(2 * N)).head(n);
-      const Inertia at = inertia_at(model, q);
+      const robot::Inertia at = robot::inertia_at(model, q);
       const Independent expected = independent(model, system, w, q, v_ref, z);
       const double Vdot = -z.dot(decrease_matrix(system, w, at, v_ref, delta) * z);
       // Rounding: sums of some hundred products, each exact to 1e-16 of its size.

@@ -7,6 +7,7 @@
 
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
+#include "controller/stepped_law.h"
 #include "experiment/scenario.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
@@ -55,7 +56,7 @@ TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
   const auto& [eps_1, eps_2] = certified->weights;
   EXPECT_GT(eps_1.minCoeff(), 0);
   EXPECT_GT(eps_2.minCoeff(), 0);
-  const auto V = lyapunov_function(experiment, certified->weights);
+  const auto V = controller::lyapunov_function(experiment, certified->weights);
   ASSERT_TRUE(V);
   const robot::Model model = controller::rigid_model(experiment);
   Random random;
@@ -84,7 +85,7 @@ TEST(Lyapunov, IsZeroOnTheReference) {
   Random random;
   for (const char* file : {"paper_rigid.yaml", "paper_flexible.yaml", "flexible_regulation.yaml"}) {
     const experiment::Scenario experiment = scenario(file);
-    const auto V = lyapunov_function(experiment);
+    const auto V = controller::lyapunov_function(experiment);
     ASSERT_TRUE(V);
     loop::ReferencePoint r = random.reference(2);
     if (controller::law_facts(experiment.controller.law).regulation_only) {
@@ -114,7 +115,8 @@ TEST(Lyapunov, IsZeroOnTheReference) {
 }
 
 /// V at each tick of the scenario's run.
-std::vector<double> along(const experiment::Scenario& experiment, const LyapunovFunction& V) {
+std::vector<double> along(const experiment::Scenario& experiment,
+                          const controller::LyapunovFunction& V) {
   std::vector<double> values;
   study::run_in_process(experiment, [&](const study::TickRecord& record) {
     values.push_back(V({record.truth.q, record.truth.v, record.truth.theta, record.truth.thetadot,
@@ -128,7 +130,7 @@ std::vector<double> along(const experiment::Scenario& experiment, const Lyapunov
 /// From every `stride`th of the first ticks to the next.
 void expect_fall(const experiment::Scenario& experiment, std::size_t ticks, std::size_t stride) {
   SCOPED_TRACE(experiment.name + ", " + experiment.controller.law);
-  const auto V = lyapunov_function(experiment);
+  const auto V = controller::lyapunov_function(experiment);
   ASSERT_TRUE(V);
   const std::vector<double> values = along(experiment, V);
   ASSERT_GE(values.size(), ticks);
@@ -181,7 +183,7 @@ TEST(Lyapunov, StaysBelowItsCertifiedBound) {
     EXPECT_TRUE(certified->proved) << file;
     ASSERT_GT(certified->rate, 0) << file;
     EXPECT_LE(certified->V0, certified->level) << file;
-    const auto V = lyapunov_function(experiment, certified->weights);
+    const auto V = controller::lyapunov_function(experiment, certified->weights);
     ASSERT_TRUE(V) << file;
     const std::vector<double> values = along(experiment, V);
     EXPECT_NEAR(values.front(), certified->V0, 1e-12 * certified->V0) << file;

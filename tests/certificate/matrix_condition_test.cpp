@@ -23,15 +23,15 @@ constexpr double figures = 1e-3;  ///< relative: what is quoted has three or fou
 
 class MatrixOfTwoLinks : public ::testing::Test {
  protected:
-  static Postures quoted(const robot::Model& model) {
-    PostureOptions options;
+  static robot::Postures quoted(const robot::Model& model) {
+    robot::PostureOptions options;
     options.circle_points = 24;
     options.bound_between = false;
-    return Postures(model, options);
+    return robot::Postures(model, options);
   }
   const robot::Model model = robot::testing::two_link();
-  const Postures coarse = quoted(model);
-  const Postures fine{model};
+  const robot::Postures coarse = quoted(model);
+  const robot::Postures fine{model};
 
   PolygonCondition quoted_condition(const ErrorSystem& system, double B_d = paper_B_d) const {
     return {{{system}, coarse, B_d, false}, 12};
@@ -86,9 +86,9 @@ TEST_F(MatrixOfTwoLinks, TwoWeightsMakeTheRateThatOfTheLoop) {
 /// were the limit.
 TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
   const ErrorSystem system = rigid(paper_rigid());
-  PostureOptions sampled_options;
+  robot::PostureOptions sampled_options;
   sampled_options.bound_between = false;
-  const Postures sampled(model, sampled_options);
+  const robot::Postures sampled(model, sampled_options);
   const MatrixCondition proved = proved_condition(system);
   const MatrixCondition between{{system}, sampled, paper_B_d};
   for (const Weights& w : {Weights{0.0346, 0.0346}, Weights{1.28, 0.0487}}) {
@@ -128,9 +128,9 @@ void expect_positive_inside(const robot::Model& model, const MatrixCondition& co
     const Vector q = i % 2 == 0 ? random.vector(n, std::numbers::pi) : region->q;
     const VectorXd v_ref = random.vector(n, 1).normalized() * B_d;
     const VectorXd delta = delta_scale(system, w) * random.vector(n, 1).normalized() * rho;
-    const Inertia at = inertia_at(model, q);
+    const robot::Inertia at = robot::inertia_at(model, q);
     const Eigen::MatrixXd Mm = decrease_matrix(system, w, at, v_ref, delta);
-    if (mu == 0) return smallest_eigenvalue(Mm);
+    if (mu == 0) return robot::smallest_eigenvalue(Mm);
     // Also at a random state: exact Vdot against the bound.
     const VectorXd z = random.vector(3 * N, 1);
     const Eigen::MatrixXd P = lyapunov_matrix(system, w, at.M);
@@ -162,7 +162,7 @@ TEST_F(MatrixOfTwoLinks, LevelSetIsInsideWhatIsSaidOfIt) {
   robot::testing::Random random(7);
   for (int i = 0; i < 20000; ++i) {
     const Vector q = random.vector(2, std::numbers::pi);
-    const Eigen::MatrixXd P = lyapunov_matrix(system, w, inertia_at(model, q).M);
+    const Eigen::MatrixXd P = lyapunov_matrix(system, w, robot::inertia_at(model, q).M);
     const VectorXd x = random.vector(6, 1);
     const double V = x.dot(P * x) / 2;
     const VectorXd on_level = x * std::sqrt(region->level / V);
@@ -187,9 +187,9 @@ TEST_F(MatrixOfTwoLinks, GainsOfTheWrongSignAreRefused) {
 }
 
 TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
-  PostureOptions few;
+  robot::PostureOptions few;
   few.circle_points = 24;
-  const Postures search_postures(model, few);
+  const robot::Postures search_postures(model, few);
   const ErrorSystem system = rigid(practical_rigid());
   const MatrixCondition search{{system}, search_postures, paper_B_d, false};
   const MatrixCondition full = proved_condition(system);
@@ -208,16 +208,16 @@ class MatrixOfSevenJoints : public ::testing::Test {
 };
 
 TEST_F(MatrixOfSevenJoints, VFallsAtAHundredThousandRandomStatesInsideRho) {
-  const Postures postures(model);
+  const robot::Postures postures(model);
   const MatrixCondition condition{{rigid(iiwa_gains())}, postures, 0.2};
   EXPECT_FALSE(postures.proved);
   expect_positive_inside(model, condition, {0.3, 0.03}, 0.2, 100000, 300, false);
 }
 
 TEST_F(MatrixOfSevenJoints, SearchFindsACertifiedBall) {
-  PostureOptions few;
+  robot::PostureOptions few;
   few.samples = 128;
-  const Postures search_postures(model, few), postures(model);
+  const robot::Postures search_postures(model, few), postures(model);
   const MatrixCondition search{{rigid(iiwa_gains())}, search_postures, 0.2, false};
   const MatrixCondition full{{rigid(iiwa_gains())}, postures, 0.2};
   const auto fastest = best_weights(search, full, Goal::rate);

@@ -14,6 +14,7 @@
 #include "certificate/scenario_loop.h"
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
+#include "controller/stepped_law.h"
 #include "process/parallel.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
@@ -108,9 +109,9 @@ class FromTheLevelSet {
   FromTheLevelSet(const experiment::Scenario& scenario, const ErrorSystem& system,
                   const Weights& weights)
       : scenario_(scenario),
-        lyapunov_(lyapunov_function(scenario, weights)),
+        lyapunov_(controller::lyapunov_function(scenario, weights)),
         reference_(reference::make_trajectory(scenario).at(0)) {
-    const MatrixCondition condition{{system}, Postures(*scenario.model), paper_B_d};
+    const MatrixCondition condition{{system}, robot::Postures(*scenario.model), paper_B_d};
     const Region region = condition.region(weights).value();
     level_ = region.level;
     // From V on, |delta| stays below sqrt(2 w V).
@@ -148,7 +149,7 @@ class FromTheLevelSet {
   }
 
   experiment::Scenario scenario_;
-  LyapunovFunction lyapunov_;
+  controller::LyapunovFunction lyapunov_;
   loop::ReferencePoint reference_;
   double level_ = 0, rate_ = 0;
 };
@@ -219,7 +220,7 @@ class Boundary {
     const auto found = stability_certificate(scenario_, Effort::full, why_not);
     region_ = found.value().largest.value();
     level_ = std::min(region_.region.level, region_.torque.value().level);
-    lyapunov_ = lyapunov_function(scenario_, region_.weights);
+    lyapunov_ = controller::lyapunov_function(scenario_, region_.weights);
   }
 
   /// A random change of (e, edot), each joint's in proportion to what is certified of it.
@@ -278,7 +279,7 @@ class Boundary {
   loop::ReferencePoint reference_;
   CertifiedRegion region_;
   double level_ = 0;
-  LyapunovFunction lyapunov_;
+  controller::LyapunovFunction lyapunov_;
 };
 
 /// As many starts as TACHLESS_MONTE_CARLO says, and from the tenth of them in which V falls least

@@ -46,12 +46,12 @@ TEST(Constants, OfSevenJointsAreNotExceededByRandomPostures) {
   robot::testing::Random random(5);
   for (int i = 0; i < 3000; ++i) {
     const Vector q = random.vector(7, std::numbers::pi), x = random.vector(7, 1);
-    const Inertia at = inertia_at(model, q);
+    const robot::Inertia at = robot::inertia_at(model, q);
     const Eigen::MatrixXd C = coriolis(at, x.normalized());
-    ASSERT_LE(largest_eigenvalue(at.M), c.lambda_max_M.value);
-    ASSERT_GE(smallest_eigenvalue(at.M), c.lambda_min_M.value);
-    ASSERT_LE(spectral_norm(C), c.k_c.value);
-    ASSERT_LE(spectral_norm(gradient_by_q(model, constant_reference(q))), c.k_g.value);
+    ASSERT_LE(robot::largest_eigenvalue(at.M), c.lambda_max_M.value);
+    ASSERT_GE(robot::smallest_eigenvalue(at.M), c.lambda_min_M.value);
+    ASSERT_LE(robot::spectral_norm(C), c.k_c.value);
+    ASSERT_LE(robot::spectral_norm(gradient_by_q(model, constant_reference(q))), c.k_g.value);
   }
 }
 
@@ -82,14 +82,15 @@ double printed_decrease_bound(const ErrorSystem& s, const RobotConstants& consta
 class NormConditions : public ::testing::Test {
  protected:
   const robot::Model model = robot::testing::two_link();
-  const Postures postures{model};
+  const robot::Postures postures{model};
   const RobotConstants constants = robot_constants(model);
 
   double exact_rate(const ErrorSystem& system, double eps, double q2, const Eigen::VectorXd& z) {
     Vector q(2);
     q << 0, q2;
     const Eigen::VectorXd delta = eps * (z.head(2) - z.segment(2, 2));
-    return -z.dot(decrease_matrix(system, {eps, eps}, inertia_at(model, q), both(1), delta) * z);
+    return -z.dot(decrease_matrix(system, {eps, eps}, robot::inertia_at(model, q), both(1), delta) *
+                  z);
   }
 };
 
@@ -163,7 +164,7 @@ TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
   EXPECT_NEAR(exact_rate(system, eps, 0, z), 6.62, 5e-3);
   // The smallest eigenvalue of sym(B M) is not lambda(B) lambda(M).
   const Eigen::MatrixXd BM = Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.inertia[0].M;
-  EXPECT_NEAR(smallest_eigenvalue((BM + BM.transpose()) / 2), -980, 1);
+  EXPECT_NEAR(robot::smallest_eigenvalue((BM + BM.transpose()) / 2), -980, 1);
   // The matrix condition refuses these gains: MatrixOfTwoLinks.GainsOfTheWrongSignAreRefused.
 }
 
@@ -191,7 +192,7 @@ TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundAtRandomStates) {
     }
     const Eigen::VectorXd difference = z.head(2) - z.segment(2, 2);
     const Eigen::MatrixXd Mm =
-        decrease_matrix(system, {eps, eps}, inertia_at(model, q), v_ref, eps * difference);
+        decrease_matrix(system, {eps, eps}, robot::inertia_at(model, q), v_ref, eps * difference);
     const double exact = -z.dot(Mm * z);
     const StateNorms norms{z.head(2).norm(), z.segment(2, 2).norm(), z.tail(2).norm(),
                            difference.norm()};

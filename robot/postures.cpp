@@ -1,4 +1,4 @@
-#include "certificate/postures.h"
+#include "robot/postures.h"
 
 #include <nlopt.h>
 
@@ -15,11 +15,8 @@
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
-namespace tachless::certificate {
+namespace tachless::robot {
 namespace {
-
-using robot::JointType;
-using robot::Vector;
 
 /// What NLopt calls back with.
 struct Search {
@@ -48,17 +45,17 @@ double evaluate(unsigned n, const double* x, double* /*gradient*/, void* data) {
 }
 
 /// Whether M and C do not depend on joint 0, because everything hangs on it.
-bool all_hang_on_first_joint(const robot::Model& model) {
-  return std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+bool all_hang_on_first_joint(const Model& model) {
+  return std::all_of(model.bodies.begin(), model.bodies.end(), [&](const Body& body) {
     const bool first = &body == &model.bodies.front();
     return first == (body.parent < 0) && first == (body.coordinate == 0);
   });
 }
 
 /// The smallest d <= 8 for which every multiplier of joint 1 is a multiple of 1/d; 0: none.
-int multiplier_denominator(const robot::Model& model) {
+int multiplier_denominator(const Model& model) {
   for (int d = 1; d <= 8; ++d) {
-    if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+    if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const Body& body) {
           const double m = body.multiplier * d;
           return std::abs(m - std::round(m)) < 1e-12;
         })) {
@@ -87,7 +84,7 @@ Vector second_joint_at(double q2) {
 }
 
 /// Of one joint's coordinate [rad; m].
-std::pair<double, double> range_of(const robot::Model& model, int i) {
+std::pair<double, double> range_of(const Model& model, int i) {
   if (model.joint_types[static_cast<std::size_t>(i)] == JointType::revolute) {
     return {-std::numbers::pi, std::numbers::pi};
   }
@@ -96,7 +93,7 @@ std::pair<double, double> range_of(const robot::Model& model, int i) {
 }
 
 /// Whether each prismatic joint is within its range.
-bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
+bool in_range(const Model& model, const Eigen::VectorXd& q) {
   for (int i = 0; i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == JointType::revolute) continue;
     const auto [low, high] = range_of(model, i);
@@ -183,25 +180,25 @@ double spectral_norm(const Eigen::MatrixXd& A) {
 }
 
 double smallest_eigenvalue(const Eigen::MatrixXd& symmetric) {
-  return robot::symmetric_eigenvalues(symmetric)[0];
+  return symmetric_eigenvalues(symmetric)[0];
 }
 
 double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
   return -smallest_eigenvalue(-symmetric);
 }
 
-Inertia inertia_at(const robot::Model& model, const Vector& q) {
-  Inertia result{robot::mass_matrix(model, q), {}};
+Inertia inertia_at(const Model& model, const Vector& q) {
+  Inertia result{mass_matrix(model, q), {}};
   Vector unit = Vector::Zero(model.num_joints);
   for (int j = 0; j < model.num_joints; ++j) {
     unit[j] = 1;
-    result.C.emplace_back(robot::coriolis_matrix(model, q, unit));
+    result.C.emplace_back(coriolis_matrix(model, q, unit));
     unit[j] = 0;
   }
   return result;
 }
 
-Vector spread_posture(const robot::Model& model, int k) {
+Vector spread_posture(const Model& model, int k) {
   const int n = model.num_joints;
   double ratio = 2;  // the root of x^(n+1) = x + 1; the golden ratio for n = 1
   for (int i = 0; i < 60; ++i) ratio = std::pow(1 + ratio, 1.0 / (n + 1));
@@ -215,8 +212,7 @@ Vector spread_posture(const robot::Model& model, int k) {
   return q;
 }
 
-Extreme largest(const robot::Model& model, const std::function<double(const Vector&)>& f,
-                int samples) {
+Extreme largest(const Model& model, const std::function<double(const Vector&)>& f, int samples) {
   std::vector<Vector> q(static_cast<std::size_t>(samples));
   const std::vector<double> value = process::parallel_map(q.size(), [&](std::size_t i) {
     q[i] = spread_posture(model, static_cast<int>(i));
@@ -232,7 +228,7 @@ Extreme largest(const robot::Model& model, const std::function<double(const Vect
   return {-best.value, best.q};
 }
 
-Postures::Postures(robot::Model of, const PostureOptions& options)
+Postures::Postures(Model of, const PostureOptions& options)
     : model(std::move(of)), centres(options.centres), reach(options.reach) {
   const bool hang = all_hang_on_first_joint(model);
   const int denominator = multiplier_denominator(model);
@@ -288,4 +284,4 @@ Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool 
                      refine && kind == Kind::sampled ? 300 : 0);
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::robot

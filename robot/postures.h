@@ -6,10 +6,10 @@
 
 #include "robot/model.h"
 
-/// The postures over which the conditions of a certificate are checked, with M and C at each, and
-/// extremes over them. What is between them is bounded where the robot allows it, and only there
-/// is a result "proved".
-namespace tachless::certificate {
+/// The postures over which a condition on M and C is checked, with both at each, and extremes over
+/// them. What is between them is bounded where the robot allows it, and only there is a result
+/// "proved".
+namespace tachless::robot {
 
 /// Local minimisation without derivatives (NLopt's Subplex) from `start` with first steps `step`.
 /// `f` may return +infinity where it has no value. Not global: the caller chooses the starts.
@@ -31,12 +31,12 @@ struct Inertia {
   std::vector<Eigen::MatrixXd> C;  ///< [kg m2]
 };
 
-Inertia inertia_at(const robot::Model& model, const robot::Vector& q);
+Inertia inertia_at(const Model& model, const Vector& q);
 
 /// An extreme over the postures.
 struct Extreme {
   double value = 0;  ///< the best that was found
-  robot::Vector q;   ///< where [rad; m]
+  Vector q;          ///< where [rad; m]
 };
 
 struct PostureOptions {
@@ -46,8 +46,8 @@ struct PostureOptions {
   bool bound_between = true;
   int samples = 2048;  ///< postures of other robots
   /// Of other robots only those within `reach` [rad; m] of one of these; empty: all.
-  std::vector<robot::Vector> centres = {};
-  robot::Vector reach = {};
+  std::vector<Vector> centres = {};
+  Vector reach = {};
 };
 
 /// A set of postures that stands for all of them. Gravity is not in it: the law cancels it.
@@ -66,25 +66,25 @@ struct Postures {
     Inertia cosine, sine;
   };
 
-  explicit Postures(robot::Model of, const PostureOptions& options = {});
+  explicit Postures(Model of, const PostureOptions& options = {});
 
   /// Whether it is one of those that the set stands for.
-  [[nodiscard]] bool contains(const robot::Vector& posture) const;
+  [[nodiscard]] bool contains(const Vector& posture) const;
 
   /// One more posture, for a search to respect; nothing is proved of it.
-  void add(const robot::Vector& posture);
+  void add(const Vector& posture);
 
   /// The smallest f over the set. Of a sampled set the three smallest are refined locally when
   /// `refine` is set.
   [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
 
-  robot::Model model;
-  std::vector<robot::Vector> centres;
-  robot::Vector reach;
+  Model model;
+  std::vector<Vector> centres;
+  Vector reach;
   Kind kind = Kind::sampled;
   bool proved = false;      ///< whether the postures in between are bounded
   double chord_factor = 0;  ///< step^2 / 8
-  std::vector<robot::Vector> q;
+  std::vector<Vector> q;
   std::vector<Inertia> inertia;  ///< at each of q
   /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
   std::vector<Harmonic> harmonics;
@@ -93,11 +93,10 @@ struct Postures {
 /// Number `k` of a sequence that fills the postures evenly (Kronecker's, by powers of the
 /// generalised golden ratio): revolute joints over the full circle, prismatic ones over their
 /// range, 2 m where it is not bounded.
-robot::Vector spread_posture(const robot::Model& model, int k);
+Vector spread_posture(const Model& model, int k);
 
 /// The largest f over the first `samples` of that sequence, of which the best six are refined
 /// locally within the same range. Revolute joints in [-pi, pi].
-Extreme largest(const robot::Model& model, const std::function<double(const robot::Vector&)>& f,
-                int samples);
+Extreme largest(const Model& model, const std::function<double(const Vector&)>& f, int samples);
 
-}  // namespace tachless::certificate
+}  // namespace tachless::robot

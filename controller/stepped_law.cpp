@@ -1,0 +1,101 @@
+#include "controller/stepped_law.h"
+
+#include <type_traits>
+
+#include "controller/laws.h"
+#include "controller/registry.h"
+
+namespace tachless::controller {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using loop::ReferencePoint;
+using robot::Vector;
+
+/// The vectors of a law's memory.
+template <class Memory>
+std::vector<Vector*> vectors_of(Memory& memory) {
+  std::vector<Vector*> all;
+  law::for_each_vector(memory, [&](Vector& x) { all.push_back(&x); });
+  return all;
+}
+
+template <class L>
+SteppedLaw stepped(const L& law, const ReferencePoint& reference,
+                   const std::array<Vector, 4>& state) {
+  typename L::Measurement nominal;
+  SteppedLaw result;
+  const auto parts = loop::parts_of(nominal);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (parts[i] == nullptr) continue;
+    *parts[i] = state[i];  // of a rigid robot's motors: empty
+    if (state[i].size() > 0) result.measured.push_back(static_cast<loop::Part>(i));
+  }
+  // That of a loop under way: what a law knows only from a step before, such as the torque that it
+  // commanded, is missing in the memory that it starts with.
+  auto memory = law.step(law.start(nominal, reference), nominal, reference).memory;
+  result.memory = packed(vectors_of(memory));
+  result.measurement = packed(parts);
+  result.start = [=](const VectorXd& measurement_in) {
+    typename L::Measurement own = nominal;
+    unpack(measurement_in, loop::parts_of(own));
+    auto first = law.start(own, reference);
+    return packed(vectors_of(first));
+  };
+  result.step = [=](const VectorXd& memory_in, const VectorXd& measurement_in) {
+    auto before = memory;
+    typename L::Measurement own = nominal;
+    unpack(memory_in, vectors_of(before));
+    unpack(measurement_in, loop::parts_of(own));
+    auto next = law.step(before, own, reference);
+    return std::pair<VectorXd, VectorXd>(packed(vectors_of(next.memory)), next.command.tau);
+  };
+  return result;
+}
+
+}  // namespace
+
+VectorXd packed(std::span<Vector* const> vectors) {
+  std::vector<double> all;
+  for (const Vector* x : vectors) {
+    if (x != nullptr) all.insert(all.end(), x->begin(), x->end());
+  }
+  return Eigen::Map<const VectorXd>(all.data(), static_cast<Index>(all.size()));
+}
+
+void unpack(const VectorXd& from, std::span<Vector* const> vectors) {
+  Index begin = 0;
+  for (Vector* x : vectors) {
+    if (x == nullptr) continue;
+    *x = from.segment(begin, x->size());
+    begin += x->size();
+  }
+}
+
+SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
+                       const std::array<Vector, 4>& state) {
+  SteppedLaw result;
+  with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*type*/) {
+    if constexpr (law::MadeOfVectors<typename L::Memory>) {
+      result = stepped(make_law<L>(scenario), reference, state);
+    }
+  });
+  return result;
+}
+
+LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
+                                   const law::LyapunovWeights& weights) {
+  LyapunovFunction function;
+  with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*type*/) {
+    if constexpr (law::HasLyapunovFunction<L>) {
+      function = [law = make_law<L>(scenario), weights](const law::LoopState& state,
+                                                        const ReferencePoint& reference) {
+        return law.lyapunov(state, reference, weights);
+      };
+    }
+  });
+  return function;
+}
+
+}  // namespace tachless::controller
