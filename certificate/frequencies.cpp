@@ -39,6 +39,21 @@ double spectral_radius(const Eigen::MatrixXd& map) {
   return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
 }
 
+FrequencyResponse::FrequencyResponse(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B,
+                                     const Eigen::MatrixXd& C) {
+  const auto [T, U] = robot::complex_schur(A);
+  A_ = T;
+  B_ = U.adjoint() * B;
+  C_ = C * U;
+}
+
+Eigen::MatrixXcd FrequencyResponse::at(const std::complex<double>& z) const {
+  Eigen::MatrixXcd resolvent = -A_;
+  resolvent.diagonal().array() += z;
+  const Eigen::MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
+  return C_ * state;
+}
+
 std::vector<double> frequencies(const VectorXcd& poles, double period_s, int num_points) {
   const double highest = std::numbers::pi / period_s;
   double slowest = highest;

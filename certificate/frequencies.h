@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <complex>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -17,6 +18,18 @@ Eigen::VectorXd balance(Eigen::MatrixXd& map);
 /// Eigenvalues of a one-period map.
 Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
 double spectral_radius(const Eigen::MatrixXd& map);
+
+/// C (z - A)^-1 B of x' = A x + B u, y = C x over one period; in Schur's coordinates, where a
+/// frequency costs a substitution.
+class FrequencyResponse {
+ public:
+  FrequencyResponse() = default;
+  FrequencyResponse(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, const Eigen::MatrixXd& C);
+  [[nodiscard]] Eigen::MatrixXcd at(const std::complex<double>& z) const;
+
+ private:
+  Eigen::MatrixXcd A_, B_, C_;
+};
 
 /// From well below the slowest mode to half the sampling rate, and those of the closed loop's
 /// poles: a resonance may be narrower than any grid [rad/s], rising.

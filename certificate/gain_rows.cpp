@@ -89,17 +89,10 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   const CutLoop loop = cut(plant, compensation, period_s, delay);
   A_ = loop.A;
   B_ = loop.B;
-  C_ = MatrixXd::Zero(law.D.cols(), A_.rows());
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    C_.block(static_cast<Index>(i) * n_, static_cast<Index>(law.measured[i]) * n_, n_, n_)
-        .setIdentity();
-  }
-  const auto [T, U] = robot::complex_schur(A_);
-  T_ = T;
-  UB_ = U.adjoint() * B_;
-  CU_ = C_ * U;
+  C_ = measured_rows(law, n_, A_.rows());
+  over_frequency_ = {A_, B_, C_};
   w_ = kept_frequencies(period_s);
-  for (const double w : w_) at_w_.push_back(new_response(w));
+  for (const double w : w_) at_w_.push_back(over_frequency_.at(std::polar(1.0, w * period_s)));
 }
 
 MatrixXd RestLoop::closed(const LinearLaw& law) const {
@@ -124,14 +117,7 @@ MatrixXd RestLoop::displaced(const LinearLaw& law) const {
 MatrixXcd RestLoop::response(double w) const {
   const auto kept = std::ranges::lower_bound(w_, w);
   if (kept != w_.end() && *kept == w) return at_w_[static_cast<std::size_t>(kept - w_.begin())];
-  return new_response(w);
-}
-
-MatrixXcd RestLoop::new_response(double w) const {
-  MatrixXcd resolvent = -T_;
-  resolvent.diagonal().array() += std::polar(1.0, w * period_s_);
-  const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(UB_);
-  return CU_ * state;
+  return over_frequency_.at(std::polar(1.0, w * period_s_));
 }
 
 std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, double enough) const {

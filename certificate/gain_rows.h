@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "certificate/frequencies.h"
 #include "certificate/linear_loop.h"
 #include "certificate/linear_programme.h"
 #include "certificate/sampled_limit.h"
@@ -60,14 +61,13 @@ class RestLoop {
 
  private:
   [[nodiscard]] Eigen::MatrixXcd response(double w) const;
-  [[nodiscard]] Eigen::MatrixXcd new_response(double w) const;
 
   Eigen::Index n_ = 0;
   double period_s_ = 0;
   std::vector<double> w_;               ///< kept_frequencies
   std::vector<Eigen::MatrixXcd> at_w_;  ///< the responses there
   Eigen::MatrixXd A_, B_, C_;           ///< from torque to measurement
-  Eigen::MatrixXcd T_, UB_, CU_;        ///< in Schur's coordinates
+  FrequencyResponse over_frequency_;
 };
 
 /// The errors of all joints from each alone, a row for each of some instants from begin to end.

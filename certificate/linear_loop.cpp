@@ -9,24 +9,11 @@
 #include "robot/jet.h"
 
 namespace tachless::certificate {
-namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
-
-/// The rows of a plant's state that a law measures.
-MatrixXd selection(const LinearPlant& plant, const LinearLaw& law) {
-  const Index n = plant.num_joints;
-  MatrixXd C = MatrixXd::Zero(n * static_cast<Index>(law.measured.size()), plant.A.rows());
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    C.block(static_cast<Index>(i) * n, static_cast<Index>(law.measured[i]) * n, n, n).setIdentity();
-  }
-  return C;
-}
-
-}  // namespace
 
 loop::ReferencePoint constant_reference(const Vector& q) {
   const Vector zero = Vector::Zero(q.size());
@@ -112,6 +99,14 @@ MatrixXd first_memory(const LinearLaw& law, const MatrixXd& measured) {
   return at_rest ? MatrixXd(*at_rest) : MatrixXd::Zero(m, measured.cols());
 }
 
+MatrixXd measured_rows(const LinearLaw& law, Index n, Index states) {
+  MatrixXd C = MatrixXd::Zero(n * static_cast<Index>(law.measured.size()), states);
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    C.block(static_cast<Index>(i) * n, static_cast<Index>(law.measured[i]) * n, n, n).setIdentity();
+  }
+  return C;
+}
+
 LinearPlant held(const LinearPlant& plant, double period_s) {
   const Index m = plant.A.rows(), n = plant.B.cols();
   MatrixXd joined = MatrixXd::Zero(m + n, m + n);
@@ -125,7 +120,7 @@ MatrixXd CutLoop::closed(double gain) const { return A + gain * B * C; }
 
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay) {
   const LinearPlant step = held(plant, period_s);
-  const MatrixXd measured = selection(plant, law);
+  const MatrixXd measured = measured_rows(law, plant.num_joints, plant.A.rows());
   const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols(), all = x + s + delay * n;
   CutLoop loop{MatrixXd::Zero(all, all), MatrixXd::Zero(all, n), MatrixXd::Zero(n, all)};
   loop.A.block(0, 0, x, x) = step.A;

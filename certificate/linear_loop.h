@@ -51,6 +51,9 @@ struct LinearLaw {
   Eigen::MatrixXd start = {};
 };
 
+/// What of so many states, the plant's first, the law measures: y = C x.
+Eigen::MatrixXd measured_rows(const LinearLaw& law, Eigen::Index num_joints, Eigen::Index states);
+
 /// The memory of a run that begins with these deviations of the measurement, each in a column:
 /// where `start` is not known that after long, of a law that forgets, else 0.
 Eigen::MatrixXd first_memory(const LinearLaw& law, const Eigen::MatrixXd& measured);

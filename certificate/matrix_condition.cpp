@@ -92,7 +92,7 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   for (const robot::Postures::Harmonic& h : postures.harmonics) {
     const double curvature = postures.chord_factor * h.order * h.order;
     std::vector<MatrixXd> of_C, of_decrease;
-    for (const Inertia* part : {&h.cosine, &h.sine}) {
+    for (const robot::Inertia* part : {&h.cosine, &h.sine}) {
       for (const MatrixXd& C : combined(part->C, condition.v_scale)) {
         of_decrease.push_back(decrease_of_coriolis(system, weights, C));
       }

@@ -16,20 +16,11 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 
-/// What of a map's state a law measures, and the torque that it gives, each in rows.
-struct LawRows {
-  MatrixXd measured, torque;
-};
-LawRows rows_of(const LinearLaw& law, const LinearPlant& plant, Index size) {
-  const Index n = plant.num_joints;
-  LawRows rows{MatrixXd::Zero(n * static_cast<Index>(law.measured.size()), size), {}};
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    rows.measured.block(static_cast<Index>(i) * n, static_cast<Index>(law.measured[i]) * n, n, n)
-        .setIdentity();
-  }
-  rows.torque = law.D * rows.measured;
-  rows.torque.middleCols(plant.A.rows(), law.A.rows()) += law.C;
-  return rows;
+/// The torque that the law gives of a map's state, in rows.
+MatrixXd torque_rows(const LinearLaw& law, const LinearPlant& plant, Index states) {
+  MatrixXd torque = law.D * measured_rows(law, plant.num_joints, states);
+  torque.middleCols(plant.A.rows(), law.A.rows()) += law.C;
+  return torque;
 }
 
 /// The loop between the errors (of the torque, of the measured positions) and what drives them
@@ -43,22 +34,20 @@ class Gains {
     const MatrixXd map = open.closed();
     const Index n = loop.plant.num_joints, x = loop.plant.A.rows(), m = law.A.rows();
     const auto parts = static_cast<Index>(law.measured.size());
-    const auto [measured, torque] = rows_of(law, loop.plant, map.rows());
+    const MatrixXd measured = measured_rows(law, n, map.rows());
+    const MatrixXd torque = torque_rows(law, loop.plant, map.rows());
     MatrixXd into_law = MatrixXd::Zero(map.rows(), n * parts);
     into_law.middleRows(x, m) = law.B;
 
     const MatrixXd inverse_S = robot::inverse(S);
-    const auto [T, U] = robot::complex_schur(map);
-    A_ = T;
-    B_[0] = U.adjoint() * open.B * S;
-    C_[0] = inverse_S * torque * U;
     MatrixXd angles = MatrixXd::Zero(n * parts, n * parts), inverse_angles = angles;
     for (Index i = 0; i < parts; ++i) {
       angles.block(i * n, i * n, n, n) = inverse_S.transpose();
       inverse_angles.block(i * n, i * n, n, n) = S.transpose();
     }
-    B_[1] = U.adjoint() * into_law * angles;
-    C_[1] = inverse_angles * measured * U;
+    const std::array into = {MatrixXd(open.B * S), MatrixXd(into_law * angles)};
+    const std::array out_of = {MatrixXd(inverse_S * torque), MatrixXd(inverse_angles * measured)};
+    for (std::size_t i = 0; i < 4; ++i) from_to_[i] = {map, into[i / 2], out_of[i % 2]};
     w_ = frequencies(balanced_eigenvalues(map), period_s, 400);
   }
 
@@ -71,17 +60,14 @@ class Gains {
  private:
   [[nodiscard]] double at(double w, std::size_t out, std::size_t in) const {
     const std::complex<double> z = std::polar(1.0, w * period_s_);
-    MatrixXcd resolvent = -A_;
-    resolvent.diagonal().array() += z;
-    const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_[in]);
     const std::complex<double> difference = 1.0 - 1.0 / z;
-    const MatrixXcd G = (out == 0 ? difference : z * difference * difference) * (C_[out] * state);
+    const MatrixXcd G =
+        (out == 0 ? difference : z * difference * difference) * from_to_[2 * in + out].at(z);
     return std::sqrt(robot::eigenvalues(MatrixXcd(G * G.adjoint())).real().maxCoeff());
   }
 
   double period_s_;
-  MatrixXcd A_;  ///< in Schur's coordinates
-  std::array<MatrixXcd, 2> B_, C_;
+  std::array<FrequencyResponse, 4> from_to_;  ///< number 2 in + out
   std::vector<double> w_;
 };
 
@@ -141,7 +127,7 @@ HeldMaps held_maps(const SampledLoop& loop, double period_s) {
   const CutLoop open = cut(loop.plant, law, period_s, loop.delay);
   const MatrixXd map = open.closed();
   const Index n = loop.plant.num_joints, all = map.rows();
-  const MatrixXd torque = rows_of(law, loop.plant, all).torque;
+  const MatrixXd torque = torque_rows(law, loop.plant, all);
   HeldMaps maps{MatrixXd::Zero(all + n, all + n), MatrixXd::Zero(all + n, all + n)};
   maps.hit.topLeftCorner(all, all) = map;
   maps.hit.bottomLeftCorner(n, all) = torque;

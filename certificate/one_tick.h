@@ -44,7 +44,7 @@ class OneTick {
   loop::ReferencePoint reference_;
   robot::Model model_;
   controller::law::Settings settings_;
-  SteppedLaw law_;
+  controller::SteppedLaw law_;
   Eigen::VectorXd plant_, torque_, limit_;  ///< at rest; limits
   struct Arms;
   std::shared_ptr<Arms> arms_;  ///< one for each thread that is in a call

@@ -35,20 +35,13 @@ class Response {
     MatrixXd closed = open.closed();
     const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
     poles_ = robot::eigenvalues(closed);
-    // Triangular, so that a frequency costs a substitution; of the balanced loop, or the rounding
-    // of a law's large states hides its small ones.
-    const auto [T, U] = robot::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
-    A_ = T;
-    B_ = U.adjoint() * (inverse.asDiagonal() * open.B);
-    C_ = open.C * scale.asDiagonal() * U;
+    // Of the balanced loop, or the rounding of a law's large states hides its small ones.
+    response_ = {inverse.asDiagonal() * open.A * scale.asDiagonal(), inverse.asDiagonal() * open.B,
+                 open.C * scale.asDiagonal()};
   }
 
   [[nodiscard]] MatrixXcd at(double w) const {
-    const std::complex<double> z = std::polar(1.0, w * period_s_);
-    MatrixXcd resolvent = -A_;
-    resolvent.diagonal().array() += z;
-    const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
-    return -(C_ * state);
+    return -response_.at(std::polar(1.0, w * period_s_));
   }
   [[nodiscard]] VectorXcd eigenvalues(double w) const { return robot::eigenvalues(at(w)); }
   [[nodiscard]] double modulus(double w) const {
@@ -65,8 +58,8 @@ class Response {
 
  private:
   double period_s_;
-  MatrixXcd A_, B_, C_;  ///< in Schur's coordinates
-  VectorXcd poles_;      ///< of the closed loop
+  FrequencyResponse response_;
+  VectorXcd poles_;  ///< of the closed loop
 };
 
 std::complex<double> nearest(const VectorXcd& values, const std::complex<double>& value) {

@@ -4,13 +4,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <mutex>
 #include <numbers>
 #include <optional>
-#include <span>
-#include <stdexcept>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -25,7 +22,6 @@ namespace tachless::certificate {
 namespace {
 
 using controller::packed;
-using controller::SteppedLaw;
 using controller::unpack;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -47,7 +43,7 @@ std::array<Vector, 4> state_on(const ReferencePoint& r, const robot::Model& mode
 
 LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
                      const std::array<Vector, 4>& state) {
-  const SteppedLaw law = controller::stepped_law(scenario, reference, state);
+  const controller::SteppedLaw law = controller::stepped_law(scenario, reference, state);
   LinearLaw result = linearised(law.step, law.memory, law.measurement, law.measured);
   // Some begin with less memory than they have from a step on.
   if (law.start(law.measurement).size() != law.memory.size()) return result;
@@ -234,7 +230,7 @@ LinearLaw ScenarioLoop::law_with(const std::map<std::string, Vector>& gains,
   return loop.at(reference).law(settings_.period_s);
 }
 
-SteppedLaw ScenarioLoop::stepped(const ReferencePoint& reference) const {
+controller::SteppedLaw ScenarioLoop::stepped(const ReferencePoint& reference) const {
   return controller::stepped_law(*scenario_, reference, state_on(reference, model_, *scenario_));
 }
 

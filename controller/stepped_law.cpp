@@ -8,7 +8,6 @@
 namespace tachless::controller {
 namespace {
 
-using Eigen::Index;
 using Eigen::VectorXd;
 using loop::ReferencePoint;
 using robot::Vector;
@@ -61,11 +60,11 @@ VectorXd packed(std::span<Vector* const> vectors) {
   for (const Vector* x : vectors) {
     if (x != nullptr) all.insert(all.end(), x->begin(), x->end());
   }
-  return Eigen::Map<const VectorXd>(all.data(), static_cast<Index>(all.size()));
+  return Eigen::Map<const VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
 }
 
 void unpack(const VectorXd& from, std::span<Vector* const> vectors) {
-  Index begin = 0;
+  Eigen::Index begin = 0;
   for (Vector* x : vectors) {
     if (x == nullptr) continue;
     *x = from.segment(begin, x->size());

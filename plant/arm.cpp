@@ -48,9 +48,7 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
       dry_friction_(friction_of(options.drive)),
       disturbances_(options.disturbances),
       tau_(robot::Vector::Zero(model.num_joints)),
-      lag_(initial.torque),
-      since_s_(0),
-      now_s_(0) {
+      lag_(initial.torque) {
   const Eigen::Index n = num_joints_, num_motors = flexible_ ? n : 0;
   require_size(initial.q, n);
   require_size(initial.v, n);

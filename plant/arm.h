@@ -81,9 +81,9 @@ class Arm {
 
   robot::Vector tau_;  ///< asked for
   robot::Vector lag_;  ///< what the drives gave above it at since_s_, when that began
-  double since_s_;
+  double since_s_ = 0;
   Coordinates x_, xdot_;  ///< at now_s_
-  double now_s_;
+  double now_s_ = 0;
   double step_s_ = 0;  ///< the length that the next step is tried with
 
   // Of the evaluation and of the step that is tried.

@@ -7,6 +7,7 @@
 
 namespace tachless::robot {
 
+using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -38,6 +39,27 @@ std::optional<MatrixXd> solution(const MatrixXd& A, const MatrixXd& B) {
   const Eigen::FullPivLU<MatrixXd> lu(A);
   if (!lu.isInvertible()) return {};
   return MatrixXd(lu.solve(B));
+}
+
+Eigen::VectorXcd eigenvalues(const MatrixXcd& A) {
+  return Eigen::ComplexEigenSolver<MatrixXcd>(A, false).eigenvalues();
+}
+
+ComplexEigen complex_eigen(const MatrixXcd& A) {
+  const Eigen::ComplexEigenSolver<MatrixXcd> solver(A);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+double smallest_singular_value(const MatrixXcd& A) {
+  const Eigen::JacobiSVD<MatrixXcd> svd(A);
+  return svd.singularValues()[svd.singularValues().size() - 1];
+}
+
+MatrixXcd complex_inverse(const MatrixXcd& A) { return A.inverse(); }
+
+Schur complex_schur(const MatrixXd& A) {
+  const Eigen::ComplexSchur<MatrixXd> schur(A);
+  return {schur.matrixT(), schur.matrixU()};
 }
 
 }  // namespace tachless::robot

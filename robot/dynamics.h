@@ -51,10 +51,6 @@ Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, co
 void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
                              Vector& bias);
 
-/// v' M(q) v / 2 [J], rotor inertia included; body by body, independent of the mass matrix.
-template <class Scalar>
-Scalar kinetic_energy(const Model& model, const VectorOf<Scalar>& q, const VectorOf<Scalar>& v);
-
 /// Potential energy of gravity [J], zero for a mass at the root link's origin; g(q) is its
 /// gradient.
 template <class Scalar>

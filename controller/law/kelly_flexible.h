@@ -64,7 +64,7 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
     const Vector g = gravity(reference);
     const Vector e1 = state.q - reference.q_ref;
     const Vector e2 = error(state.theta, reference, g);
-    return robot::kinetic_energy(robot_.links, state.q, state.v) +
+    return 0.5 * state.v.dot(robot::mass_matrix(robot_.links, state.q) * state.v) +
            0.5 * weighted(robot_.rotor_inertia, state.thetadot) +
            0.5 * (weighted(gains_.kp, e2) + weighted(robot_.stiffness, e1 - e2)) +
            robot::potential_energy(robot_.links, state.q) -

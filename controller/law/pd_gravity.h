@@ -40,7 +40,7 @@ class PdGravity : public RigidLaw<PdGains>, public FullState {
   static constexpr std::string_view lyapunov_formula = "½ v′M v + ½ e′Kp e";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
-    return robot::kinetic_energy(robot_, state.q, state.v) +
+    return 0.5 * state.v.dot(robot::mass_matrix(robot_, state.q) * state.v) +
            0.5 * weighted(gains_.kp, state.q - reference.q_ref);
   }
 };

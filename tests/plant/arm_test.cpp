@@ -16,6 +16,7 @@
 
 #include "robot/dynamics.h"
 #include "tests/plant/arms.h"
+#include "tests/robot/energy.h"
 #include "tests/support/counting_new.h"
 
 namespace tachless::plant {
@@ -188,7 +189,7 @@ TEST_P(EveryArm, ConservesEnergy) {
   const robot::Model model = testing::random_tree();
   Random random(8);
   const auto energy = [&](const ArmState& state) {
-    return robot::kinetic_energy<double>(model, state.q, state.v) +
+    return robot::testing::kinetic_energy<double>(model, state.q, state.v) +
            robot::potential_energy<double>(model, state.q);
   };
   Arm arm(model, options(1e-11), rigid_state(random.vector(5, 1), random.vector(5, 2)));

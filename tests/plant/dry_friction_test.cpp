@@ -7,6 +7,7 @@
 
 #include "robot/dynamics.h"
 #include "tests/plant/arms.h"
+#include "tests/robot/energy.h"
 
 namespace tachless::plant {
 namespace {
@@ -97,11 +98,11 @@ TEST_P(DryFriction, StopsAnArmAlikeWhateverTheTick) {
     const ArmState start = rigid_state(random.vector(6, 1), random.vector(6, 1));
     const auto after = [&](int ticks) {
       Arm arm(model, options({2, 3, 0.05}, 6), start);
-      double energy = robot::kinetic_energy<double>(model, start.q, start.v);
+      double energy = robot::testing::kinetic_energy<double>(model, start.q, start.v);
       for (int i = 1; i <= ticks; ++i) {
         arm.advance(Vector::Zero(6), i * 0.3 / ticks);
         const ArmState now = arm.state();
-        const double left = robot::kinetic_energy<double>(model, now.q, now.v);
+        const double left = robot::testing::kinetic_energy<double>(model, now.q, now.v);
         EXPECT_LE(left, energy + 1e-9);  // steps of accuracy 1e-10
         energy = left;
       }
@@ -227,7 +228,7 @@ TEST_P(DryFriction, TakesEnergyAndGivesNoneUntilTheArmHangsStill) {
   Random random(5);
   Arm arm(model, options({2, 3, 0.05}, 7), rigid_state(random.vector(7, 1), random.vector(7, 3)));
   const auto energy = [&] {
-    return robot::kinetic_energy<double>(model, arm.state().q, arm.state().v) +
+    return robot::testing::kinetic_energy<double>(model, arm.state().q, arm.state().v) +
            robot::potential_energy<double>(model, arm.state().q);
   };
   double before = energy();

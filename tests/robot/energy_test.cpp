@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/robot/energy.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {
@@ -24,7 +25,7 @@ INSTANTIATE_TEST_SUITE_P(Robots, Energy,
 TEST_P(Energy, IsHalfOfVMVAndItsGradientIsGravity) {
   for (int k = 0; k < 100; ++k) {
     const Vector q = random.vector(n, 3), v = random.vector(n, 3), zero = Vector::Zero(n);
-    const double T = kinetic_energy(model, q, v);
+    const double T = testing::kinetic_energy(model, q, v);
     EXPECT_NEAR(T, 0.5 * v.dot(mass_matrix(model, q) * v), 100 * eps * (1 + T));
     const Vector g = gravity_torque(model, q);
     for (Eigen::Index j = 0; j < n; ++j) {
@@ -41,7 +42,9 @@ double energy_drift(const Model& model, double h) {
   const Eigen::Index n = model.num_joints;
   const Vector tau = Vector::Zero(n);
   Vector q = Vector::LinSpaced(n, 0.4, -0.3), v = Vector::LinSpaced(n, -0.5, 0.5);
-  const auto energy = [&] { return kinetic_energy(model, q, v) + potential_energy(model, q); };
+  const auto energy = [&] {
+    return testing::kinetic_energy(model, q, v) + potential_energy(model, q);
+  };
   const auto acceleration = [&](const Vector& at, const Vector& rate) {
     return forward_dynamics(model, at, rate, tau);
   };

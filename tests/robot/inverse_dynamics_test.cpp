@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "tests/robot/energy.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {
@@ -93,9 +94,9 @@ TEST_P(AnyRobot, SatisfiesLagrangesEquations) {
       const Vector e = Vector::Unit(n, j);
       const JetVector e_j = jet(e, zero, zero), q_j = jet(q, e, zero), v_j = jet(v, zero, zero);
       const JetVector plus = v_t + e_j, minus = v_t - e_j;
-      const Jet2 momentum =
-          0.5 * (kinetic_energy(model, q_t, plus) - kinetic_energy(model, q_t, minus));
-      const double expected = momentum.first - kinetic_energy(model, q_j, v_j).first +
+      const Jet2 momentum = 0.5 * (testing::kinetic_energy(model, q_t, plus) -
+                                   testing::kinetic_energy(model, q_t, minus));
+      const double expected = momentum.first - testing::kinetic_energy(model, q_j, v_j).first +
                               potential_energy(model, q_j).first;
       // Polarisation cancels energies of up to 300 J and their rates of up to 3000 W.
       EXPECT_NEAR(tau[j], expected, rounding * 3000) << "joint " << j;

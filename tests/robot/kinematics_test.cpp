@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "robot/dynamics.h"
+#include "tests/robot/energy.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {
@@ -42,8 +43,8 @@ TEST(FramePose, MovesAsTheKineticAndPotentialEnergyOfAPayloadSay) {
       const Vector3Of<Jet2> p = frame_pose(model, link, jet(q, v, Vector::Zero(4))).p;
       const Eigen::Vector3d rate(p[0].first, p[1].first, p[2].first);
       // Energies to 100 J.
-      EXPECT_NEAR(kinetic_energy(loaded, q, v) - kinetic_energy(model, q, v), rate.squaredNorm(),
-                  64 * eps * 100);
+      EXPECT_NEAR(testing::kinetic_energy(loaded, q, v) - testing::kinetic_energy(model, q, v),
+                  rate.squaredNorm(), 64 * eps * 100);
       EXPECT_NEAR(potential_energy(loaded, q) - potential_energy(model, q), 2 * 9.81 * p[2].value,
                   64 * eps * 300);
     }
