@@ -3,8 +3,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "robot/decompositions.h"
-
 namespace tachless::certificate {
 
 using Eigen::Index;
@@ -39,13 +37,9 @@ double spectral_radius(const Eigen::MatrixXd& map) {
   return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
 }
 
-FrequencyResponse::FrequencyResponse(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B,
-                                     const Eigen::MatrixXd& C) {
-  const auto [T, U] = robot::complex_schur(A);
-  A_ = T;
-  B_ = U.adjoint() * B;
-  C_ = C * U;
-}
+FrequencyResponse::FrequencyResponse(const robot::Schur& A, const Eigen::MatrixXd& B,
+                                     const Eigen::MatrixXd& C)
+    : A_(A.T), B_(A.U.adjoint() * B), C_(C * A.U) {}
 
 Eigen::MatrixXcd FrequencyResponse::at(const std::complex<double>& z) const {
   Eigen::MatrixXcd resolvent = -A_;

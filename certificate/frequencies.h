@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "robot/decompositions.h"
+
 /// At which frequencies a sampled loop is looked at, and the least value over them.
 namespace tachless::certificate {
 
@@ -24,7 +26,7 @@ double spectral_radius(const Eigen::MatrixXd& map);
 class FrequencyResponse {
  public:
   FrequencyResponse() = default;
-  FrequencyResponse(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, const Eigen::MatrixXd& C);
+  FrequencyResponse(const robot::Schur& A, const Eigen::MatrixXd& B, const Eigen::MatrixXd& C);
   [[nodiscard]] Eigen::MatrixXcd at(const std::complex<double>& z) const;
 
  private:

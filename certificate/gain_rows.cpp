@@ -90,7 +90,7 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   A_ = loop.A;
   B_ = loop.B;
   C_ = measured_rows(law, n_, A_.rows());
-  over_frequency_ = {A_, B_, C_};
+  over_frequency_ = {robot::complex_schur(A_), B_, C_};
   w_ = kept_frequencies(period_s);
   for (const double w : w_) at_w_.push_back(over_frequency_.at(std::polar(1.0, w * period_s)));
 }

@@ -69,8 +69,8 @@ LinearPlant flexible_plant(const robot::Model& links, const loop::ReferencePoint
   return plant;
 }
 
-LinearLaw linearised(const LawStep& law, const VectorXd& memory, const VectorXd& measurement,
-                     std::vector<Part> measured, double step) {
+LinearLaw linearised(const controller::law::LawStep& law, const VectorXd& memory,
+                     const VectorXd& measurement, std::vector<Part> measured, double step) {
   const Index m = memory.size(), y = measurement.size();
   VectorXd x(m + y);
   x << memory, measurement;

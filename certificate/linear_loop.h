@@ -1,11 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 #include <limits>
-#include <utility>
 #include <vector>
 
+#include "controller/law/law.h"
 #include "loop/measurements.h"
 #include "loop/signals.h"
 #include "robot/model.h"
@@ -58,12 +57,8 @@ Eigen::MatrixXd measured_rows(const LinearLaw& law, Eigen::Index num_joints, Eig
 /// where `start` is not known that after long, of a law that forgets, else 0.
 Eigen::MatrixXd first_memory(const LinearLaw& law, const Eigen::MatrixXd& measured);
 
-/// Any law as a function of its memory and measurement, both written as vectors: (memory,
-/// measurement) -> (next memory, torque); the reference is held fixed inside.
-using LawStep = std::function<std::pair<Eigen::VectorXd, Eigen::VectorXd>(const Eigen::VectorXd&,
-                                                                          const Eigen::VectorXd&)>;
-/// Its gradient by central differences of step `step` times max(1, |x_i|).
-LinearLaw linearised(const LawStep& law, const Eigen::VectorXd& memory,
+/// The gradient of a law by central differences of step `step` times max(1, |x_i|).
+LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd& memory,
                      const Eigen::VectorXd& measurement, std::vector<Part> measured,
                      double step = 1e-6);
 

@@ -47,7 +47,8 @@ class Gains {
     }
     const std::array into = {MatrixXd(open.B * S), MatrixXd(into_law * angles)};
     const std::array out_of = {MatrixXd(inverse_S * torque), MatrixXd(inverse_angles * measured)};
-    for (std::size_t i = 0; i < 4; ++i) from_to_[i] = {map, into[i / 2], out_of[i % 2]};
+    const robot::Schur schur = robot::complex_schur(map);
+    for (std::size_t i = 0; i < 4; ++i) from_to_[i] = {schur, into[i / 2], out_of[i % 2]};
     w_ = frequencies(balanced_eigenvalues(map), period_s, 400);
   }
 

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "certificate/linear_loop.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
 namespace tachless::certificate {

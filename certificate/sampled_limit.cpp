@@ -36,8 +36,8 @@ class Response {
     const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
     poles_ = robot::eigenvalues(closed);
     // Of the balanced loop, or the rounding of a law's large states hides its small ones.
-    response_ = {inverse.asDiagonal() * open.A * scale.asDiagonal(), inverse.asDiagonal() * open.B,
-                 open.C * scale.asDiagonal()};
+    response_ = {robot::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal()),
+                 inverse.asDiagonal() * open.B, open.C * scale.asDiagonal()};
   }
 
   [[nodiscard]] MatrixXcd at(double w) const {

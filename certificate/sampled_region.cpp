@@ -11,7 +11,6 @@
 #include "controller/registry.h"
 #include "process/parallel.h"
 #include "robot/decompositions.h"
-#include "robot/postures.h"
 
 namespace tachless::certificate {
 namespace {

@@ -138,13 +138,7 @@ struct ScenarioLoop::AskedLaw {
     const auto found = known.find(key);
     if (found != known.end()) return found->second;
     loop::AnyMeasurement at_rest = loop::measurement_of(measurement).value();
-    std::vector<Part> measured;
-    for (std::size_t i = 0; i < state.size(); ++i) {
-      Vector* part = loop::parts_of(at_rest)[i];
-      if (part == nullptr) continue;
-      *part = state[i];
-      if (state[i].size() > 0) measured.push_back(static_cast<Part>(i));
-    }
+    const std::vector<Part> measured = controller::measure(state, loop::parts_of(at_rest));
     const VectorXd nominal = packed(loop::parts_of(at_rest));
     bool weightless = false;
     const Ask ask = [&](const MatrixXd& deviations) {

@@ -18,7 +18,6 @@
 #include "diagnostics/fnv.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
-#include "robot/postures.h"
 
 namespace tachless::certificate {
 namespace {

@@ -26,11 +26,7 @@ SteppedLaw stepped(const L& law, const ReferencePoint& reference,
   typename L::Measurement nominal;
   SteppedLaw result;
   const auto parts = loop::parts_of(nominal);
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (parts[i] == nullptr) continue;
-    *parts[i] = state[i];  // of a rigid robot's motors: empty
-    if (state[i].size() > 0) result.measured.push_back(static_cast<loop::Part>(i));
-  }
+  result.measured = measure(state, parts);
   // That of a loop under way: what a law knows only from a step before, such as the torque that it
   // commanded, is missing in the memory that it starts with.
   auto memory = law.step(law.start(nominal, reference), nominal, reference).memory;
@@ -70,6 +66,17 @@ void unpack(const VectorXd& from, std::span<Vector* const> vectors) {
     *x = from.segment(begin, x->size());
     begin += x->size();
   }
+}
+
+std::vector<loop::Part> measure(const std::array<Vector, 4>& state,
+                                std::span<Vector* const> parts) {
+  std::vector<loop::Part> measured;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (parts[i] == nullptr) continue;
+    *parts[i] = state[i];
+    if (state[i].size() > 0) measured.push_back(static_cast<loop::Part>(i));
+  }
+  return measured;
 }
 
 SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoint& reference,

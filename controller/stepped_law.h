@@ -4,7 +4,6 @@
 #include <array>
 #include <functional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "controller/law/law.h"
@@ -20,13 +19,15 @@ Eigen::VectorXd packed(std::span<robot::Vector* const> vectors);
 /// The reverse; the vectors have their sizes.
 void unpack(const Eigen::VectorXd& from, std::span<robot::Vector* const> vectors);
 
+/// The parts of a measurement from the plant's state, by `loop::Part`; null: not measured.
+/// @return the parts that are not empty, as motors of a rigid robot are
+std::vector<loop::Part> measure(const std::array<robot::Vector, 4>& state,
+                                std::span<robot::Vector* const> parts);
+
 /// A law as a function, its reference held, as vectors of numbers: memory and measurement at rest
 /// there, and the memory with which it starts from a measurement.
 struct SteppedLaw {
-  /// (memory, measurement) -> (next memory, torque).
-  std::function<std::pair<Eigen::VectorXd, Eigen::VectorXd>(const Eigen::VectorXd&,
-                                                            const Eigen::VectorXd&)>
-      step;
+  law::LawStep step;
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> start;
   Eigen::VectorXd memory, measurement;
   std::vector<loop::Part> measured;

@@ -3,6 +3,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
 #include <unsupported/Eigen/MatrixFunctions>
 
 namespace tachless::robot {
@@ -18,6 +20,16 @@ Eigen::VectorXcd eigenvalues(const MatrixXd& A) {
 VectorXd symmetric_eigenvalues(const MatrixXd& A) {
   return Eigen::SelfAdjointEigenSolver<MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues();
 }
+
+double spectral_norm(const MatrixXd& A) {
+  return std::sqrt(std::max(0.0, largest_eigenvalue(A.transpose() * A)));
+}
+
+double smallest_eigenvalue(const MatrixXd& symmetric) {
+  return symmetric_eigenvalues(symmetric)[0];
+}
+
+double largest_eigenvalue(const MatrixXd& symmetric) { return -smallest_eigenvalue(-symmetric); }
 
 SymmetricEigen symmetric_eigen(const MatrixXd& A) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(A);

@@ -13,6 +13,11 @@ Eigen::VectorXcd eigenvalues(const Eigen::MatrixXcd& A);
 
 /// Of a symmetric matrix, of which the lower triangle is read; the smallest first.
 Eigen::VectorXd symmetric_eigenvalues(const Eigen::MatrixXd& A);
+double smallest_eigenvalue(const Eigen::MatrixXd& symmetric);
+double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
+
+/// The norm that goes with the Euclidean one.
+double spectral_norm(const Eigen::MatrixXd& A);
 
 /// A = vectors diag(values) vectors', the smallest value first.
 struct SymmetricEigen {

@@ -175,18 +175,6 @@ Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
   return search.best;
 }
 
-double spectral_norm(const Eigen::MatrixXd& A) {
-  return std::sqrt(std::max(0.0, largest_eigenvalue(A.transpose() * A)));
-}
-
-double smallest_eigenvalue(const Eigen::MatrixXd& symmetric) {
-  return symmetric_eigenvalues(symmetric)[0];
-}
-
-double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
-  return -smallest_eigenvalue(-symmetric);
-}
-
 Inertia inertia_at(const Model& model, const Vector& q) {
   Inertia result{mass_matrix(model, q), {}};
   Vector unit = Vector::Zero(model.num_joints);

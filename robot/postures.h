@@ -20,11 +20,6 @@ struct Minimum {
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations);
 
-/// The norm that goes with the Euclidean one.
-double spectral_norm(const Eigen::MatrixXd& A);
-double smallest_eigenvalue(const Eigen::MatrixXd& symmetric);
-double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
-
 /// M(q) and C(q, e_j), so that C(q, x) = sum_j x_j C[j]; or one harmonic of them.
 struct Inertia {
   Eigen::MatrixXd M;               ///< [kg m2]

@@ -3,6 +3,7 @@
 #include <array>
 #include <concepts>
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <string_view>
 #include <tuple>
@@ -171,6 +172,11 @@ concept Tuned = requires(const Tuning& tuning) {
   { L::tuned(tuning) } -> std::same_as<typename L::Gains>;
 };
 
+/// Any law as a function of its memory and measurement, both written as vectors: (memory,
+/// measurement) -> (next memory, torque); the reference is held fixed inside.
+using LawStep = std::function<std::pair<Eigen::VectorXd, Eigen::VectorXd>(const Eigen::VectorXd&,
+                                                                          const Eigen::VectorXd&)>;
+
 /// The whole state of a closed loop at one instant.
 struct LoopState {
   Vector q;                     ///< links [rad; m]
@@ -208,7 +214,7 @@ struct LyapunovWeights {
 
 /// A law with the Lyapunov function by which its stability is proved: its formula for people, and
 /// its value [J]; a function without cross terms ignores the weights. It is a function of the true
-/// state, which no law's `step` is given: certificate/ evaluates it afterwards.
+/// state, which no law's `step` is given: controller/stepped_law.h evaluates it afterwards.
 template <class L>
 concept HasLyapunovFunction = requires(const L& law, const LoopState& state,
                                        const ReferencePoint& reference,

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "certificate/matrix_condition.h"
+#include "robot/decompositions.h"
 
 /// What V's derivative is, and the matrix condition by another way.
 namespace tachless::certificate::testing {

@@ -68,11 +68,11 @@ TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
 
 /// The law itself as a function of vectors.
 template <class L>
-LawStep as_step(const L& law, const loop::ReferencePoint& reference);
+controller::law::LawStep as_step(const L& law, const loop::ReferencePoint& reference);
 
 template <>
-LawStep as_step(const controller::law::LoriaOrtegaRigid& law,
-                const loop::ReferencePoint& reference) {
+controller::law::LawStep as_step(const controller::law::LoriaOrtegaRigid& law,
+                                 const loop::ReferencePoint& reference) {
   return [=](const VectorXd& memory, const VectorXd& y) {
     const controller::law::LoriaOrtegaRigid::Memory before{memory.head(2), memory.tail(2)};
     const auto step = law.step(before, {y}, reference);
@@ -82,8 +82,8 @@ LawStep as_step(const controller::law::LoriaOrtegaRigid& law,
   };
 }
 template <>
-LawStep as_step(const controller::law::LoriaOrtegaFlexible& law,
-                const loop::ReferencePoint& reference) {
+controller::law::LawStep as_step(const controller::law::LoriaOrtegaFlexible& law,
+                                 const loop::ReferencePoint& reference) {
   return [=](const VectorXd& memory, const VectorXd& y) {
     const controller::law::LoriaOrtegaFlexible::Memory before{
         {memory.segment(0, 2), memory.segment(2, 2)}, {memory.segment(4, 2), memory.segment(6, 2)}};

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "process/parallel.h"
+#include "robot/decompositions.h"
 #include "tests/certificate/decrease.h"
 #include "tests/certificate/loops.h"
 

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "certificate/linear_loop.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 #include "tests/certificate/decrease.h"
 #include "tests/certificate/loops.h"
