@@ -1,6 +1,7 @@
 #include "robot/dynamics.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <stdexcept>
@@ -132,11 +133,11 @@ template <bool two, bool accelerating, class Scalar>
   return tau;
 }
 
-/// A body with all that hangs on it, frozen; about and in the body's frame.
+/// A body with all that hangs on it, frozen, in the frame of the tree's first body.
 template <class Scalar>
 struct Composite {
   double mass;
-  Vector3Of<Scalar> h;  ///< mass times centre of mass [kg m]
+  Vector3Of<Scalar> h;  ///< mass times centre of mass, from the body's origin [kg m]
   Matrix3Of<Scalar> I;  ///< about the body's origin [kg m2]
 };
 
@@ -146,77 +147,84 @@ Matrix3Of<Scalar> parallel_axis(const Vector3Of<Scalar>& a, const Vector3Of<Scal
   return a.dot(b) * Matrix3Of<Scalar>::Identity() - a * b.transpose();
 }
 
-/// A momentum about and in a body's frame, X in another, into that.
+/// Into the lower triangle of M: composite bodies (Featherstone, Rigid Body Dynamics Algorithms,
+/// 6.2). An element is the power of one joint's motion on the momentum of another's composite.
 template <class Scalar>
-void carry(const Pose<Scalar>& X, Vector3Of<Scalar>& linear, Vector3Of<Scalar>& angular) {
-  linear = (X.R * linear).eval();
-  angular = (X.R * angular).eval() + X.p.cross(linear);
-}
-
-/// From this many bodies on, momenta are carried to the base at once: n times in place of up to
-/// n^2 / 2. Below, carrying costs no more and rounds less.
-constexpr int many_bodies = 13;
-
-/// Into M: composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 6.2). The momentum of
-/// each body's composite under unit rate of its joint is carried to the bodies that carry it.
-template <class Scalar>
-[[gnu::flatten]] void set_mass_matrix(const Model& model, const Poses<Scalar>& poses,
-                                      MatrixOf<Scalar>& M) {
+[[gnu::flatten]] void set_lower_mass_matrix(const Model& model, const Poses<Scalar>& poses,
+                                            MatrixOf<Scalar>& M) {
   using Vector3 = Vector3Of<Scalar>;
   const int num_bodies = static_cast<int>(model.bodies.size());
-  const bool many = num_bodies >= many_bodies;
+  Poses<Scalar> X;  // in the frame of the tree's first body, as all below
   std::array<Composite<Scalar>, max_bodies> composite;
-  Poses<Scalar> base;  // of many bodies
   for (int i = 0; i < num_bodies; ++i) {
     const Body& body = model.bodies[i];
-    const Eigen::Vector3d& c = body.p_Bcm;
-    composite[i] = {
-        body.mass, Eigen::Vector3d(c * body.mass).cast<Scalar>(),
-        Eigen::Matrix3d(body.I_Bcm + body.mass * parallel_axis<double>(c, c)).cast<Scalar>()};
-    if (many) base[i] = body.parent < 0 ? poses[i] : base[body.parent] * poses[i];
+    if (body.parent < 0) {
+      X[i] = {Matrix3Of<Scalar>::Identity(), Vector3::Zero()};
+    } else {
+      X[i] = X[body.parent] * poses[i];
+    }
+    const Vector3 c = X[i].R * body.p_Bcm.cast<Scalar>();
+    const Matrix3Of<Scalar> RI = X[i].R * body.I_Bcm.cast<Scalar>();
+    composite[i] = {body.mass, c * body.mass,
+                    RI * X[i].R.transpose() + parallel_axis<Scalar>(c, c * body.mass)};
   }
   M.setZero(model.num_joints, model.num_joints);
-  std::array<Vector3, max_bodies> linear, angular;  // momenta, by body
-  std::array<int, max_bodies> carrier;              // where each has been carried to
+  std::array<Vector3, max_bodies> linear,
+      angular;                          // momenta at unit rate, about the frame's origin
+  std::array<int, max_bodies> carrier;  // the next body that carries each
   for (int k = num_bodies - 1; k >= 0; --k) {
     const Body& body = model.bodies[k];
     const Composite<Scalar>& b = composite[k];
-    const Vector3 axis = body.axis_B.cast<Scalar>();
-    const bool revolute = body.type == JointType::revolute;
-    linear[k] = revolute ? Vector3(axis.cross(b.h)) : Vector3(b.mass * axis);
-    angular[k] = revolute ? Vector3(b.I * axis) : Vector3(b.h.cross(axis));
-    carrier[k] = k;
-    Vector3 w = axis, v = axis;  // the joint's motion at unit rate; at the base, of its point
-    if (many) {
-      carry(base[k], linear[k], angular[k]);
-      w = v = base[k].R * axis;
-      if (revolute) v = base[k].p.cross(w);
+    const Vector3& p = X[k].p;
+    const Vector3 axis = X[k].R * body.axis_B.cast<Scalar>();
+    Vector3 w = Vector3::Zero(),
+            v = axis;  // the joint's motion at unit rate, at the frame's origin
+    if (body.type == JointType::revolute) {
+      w = axis;
+      v = p.cross(axis);
+      linear[k] = axis.cross(b.h);
+      angular[k] = b.I * axis + p.cross(linear[k]);
+    } else {
+      linear[k] = b.mass * axis;
+      angular[k] = b.h.cross(axis) + p.cross(linear[k]);
     }
+    carrier[k] = k;
     for (int i = num_bodies - 1; i >= k; --i) {
       if (carrier[i] != k) continue;
-      Scalar power = revolute ? component(w, angular[i]) : component(v, linear[i]);
-      if (many && revolute) power += component(v, linear[i]);
-      const Scalar element = (model.bodies[i].multiplier * body.multiplier) * power;
-      const int row = model.bodies[i].coordinate, col = body.coordinate;
-      M(row, col) += element;
-      // Two bodies of one coordinate meet twice on the diagonal.
-      if (row != col || i != k) M(col, row) += element;
-      if (!many && body.parent >= 0) carry(poses[k], linear[i], angular[i]);
       carrier[i] = body.parent;
+      const Scalar element = (model.bodies[i].multiplier * body.multiplier) *
+                             (component(w, angular[i]) + component(v, linear[i]));
+      const int row = model.bodies[i].coordinate, col = body.coordinate;
+      M(std::max(row, col), std::min(row, col)) += element;
+      // Two bodies of one coordinate meet twice on the diagonal.
+      if (row == col && i != k) M(row, row) += element;
     }
-    const Pose<Scalar>& X = poses[k];
     if (body.parent < 0) continue;
     Composite<Scalar>& parent = composite[body.parent];
-    const Vector3Of<Scalar> h = X.R * b.h;
-    const Matrix3Of<Scalar> RI = X.R * b.I, turned = RI * X.R.transpose();
-    const Matrix3Of<Scalar> mixed = parallel_axis<Scalar>(X.p, h);
-    parent.I += turned + mixed + mixed.transpose() + b.mass * parallel_axis<Scalar>(X.p, X.p);
-    parent.h += h + X.p * b.mass;
+    const Vector3 d = p - X[body.parent].p;
+    const Matrix3Of<Scalar> moved = parallel_axis<Scalar>(d, b.h + d * (0.5 * b.mass));
+    parent.I += b.I + moved + moved.transpose();
+    parent.h += b.h + d * b.mass;
     parent.mass += b.mass;
   }
   if (model.rotor_inertia.size() == 0) return;
   require_size(model, model.rotor_inertia.size(), "rotor_inertia");
   M.diagonal() += model.rotor_inertia.cast<Scalar>();
+}
+
+/// M from its lower triangle.
+template <class Scalar>
+void complete(MatrixOf<Scalar>& M) {
+  M.template triangularView<Eigen::StrictlyUpper>() = M.transpose();
+}
+
+/// `set_equations_of_motion`, but for M's upper triangle.
+void set_lower_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
+                                   Vector& bias) {
+  Poses<double> poses;
+  set_joint_poses(model, q, poses);
+  bias = newton_euler<false, false>(model, model.gravity, poses, v, v, v);
+  set_lower_mass_matrix(model, poses, M);
 }
 
 /// The same at joint positions.
@@ -249,7 +257,8 @@ MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
   Poses<Scalar> poses;
   set_joint_poses(model, q, poses);
   MatrixOf<Scalar> M;
-  set_mass_matrix(model, poses, M);
+  set_lower_mass_matrix(model, poses, M);
+  complete(M);
   return M;
 }
 
@@ -273,17 +282,15 @@ Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v) {
 
 void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
                              Vector& bias) {
-  Poses<double> poses;
-  set_joint_poses(model, q, poses);
-  bias = newton_euler<false, false>(model, model.gravity, poses, v, v, v);
-  set_mass_matrix(model, poses, M);
+  set_lower_equations_of_motion(model, q, v, M, bias);
+  complete(M);
 }
 
 Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, const Vector& tau) {
   require_size(model, tau.size(), "tau");
   Matrix M;
   Vector a;
-  set_equations_of_motion(model, q, v, M, a);
+  set_lower_equations_of_motion(model, q, v, M, a);
   for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - a[j];
   const int failed = factorise(M);
   if (failed >= 0) {
