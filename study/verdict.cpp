@@ -12,6 +12,8 @@ namespace {
 constexpr std::int64_t fewest_ticks = 40;
 constexpr double converged_share = 0.01, followed_share = 0.05;  // of the scale
 constexpr double counts = 3;    // of the encoder, which no error has to be below
+// Counts that the loop makes into larger swings, of another size in each quarter: up to 11 seen.
+constexpr double swing_counts = 10;
 constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits is 1.5e-6
 // [rad; m] Below, no limit cycle is called so, nor in real time any growth of swings: encoders,
 // noise and late commands swing too.
@@ -98,7 +100,7 @@ struct Joint {
         quarter(end / 4),
         own_scale(std::max(span(q_ref, 0, end).extent(), std::abs(joint.error.first()))),
         noise(std::max(counts * resolution, least)),
-        smallest_swing(realtime ? std::max(noise, small) : noise),
+        smallest_swing(std::max(swing_counts * resolution, realtime ? small : least)),
         friction(friction_Nm),
         in{of(error, 0), of(error, 1), of(error, 2), of(error, 3)},
         last(in[3]),

@@ -147,6 +147,12 @@ TEST(Verdict, OfAGrowingErrorIsDiverging) {
     return 1e-5 * std::exp(2 * t) * std::sin(2 * std::numbers::pi * 200 * t);
   };
   EXPECT_EQ(verdict(slowly, five_hertz).word(), "diverging");
+  // The encoder makes one of few counts, which is larger by chance in each quarter.
+  const auto counted = [](double t) {
+    const double counts = t < 0.5 ? 5 : t < 1 ? 4 : t < 1.5 ? 6 : 9;
+    return 3e-6 * counts * std::sin(2 * std::numbers::pi * 200 * t);
+  };
+  EXPECT_EQ(verdict(counted, five_hertz).word(), "converged");
   // In real time late commands can make a small one; a larger one they do not.
   EXPECT_EQ(verdict(slowly, five_hertz, 0, true).word(), "converged");
   const auto larger = [&](double t) { return 100 * slowly(t); };
