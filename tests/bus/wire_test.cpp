@@ -17,6 +17,7 @@
 #include <tachless/tick_t.hpp>
 #include <tachless/torque_command_t.hpp>
 
+#include "bus/codec.h"
 #include "tests/bus/codec_checks.h"
 #include "tests/support/counting_new.h"
 
@@ -63,6 +64,18 @@ TYPED_TEST(EveryCodec, RejectsAnotherTypesFingerprint) {
 }
 TYPED_TEST(EveryCodec, RejectsAnEmptyDatagram) {
   EXPECT_EQ(verdict<TypeParam>({2, 2, 2}, {}), Rejection::wrong_size);
+}
+
+TEST(Texts, HaveLinesOnlyWhereTheyAreFiles) {
+  for (const char c : {'\n', '\t', '\r'}) {
+    for (const char* file : {"scenario", "robot_description"}) {
+      EXPECT_TRUE(detail::is_clean(file, std::string("a") + c + "b")) << int{c};
+      EXPECT_FALSE(detail::is_clean(file, std::string("a\x1b") + c)) << int{c};
+    }
+    EXPECT_FALSE(detail::is_clean("plant", std::string("a") + c + "b")) << int{c};
+  }
+  EXPECT_FALSE(detail::is_clean("scenario", "\x7f"));
+  EXPECT_TRUE(detail::is_clean("plant", "a b"));
 }
 
 TYPED_TEST(EveryCodec, RefusesToEncodeAnyNumberThatIsNotFinite) {

@@ -114,6 +114,16 @@ TEST_F(APlantsPeers, LivedWhenTheAnswerWasAskedForNotWhenItCame) {
   EXPECT_EQ(peers.answered(answering(7, 4, 2), now), now + 60s);
 }
 
+TEST_F(APlantsPeers, AreNotForgottenForThisProcessesOwnSilence) {
+  remember(who(7, 1));
+  now += 2 * Peers::forgotten_after;
+  peers.excuse(2 * Peers::forgotten_after);
+  peers.forget_silent(now + Peers::forgotten_after - 1ms);
+  EXPECT_EQ(peers.all().size(), 1);
+  peers.forget_silent(now + Peers::forgotten_after);
+  EXPECT_TRUE(peers.all().empty());
+}
+
 TEST_F(APlantsPeers, AreNamedSoThatEachCanProveItself) {
   announce();
   remember(answering(7, 1, 1));

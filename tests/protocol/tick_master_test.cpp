@@ -209,6 +209,19 @@ TEST_F(ARequester, GivesUpOnALoggerThatMakesNoProgressAndKnowsWhetherItSpeaks) {
   EXPECT_TRUE(tick_master.logger_heard());
 }
 
+TEST_F(ARequester, DoesNotGiveUpALoggerThatCatchesUpSlowlyAtTheEnd) {
+  for (std::int64_t k = 0; k < num_ticks; ++k) {
+    tick_master.on_ack(k - 10, 0, now);
+    run_one();
+  }
+  for (std::int64_t tick = num_ticks - 8; tick < num_ticks; ++tick) {
+    now += 4s;
+    EXPECT_FALSE(tick_master.given_up(now));
+    tick_master.on_ack(tick, 0, now);
+  }
+  EXPECT_TRUE(tick_master.finished());
+}
+
 TEST_F(ARequester, NeedsAWindowThatFitsTheKeptMessages) {
   TickMaster::Config wide = config();
   wide.window = 63;

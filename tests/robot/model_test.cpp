@@ -76,6 +76,16 @@ TEST(MassProperties, OfTwoInertiasWithoutMassAreTheirSum) {
   EXPECT_EQ(both.I_Bcm, one + other);
 }
 
+TEST(MassProperties, AreToTheLastBitTheSameWithNothingAdded) {
+  const MassProperties some{3, {0.1, 0, 0}, Eigen::Matrix3d::Identity()};
+  ASSERT_NE((some.mass * some.p_Bcm / some.mass).x(), some.p_Bcm.x());
+  EXPECT_EQ(combine({}, some).p_Bcm, some.p_Bcm);
+  EXPECT_EQ(combine(some, {}).p_Bcm, some.p_Bcm);
+  const MassProperties kilogram{1, {1, 0, 0}, Eigen::Matrix3d::Zero()};
+  EXPECT_EQ(combine(kilogram, some).mass, 4);
+  EXPECT_EQ(combine(some, kilogram).mass, 4);
+}
+
 TEST(MassProperties, AreNotPhysicalWhereAnyNumberIsNotFinite) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
@@ -121,7 +131,8 @@ TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
   for (const std::string side : {"left", "right"}) {
     urdf += "<link name='" + side + "'>" + mass + "</link><joint name='" + side +
             "_joint' type='continuous'><parent link='base'/><child link='" + side +
-            "'/><origin xyz='0 " + (side == "left" ? "1" : "-1") + " 0'/></joint>";
+            "'/><origin xyz='0 " + (side == "left" ? "1" : "-1.0000000015") +
+            " 0'/></joint>";  // but for rounding
   }
   const Model model = model_from_urdf(urdf + "</robot>", "t.urdf");
   EXPECT_THAT(complaint(model, 1, ""), HasSubstr("'left' and 'right'"));
