@@ -147,11 +147,11 @@ Matrix3Of<Scalar> parallel_axis(const Vector3Of<Scalar>& a, const Vector3Of<Scal
   return a.dot(b) * Matrix3Of<Scalar>::Identity() - a * b.transpose();
 }
 
-/// Into the lower triangle of M: composite bodies (Featherstone, Rigid Body Dynamics Algorithms,
-/// 6.2). An element is the power of one joint's motion on the momentum of another's composite.
+/// Into M: composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 6.2). An element is the
+/// power of one joint's motion on the momentum of another's composite.
 template <class Scalar>
-[[gnu::flatten]] void set_lower_mass_matrix(const Model& model, const Poses<Scalar>& poses,
-                                            MatrixOf<Scalar>& M) {
+[[gnu::flatten]] void set_mass_matrix(const Model& model, const Poses<Scalar>& poses,
+                                      MatrixOf<Scalar>& M) {
   using Vector3 = Vector3Of<Scalar>;
   const int num_bodies = static_cast<int>(model.bodies.size());
   Poses<Scalar> X;  // in the frame of the tree's first body, as all below
@@ -207,24 +207,10 @@ template <class Scalar>
     parent.h += b.h + d * b.mass;
     parent.mass += b.mass;
   }
+  M.template triangularView<Eigen::StrictlyUpper>() = M.transpose();
   if (model.rotor_inertia.size() == 0) return;
   require_size(model, model.rotor_inertia.size(), "rotor_inertia");
   M.diagonal() += model.rotor_inertia.cast<Scalar>();
-}
-
-/// M from its lower triangle.
-template <class Scalar>
-void complete(MatrixOf<Scalar>& M) {
-  M.template triangularView<Eigen::StrictlyUpper>() = M.transpose();
-}
-
-/// `set_equations_of_motion`, but for M's upper triangle.
-void set_lower_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
-                                   Vector& bias) {
-  Poses<double> poses;
-  set_joint_poses(model, q, poses);
-  bias = newton_euler<false, false>(model, model.gravity, poses, v, v, v);
-  set_lower_mass_matrix(model, poses, M);
 }
 
 /// The same at joint positions.
@@ -257,8 +243,7 @@ MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
   Poses<Scalar> poses;
   set_joint_poses(model, q, poses);
   MatrixOf<Scalar> M;
-  set_lower_mass_matrix(model, poses, M);
-  complete(M);
+  set_mass_matrix(model, poses, M);
   return M;
 }
 
@@ -282,15 +267,17 @@ Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v) {
 
 void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
                              Vector& bias) {
-  set_lower_equations_of_motion(model, q, v, M, bias);
-  complete(M);
+  Poses<double> poses;
+  set_joint_poses(model, q, poses);
+  bias = newton_euler<false, false>(model, model.gravity, poses, v, v, v);
+  set_mass_matrix(model, poses, M);
 }
 
 Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, const Vector& tau) {
   require_size(model, tau.size(), "tau");
   Matrix M;
   Vector a;
-  set_lower_equations_of_motion(model, q, v, M, a);
+  set_equations_of_motion(model, q, v, M, a);
   for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - a[j];
   const int failed = factorise(M);
   if (failed >= 0) {
