@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::int64_t fewest_ticks = 40;
 constexpr double converged_share = 0.01, followed_share = 0.05;  // of the scale
-constexpr double counts = 3;    // of the encoder, which no error has to be below
+constexpr double counts = 3;  // of the encoder, which no error has to be below
 // Counts that the loop makes into larger swings, of another size in each quarter: up to 11 seen.
 constexpr double swing_counts = 10;
 constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits is 1.5e-6
