@@ -161,13 +161,14 @@ class Procedure : Findings {
     result_.adds_gravity = false;
     if (most_s < least_hold * h) {
       mend_gravity();
-      misfit("plant.initial.position_rad",
-             fmt::format(
-                 "the arm falls, and nothing else is told: within the {:.3g} ms that a trial of "
-                 "gravity's torque takes, a wrong sign or scale would make a joint too fast; "
-                 "begin nearer to upright or hanging",
-                 1e3 * least_hold * h),
-             false);
+      misfit(
+          "plant.initial.position_rad",
+          fmt::format(
+              "the arm falls, and nothing else is determined: within the {:.3g} ms that a trial of "
+              "gravity's torque takes, a wrong sign or scale would make a joint too fast; "
+              "begin nearer to upright or hanging",
+              1e3 * least_hold * h),
+          false);
       return false;
     }
     const Vector scale = scale_of_hold(arm, turned_by_.cwiseProduct(fall.acceleration), fall.onset,
@@ -204,7 +205,7 @@ class Procedure : Findings {
       misfit(
           "robot.joint_signs",
           "gravity's torque holds the arm too badly to go on: scale of torque, masses, or signs "
-          "that the fall has not told apart; look which way each joint turns, or begin at another "
+          "that the fall did not determine; look which way each joint turns, or begin at another "
           "posture",
           false);
     }
@@ -301,7 +302,7 @@ class Procedure : Findings {
           "its positions; correct the driver (robot.joint_signs turns both)",
           scenario_.source, name(joint));
     }
-    throw Failure(ExitCode::protective_stop, "{}: not told apart, because {} ran away: {}",
+    throw Failure(ExitCode::protective_stop, "{}: not determined, because {} ran away: {}",
                   scenario_.source, name(joint), trial.stopped);
   }
 

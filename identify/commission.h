@@ -36,7 +36,7 @@ constexpr std::array<std::string_view, 3> names(Unsent /*type*/) {
 }
 
 struct Commissioned {
-  /// Nothing: not told apart.
+  /// Nothing: not determined.
   struct Joint {
     std::string name, unit;
     std::optional<bool> turns{};    ///< as the scenario says (robot.joint_signs), or against it

@@ -8,7 +8,7 @@
 namespace tachless::identify {
 namespace {
 
-constexpr const char* not_told = "not told apart";
+constexpr const char* undetermined = "not determined";
 
 template <class Value>
 nlohmann::ordered_json json_of(const std::optional<Value>& value) {
@@ -22,7 +22,7 @@ std::string says(const std::optional<bool>& told, const char* yes, const char* n
 }
 
 std::string unsent_text(const Commissioned& found) {
-  if (!found.unsent) return "was not told apart";
+  if (!found.unsent) return "was not determined";
   switch (*found.unsent) {
     case Unsent::held:
       return "is the torque before";
@@ -47,20 +47,20 @@ std::string text(const Commissioned& found, const std::string& name) {
       "{}. {:.3g} s of motion.\n\n",
       name, turning,
       says(found.adds_gravity, "The arm adds gravity itself.", "The arm does not add gravity.",
-           "Whether the arm adds gravity was not told apart."),
+           "Whether the arm adds gravity was not determined."),
       says(found.adds_friction, "It adds friction.", "It does not add friction.",
-           "Whether it adds friction was not told apart."),
+           "Whether it adds friction was not determined."),
       found.delay
           ? fmt::format("Delay from reading to torque in ticks: {}, +- {:.2g} between joints.",
                         *found.delay, found.delay_spread / 2)
-          : fmt::format("The delay was not told apart: joints differ by {:.2g} ticks.",
+          : fmt::format("The delay was not determined: joints differ by {:.2g} ticks.",
                         found.delay_spread),
       found.missed, unsent_text(found), found.arm_is_clock ? "arm" : "computer", found.seconds);
   std::vector<std::vector<std::string>> rows = {
       {"joint", "turns", "torque scale", "viscous", "dry", "noise", ""}};
   for (const Commissioned::Joint& joint : found.joints) {
-    rows.push_back({joint.name, says(joint.turns, "against", "as stated", not_told),
-                    joint.scale ? fmt::format("{:.3f}", *joint.scale) : not_told,
+    rows.push_back({joint.name, says(joint.turns, "against", "as stated", undetermined),
+                    joint.scale ? fmt::format("{:.3f}", *joint.scale) : undetermined,
                     fmt::format("{:.3g}", joint.viscous), fmt::format("{:.3g}", joint.dry),
                     fmt::format("{:.2g}", joint.noise), joint.unit});
   }

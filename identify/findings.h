@@ -126,10 +126,11 @@ class Findings {
   void mend_gravity() {
     const Compensates says = scenario_.robot.compensates;
     if (!result_.adds_gravity) {
-      misfit("robot.compensates",
-             "not told apart whether the arm adds gravity; begin where gravity pulls more, with a "
-             "finer encoder",
-             false);
+      misfit(
+          "robot.compensates",
+          "whether the arm adds gravity is not determined; begin where gravity pulls more, with a "
+          "finer encoder",
+          false);
       return;
     }
     Compensates is = Compensates::nothing;

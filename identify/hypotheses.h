@@ -73,7 +73,7 @@ struct Explanation {
     bool clean;                                ///< `noise` is small beside the torque that moves it
   };
   std::vector<robot::Vector> signs;  ///< the best, and those that explain it hardly less well
-  std::optional<bool> gravity;       ///< acts unaided; nothing: not told apart
+  std::optional<bool> gravity;       ///< acts unaided; nothing: not determined
   int delay = 0;
   std::vector<Joint> joints;
   double cost = 0;  ///< twice the log-likelihood's loss

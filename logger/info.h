@@ -8,7 +8,7 @@
 /// What is in a log, at a glance: any LCM log, ours or not, damaged or not.
 namespace tachless::logger {
 
-/// Channels that are told apart; messages on further ones are counted together.
+/// Channels that are listed one by one; messages on further ones are counted together.
 inline constexpr std::size_t max_channels = 1000;
 
 /// For programs: the file, its damage, its channels by name, and the run that it recorded, or why

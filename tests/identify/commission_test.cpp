@@ -1,4 +1,4 @@
-// Many arms with hidden conventions: what commission says of them is right or "not told apart", and
+// Many arms with hidden conventions: what commission says of them is right or "not determined", and
 // none moves further or faster than it may.
 
 #include "identify/commission.h"
