@@ -293,28 +293,22 @@ std::string largest_text(const Feasibility& f, bool speed, const robot::JointLab
   return text;
 }
 
-/// With what a run in realtime lets go by.
-std::string missed_text(const MissedTicks& missed, const experiment::LoopSpec& loop) {
-  const std::string text = certificate::missed_text(missed);
-  if (loop.max_missed <= missed.commands) return text;
-  return text + fmt::format(" (loop.max_missed is {}: NOT covered)", loop.max_missed);
-}
-
-/// With the larger region that holds the start; where none does the larger one.
+/// With the larger region that holds the start, else the larger one; last what it leaves out.
 std::string region_text(const StabilityCertificate& s) {
   const bool faster = !s.largest || (holds_start(s.fastest) && !holds_start(s.largest));
   const auto& region = faster ? s.fastest : s.largest;
-  std::string torque = share_text(s.start, "; torque: this start ");
+  std::string rest = share_text(s.start, "; torque: this start ");
+  if (region && region->torque) rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region);
+  for (const std::string& proviso : s.provisos) rest += "; " + proviso;
   if (!region)
-    return (s.constant ? "every start, without a rate" : "none: no weights were found") + torque;
-  if (region->torque) torque += (torque.empty() ? "; torque: " : "; ") + torque_text(*region);
+    return (s.constant ? "every start, without a rate" : "none: no weights were found") + rest;
   return fmt::format("{}{}: this start is {}; from rest up to |e_i| = {}, one at a time{}",
                      s.proved ? "proved" : "at sampled postures",
                      region->tube.size() > 0 ? " near the reference" : "",
                      holds_start(region) ? "in it"
                      : s.constant        ? "certified, but without a rate (constant reference)"
                                          : "NOT in it",
-                     list_text(region->region.e_at_rest), torque);
+                     list_text(region->region.e_at_rest), rest);
 }
 
 /// What matters most: four lines; one more with dry friction, and in realtime.
@@ -327,8 +321,14 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
                                   : "none");
-  if (all.loop.missed && scenario.loop.mode == experiment::Mode::realtime)
-    text += line("missed commands", missed_text(*all.loop.missed, scenario.loop));
+  if (all.loop.missed && scenario.loop.mode == experiment::Mode::realtime) {
+    const int most = scenario.loop.max_missed;
+    text += line("missed commands",
+                 missed_text(*all.loop.missed) +
+                     (most <= all.loop.missed->commands
+                          ? ""
+                          : fmt::format(" (loop.max_missed is {}: NOT covered)", most)));
+  }
   const std::string held = friction_text(all.loop);
   if (!held.empty()) text += line("friction", held);
   if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);

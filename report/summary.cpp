@@ -95,8 +95,9 @@ void add_statistics(Json& json, const RunSummary& summary) {
   json["beyond_limit_ticks"] = plant.beyond_limit_ticks;
   // A robot that is the clock: what a tick costs is not counted.
   const Statistics* counted = of_role(summary, loop::Role::plant);
-  json["robot_is_clock"] =
-      counted != nullptr && counted->ticks > 0 && counted->work_us.count() == 0;
+  json["robot_is_clock"] = summary.scenario.loop.mode == experiment::Mode::realtime &&
+                           counted != nullptr && counted->ticks > 0 &&
+                           counted->work_us.count() == 0;
 }
 
 }  // namespace

@@ -80,6 +80,15 @@ TEST(Certify, TheStartHasTheLeastBoundOfTheTorque) {
               HasSubstr(" % of the torque limit (shoulder), 1 rad/s (elbow, no limit)\n"));
 }
 
+/// The region knows nothing of a payload: what is printed of it says so, in short and in full.
+TEST(Certify, SaysWhatTheRegionLeavesOut) {
+  const experiment::Scenario scenario = shipped("practical_rigid", {"plant.payload.mass_kg=2"});
+  const Certificate result = certify(scenario, false);
+  for (const bool full : {false, true}) {
+    EXPECT_THAT(page(result, scenario, full), HasSubstr("the payload of 2 kg is not in it"));
+  }
+}
+
 /// V without cross terms holds every start at a constant reference; the region of a rate does not.
 TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
   const auto start = [](const char* position, const char* says) {

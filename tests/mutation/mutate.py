@@ -41,7 +41,7 @@ AREAS = {
               "protocol/log_window.h", r"test_protocol_ticks"),
     "codec": ("bus/*wire* bus/codec* bus/lcm_packet* bus/truth/* loop/field*",
               r"test_bus_(wire|truth_wire|udp_transport)|test_loop"),
-    "robot": ("robot/*", r"test_robot_\w+|test_certificate_(error_system|norm_conditions|matrix_condition)"),
+    "robot": ("robot/*", r"test_robot_\w+|test_certificate_(error_system|norm_conditions)"),
 }
 
 # What is found, and what it becomes. Operators stand between spaces (clang-format sees to that), so

@@ -94,6 +94,15 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
                   "log", "outcome", "verdict", "fault"));
 }
 
+// What a tick costs is not counted in one process either.
+TEST(Summary, HasARobotThatIsTheClockOnlyInRealtime) {
+  for (const bool realtime : {false, true}) {
+    RunSummary run{scenario(), facts(), two_ticks(), counters()};
+    if (realtime) run.scenario.loop.mode = experiment::Mode::realtime;
+    EXPECT_EQ(to_json(run, two_rotary)["robot_is_clock"], realtime);
+  }
+}
+
 TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {
   const nlohmann::ordered_json summary = summarise(facts(), two_ticks(), counters());
   EXPECT_EQ(summary["position_error_rad"]["peak"], (std::vector<double>{0.5, 0}));
