@@ -96,6 +96,7 @@ struct PlantStatistics {
   std::vector<std::int64_t> saturated_ticks;  ///< per joint
   /// Per joint: ticks outside of its range or faster than its limit, with plant.on_limit: warn.
   std::vector<std::int64_t> beyond_limit_ticks;
+  bool robot_is_clock = false;  ///< the robot begins the ticks
 };
 
 struct ReferenceStatistics {};

@@ -28,6 +28,7 @@ PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, Rob
   const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
   link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
   link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
+  link_.statistics().plant().robot_is_clock = robot_.is_clock();
 }
 
 void PlantLoop::prepare() {

@@ -93,11 +93,7 @@ void add_statistics(Json& json, const RunSummary& summary) {
   json["command_age_us"] = durations(plant.command_age_us);
   json["saturated_ticks"] = plant.saturated_ticks;
   json["beyond_limit_ticks"] = plant.beyond_limit_ticks;
-  // A robot that is the clock: what a tick costs is not counted.
-  const Statistics* counted = of_role(summary, loop::Role::plant);
-  json["robot_is_clock"] = summary.scenario.loop.mode == experiment::Mode::realtime &&
-                           counted != nullptr && counted->ticks > 0 &&
-                           counted->work_us.count() == 0;
+  json["robot_is_clock"] = plant.robot_is_clock;
 }
 
 }  // namespace

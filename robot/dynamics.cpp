@@ -169,16 +169,16 @@ template <class Scalar>
                     RI * X[i].R.transpose() + parallel_axis<Scalar>(c, c * body.mass)};
   }
   M.setZero(model.num_joints, model.num_joints);
-  std::array<Vector3, max_bodies> linear,
-      angular;                          // momenta at unit rate, about the frame's origin
+  // Momenta at unit rate, about the frame's origin.
+  std::array<Vector3, max_bodies> linear, angular;
   std::array<int, max_bodies> carrier;  // the next body that carries each
   for (int k = num_bodies - 1; k >= 0; --k) {
     const Body& body = model.bodies[k];
     const Composite<Scalar>& b = composite[k];
     const Vector3& p = X[k].p;
     const Vector3 axis = X[k].R * body.axis_B.cast<Scalar>();
-    Vector3 w = Vector3::Zero(),
-            v = axis;  // the joint's motion at unit rate, at the frame's origin
+    // The joint's motion at unit rate, at the frame's origin.
+    Vector3 w = Vector3::Zero(), v = axis;
     if (body.type == JointType::revolute) {
       w = axis;
       v = p.cross(axis);

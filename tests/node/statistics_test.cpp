@@ -64,6 +64,7 @@ TEST(Statistics, AreReadBackAsTheyWereWritten) {
   plant.rejected.add(Discard::too_old, 4);
   plant.plant().saturated_ticks = {0, 9};
   plant.plant().beyond_limit_ticks = {3, 0};
+  plant.plant().robot_is_clock = true;
   for (const int us : {15, 80, 81, 950}) {
     plant.plant().round_trip_us.add(std::chrono::microseconds(us));
   }
@@ -77,6 +78,7 @@ TEST(Statistics, AreReadBackAsTheyWereWritten) {
   EXPECT_EQ(read.rejected.total(), 5);
   EXPECT_EQ(read.plant().saturated_ticks, (std::vector<std::int64_t>{0, 9}));
   EXPECT_EQ(read.plant().beyond_limit_ticks, (std::vector<std::int64_t>{3, 0}));
+  EXPECT_TRUE(read.plant().robot_is_clock);
   EXPECT_EQ(read.plant().round_trip_us.count(), 4);
   EXPECT_EQ(read.plant().round_trip_us.max_us(), 950);
 }

@@ -189,6 +189,7 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   robot.state.q << 1, -2;
   const Outcome outcome = run(s, peers, nullptr, &robot);
   ASSERT_EQ(outcome.fault, "");
+  EXPECT_FALSE(outcome.statistics.plant().robot_is_clock);
   EXPECT_EQ(robot.calls.find_first_not_of("r-"), std::string::npos) << robot.calls;
   EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 31);
   // The log has what it would have been sent, within its limits.
@@ -266,6 +267,7 @@ TEST(RobotDriver, IsStoppedWhenItsTimeGoesBackOrStandsStillWhileItMoves) {
     const Outcome outcome = run(s, peers, nullptr, &clock);
     EXPECT_EQ(outcome.code, ExitCode::protective_stop);
     EXPECT_THAT(outcome.fault, HasSubstr("the robot's driver gave the time 5."));
+    EXPECT_TRUE(outcome.statistics.plant().robot_is_clock);
     EXPECT_TRUE(clock.stopped);
 
     Recording robot;

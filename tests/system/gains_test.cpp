@@ -66,6 +66,12 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   const auto second = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(second.at("gains").get<std::string>(),
               AllOf(HasSubstr("kp=300,100"), HasSubstr("kd=40,12")));
+  // The plant has begun that tick, but need not have ended it: a run that ends now may lack it.
+  wait_until("the log has the tick of the second change, and later ones", [&] {
+    const std::string log = contents(run.log_path());
+    const std::size_t at = log.find(second.at("gains").get<std::string>());
+    return at != std::string::npos && log.size() > at + 50'000;
+  });
   end();
 
   logger::RunLog log = logger::RunLog::open(run.log_path());
