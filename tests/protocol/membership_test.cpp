@@ -638,6 +638,43 @@ TEST(AMembership, RemembersABoundedNumberOfProcesses) {
   EXPECT_TRUE(plant.running());
 }
 
+TEST(AMembership, ThatHasChosenItsRosterDoesNotYieldToAnOlderPlantWithout) {
+  Network network;
+  network.start(Role::reference, 2);
+  network.start(Role::controller, 3);
+  network.start(Role::logger, 4);
+  network.pass(100ms);
+  auto& plant = network.start(Role::plant, 1);
+  while (plant.roster()[0] == 0 && network.elapsed() < 1s) network.pass(5ms);
+  ASSERT_NE(plant.roster()[0], 0);
+  ASSERT_FALSE(plant.joined());
+  auto said = plant.announce(network.now());
+  said.stamp.utime = 1'000'000'000;
+  said.participant.instance = 9;
+  said.participant.state = ParticipantState::waiting;
+  said.participant.roster = {};
+  answer(said, plant, network.now());
+  plant.handle(said.stamp, said.participant, "plant9", network.now());
+  EXPECT_EQ(text(plant), "");
+}
+
+TEST(AMembership, KeepsToThePlantItAdoptedWhenAnotherBeginsWithOthers) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  auto& controller = network.start(Role::controller, 3);
+  network.pass(300ms);
+  ASSERT_EQ(controller.run(), plants_run);
+  auto said = plant.announce(network.now());
+  said.stamp.run = plants_run + 1;
+  said.participant.instance = 9;
+  said.participant.state = ParticipantState::ready;
+  said.participant.roster = {9, 12, 13, 14};
+  answer(said, controller, network.now());
+  controller.handle(said.stamp, said.participant, "plant9", network.now());
+  EXPECT_EQ(text(controller), "");
+  EXPECT_EQ(controller.run(), plants_run);
+}
+
 TEST(AMembership, NeedsARunFromThePlantAndFromNobodyElse) {
   Membership::Self self;
   self.who.role = Role::plant;
