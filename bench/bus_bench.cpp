@@ -3,8 +3,8 @@
 //
 //   bus_bench ROUND_TRIPS CPU CPU
 
-#include <sched.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -64,10 +64,7 @@ Side liblcm(const std::string& out, const std::string& in) {
 }
 
 void run_on(int cpu) {
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  CPU_SET(static_cast<std::size_t>(cpu), &set);
-  if (sched_setaffinity(0, sizeof set, &set) != 0) throw std::runtime_error("no such processor");
+  if (!process::execute_on({cpu})) throw std::runtime_error("no such processor");
 }
 
 void ping_pong(const char* name, MakeSide make, int round_trips, int cpu, int other_cpu) {
@@ -75,6 +72,7 @@ void ping_pong(const char* name, MakeSide make, int round_trips, int cpu, int ot
   if (::pipe(up.data()) != 0) throw std::runtime_error("no pipe");
   const pid_t echo = ::fork();
   if (echo == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     run_on(other_cpu);
     const Side side = make("PONG", "PING");
     if (::write(up[1], "", 1) != 1) ::_exit(1);
@@ -82,6 +80,7 @@ void ping_pong(const char* name, MakeSide make, int round_trips, int cpu, int ot
       if (side.receive()) side.send(payload);
     }
   }
+  ::close(up[1]);  // so that the read below ends with an echo that does not start
   run_on(cpu);
   const Side side = make("PING", "PONG");
   char byte = 0;

@@ -7,7 +7,6 @@
 
 #include <arpa/inet.h>
 #include <linux/filter.h>
-#include <sched.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
@@ -156,10 +155,7 @@ class Peer {
 };
 
 void run_on(const std::string& cpu) {
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  CPU_SET(std::stoul(cpu), &set);
-  if (sched_setaffinity(0, sizeof set, &set) != 0) throw std::runtime_error("no such CPU");
+  if (!process::execute_on({std::stoi(cpu)})) throw std::runtime_error("no such CPU");
 }
 
 }  // namespace
@@ -177,10 +173,12 @@ int main(int argc, char** argv) try {
     if (words.size() > 3) run_on(words[role == logger_role ? 4 : 3]);
     Peer peer(role, scenario);
     if (::write(ready[1], "", 1) != 1) return 1;
+    ::close(ready[1]);
     if (role == reference_role) peer.give_references();
     if (role == controller_role) peer.control();
     peer.log(words.size() > 3 && words[3] != words[4]);
   }
+  ::close(ready[1]);  // so that the reads below end with a peer that does not start
   if (words.size() > 3) run_on(words[3]);
   Peer peer(plant_role, scenario);
   char byte = 0;

@@ -41,6 +41,7 @@ struct Content {
 /// @throw std::invalid_argument in words, without the content
 Key decoded(const Content& content, std::size_t size) {
   Key key;
+  if (size == content.text.size()) throw std::invalid_argument("that is longer than a key");
   if (size == Key::size) {
     std::memcpy(key.bytes().data(), content.text.data(), size);
     return key;

@@ -110,7 +110,7 @@ std::optional<MulticastRoute> multicast_route(const LcmUrl& url) {
   const std::string interface = outgoing_interface(url);
   if (interface.empty()) return std::nullopt;
   const short flags = interface_flags(interface).value_or(0);
-  return MulticastRoute{interface, (flags & IFF_UP) != 0, (flags & IFF_MULTICAST) != 0};
+  return MulticastRoute{interface, (flags & IFF_MULTICAST) != 0};
 }
 
 std::optional<NetworkProblem> check_network(const LcmUrl& url) {

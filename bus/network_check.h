@@ -19,8 +19,7 @@ std::optional<NetworkProblem> check_network(const LcmUrl& url);
 
 /// The way that a message to the bus takes out of this host.
 struct MulticastRoute {
-  std::string interface;  ///< "lo", "eth0", …
-  bool up = false;
+  std::string interface;   ///< "lo", "eth0", …
   bool multicast = false;  ///< the interface's MULTICAST flag
 };
 

@@ -58,7 +58,7 @@ template <class Value>
 class Codec {
  public:
   /// @throw std::logic_error if the message has joint arrays and the layout does not hold 1 to
-  /// loop::max_joints joints, as many motors or none, and 0 to loop::max_signals signals
+  /// robot::max_joints joints, as many motors or none, and 0 to loop::max_signals signals
   explicit Codec(const loop::Layout& layout);
 
   /// The message's bytes; valid until the next call. Precondition: sizes agree with the layout,

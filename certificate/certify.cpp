@@ -90,15 +90,13 @@ Group loop_group(const Prediction& p) {
                {"unstable", missed.unstable ? Json(*missed.unstable) : Json()},
                {"unstable_hits", missed.unstable ? Json(missed.hits) : Json()}},
               missed_text(missed));
-    if (missed.measurements) {
-      group.add("", "missed measurements", Json(),
-                fmt::format("any pattern of at most {} in a row is stable", *missed.measurements));
-    }
+    if (missed.measurements)
+      group.add("", "missed measurements", Json(), pattern_text(*missed.measurements));
   }
   group.add("gain_Nm_per_rad", "torque per angle", json_of(p.gain_Nm_per_rad),
-            list_text(p.gain_Nm_per_rad) + " N m/rad");
+            fmt::format("{} {}", list_text(p.gain_Nm_per_rad), p.stiffness_unit));
   group.add("stiffness_Nm_per_rad", "stiffness at rest", json_of(p.stiffness),
-            list_text(p.stiffness) + " N m/rad");
+            fmt::format("{} {}", list_text(p.stiffness), p.stiffness_unit));
   group.add("rest_error", p.rest_error.size() > 0 ? "F_c/kp" : "", json_of(p.rest_error),
             list_text(p.rest_error));
   group.add("count_torque_Nm", p.count_Nm ? "torque per encoder count" : "",

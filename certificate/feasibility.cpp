@@ -59,16 +59,18 @@ Pace pace_of(const experiment::Scenario& scenario) {
 /// what turns the rotors.
 Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& model,
                     const ReferencePoint& r) {
-  const Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  const plant::DriveSpec& joints = scenario.plant.drive;
   const auto& drive = scenario.robot.flexible;
   const robot::JetVector links = controller::law::feedforward_torque(model, r);
-  Vector torque = robot::value(links) + friction.cwiseProduct(r.v_ref);
+  Vector torque = robot::value(links) + joints.viscous_friction_Nms_per_rad.cwiseProduct(r.v_ref) +
+                  joints.coulomb_friction_Nm.cwiseProduct(r.v_ref.cwiseSign());
   if (!drive) return torque;
   const Vector thetadot = r.v_ref + robot::first_derivative(links).cwiseQuotient(drive->stiffness);
   const Vector thetaddot =
       r.a_ref + robot::second_derivative(links).cwiseQuotient(drive->stiffness);
   torque += drive->rotor_inertia.cwiseProduct(thetaddot);
   torque += drive->motor_damping.cwiseProduct(thetadot);
+  torque += drive->motor_coulomb_friction_Nm.cwiseProduct(thetadot.cwiseSign());
   return torque;
 }
 
@@ -122,9 +124,9 @@ Feasibility feasibility(const experiment::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   Vector at_rest = Vector::Zero(model.num_joints), moving = at_rest, speed = at_rest,
          acceleration = at_rest;
-  constexpr int instants = 2000;
-  for (int k = 0; k <= instants; ++k) {
-    const ReferencePoint r = trajectory.at(scenario.loop.duration_s * k / instants);
+  const int last = reference::last_instant(scenario.loop.duration_s);
+  for (int k = 0; k <= last; ++k) {
+    const ReferencePoint r = trajectory.at(scenario.loop.duration_s * k / last);
     at_rest = at_rest.cwiseMax(robot::gravity_torque(model, r.q_ref).cwiseAbs());
     moving = moving.cwiseMax(drive_torque(scenario, model, r).cwiseAbs());
     speed = speed.cwiseMax(r.v_ref.cwiseAbs());

@@ -37,10 +37,6 @@ double least_by_discs(const MatrixXcd& A) {
 
 }  // namespace
 
-Index Feedback::num_variables() const {
-  return std::ssize(by_kind) * (by_joint ? law.D.rows() : 1);
-}
-
 LinearLaw Feedback::derivative(Index variable) const {
   if (!by_joint) return by_kind[static_cast<std::size_t>(variable)];
   const Index n = law.D.rows(), joint = variable % n;
@@ -89,7 +85,7 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   const CutLoop loop = cut(plant, compensation, period_s, delay);
   A_ = loop.A;
   B_ = loop.B;
-  C_ = measured_rows(law, n_, A_.rows());
+  C_ = measured_rows(law.measured, n_, A_.rows());
   over_frequency_ = {robot::complex_schur(A_), B_, C_};
   w_ = kept_frequencies(period_s);
   for (const double w : w_) at_w_.push_back(over_frequency_.at(std::polar(1.0, w * period_s)));
@@ -153,11 +149,12 @@ void RestLoop::add_rows(const FeedbackAt& at, const Feedback& feedback, double l
   };
   const robot::ComplexEigen eigen = robot::complex_eigen(scaled(at.K));
   const MatrixXcd left = robot::complex_inverse(eigen.vectors);
+  const Index variables = std::ssize(at.by_kind) * (feedback.by_joint ? n_ : 1);
   for (Index m = 0; m < n_; ++m) {
     const std::complex<double> from = eigen.values[m] + 1.0;
     const double distance = std::abs(from);
     if (distance > least + near) continue;
-    LinearProgramme::Row row{VectorXd(feedback.num_variables()), least - distance};
+    LinearProgramme::Row row{VectorXd(variables), least - distance};
     for (std::size_t kind = 0; kind < at.by_kind.size(); ++kind) {
       const VectorXcd moved = scaled(at.by_kind[kind]) * eigen.vectors.col(m);
       const VectorXd change =

@@ -21,7 +21,6 @@ struct Feedback {
   /// of its own; otherwise there is one variable for each kind.
   bool by_joint = true;
 
-  [[nodiscard]] Eigen::Index num_variables() const;
   [[nodiscard]] LinearLaw derivative(Eigen::Index variable) const;
 };
 

@@ -21,18 +21,6 @@ using robot::Vector;
 /// Instants of the reference at which gains that follow it are looked at.
 constexpr int instants_of_scheduled = 24;
 
-/// Largest |v_ref| of each joint over the run.
-Vector largest_velocity(const experiment::Scenario& scenario) {
-  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  Vector result = Vector::Zero(scenario.num_joints);
-  constexpr int instants = 2000;
-  for (int k = 0; k <= instants; ++k) {
-    const Vector v = trajectory.at(scenario.loop.duration_s * k / instants).v_ref;
-    result = result.cwiseMax(v.cwiseAbs());
-  }
-  return result;
-}
-
 VectorXd joined(std::initializer_list<Vector> parts) {
   std::vector<double> all;
   for (const Vector& part : parts) all.insert(all.end(), part.begin(), part.end());
@@ -114,6 +102,16 @@ bool certifiable(std::string_view name) {
   return result;
 }
 
+robot::Model error_model(const experiment::Scenario& scenario) {
+  return scenario.robot.flexible ? controller::flexible_robot(scenario).links
+                                 : controller::rigid_model(scenario);
+}
+
+double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
+                      const Vector& q, const VectorXd& x) {
+  return x.dot(lyapunov_matrix(system, weights, robot::mass_matrix(links, q)) * x) / 2;
+}
+
 VelocityBound velocity_bound(const experiment::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   constexpr int instants = 20000;
@@ -129,7 +127,8 @@ VelocityBound velocity_bound(const experiment::Scenario& scenario) {
     const double size = (norm * v).colwise().norm().maxCoeff();
     return size == 0 ? 0 : size + dt * dt / 8 * (norm * jerk).colwise().norm().maxCoeff();
   };
-  VelocityBound bound{most(MatrixXd::Identity(v.rows(), v.rows())), {}};
+  VelocityBound bound{
+      most(MatrixXd::Identity(v.rows(), v.rows())), v.cwiseAbs().rowwise().maxCoeff(), {}};
   if (bound.speed == 0) return bound;
   const auto [values, vectors] = robot::symmetric_eigen(v * v.transpose());
   const VectorXd axes = values.cwiseMax(1e-6 * values.maxCoeff()).cwiseSqrt();
@@ -138,19 +137,17 @@ VelocityBound velocity_bound(const experiment::Scenario& scenario) {
   return bound;
 }
 
-FrictionTorques friction_torques(const experiment::Scenario& scenario, bool moves) {
+FrictionTorques friction_torques(const experiment::Scenario& scenario, const VectorXd& v_ref) {
   const auto& drive = scenario.plant.drive;
   const auto& forward = scenario.controller.friction;
   const VectorXd Fc = drive.coulomb_friction_Nm;
   const VectorXd Fs = drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm);
   const VectorXd zero = VectorXd::Zero(Fc.size());
-  if (!moves) return {zero, Fs};  // v = edot, and friction takes energy
+  if (v_ref.isZero(0)) return {zero, Fs};  // v = edot, and friction takes energy
   const VectorXd Ff = forward.given() ? VectorXd(forward.coulomb) : zero;
   const VectorXd D = forward.given() ? VectorXd(forward.viscous) : zero;
-  FrictionTorques result{(VectorXd(drive.viscous_friction_Nms_per_rad) - D)
-                             .cwiseAbs()
-                             .cwiseProduct(VectorXd(largest_velocity(scenario))),
-                         zero};
+  const VectorXd missing = VectorXd(drive.viscous_friction_Nms_per_rad) - D;
+  FrictionTorques result{missing.cwiseAbs().cwiseProduct(v_ref), zero};
   if (Ff.isZero(0)) {
     result.on_y += Fs;
   } else {

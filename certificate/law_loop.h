@@ -47,10 +47,19 @@ bool certifiable(std::string_view law);
 /// Nothing for laws that it is not about. @throw diagnostics::Failure(bad_usage).
 std::optional<LawLoop> law_loop(const experiment::Scenario& scenario);
 
-/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|. Its axes
-/// are those of the motion's mean square, at least a thousandth of the longest.
+/// M of the error equation's links: with the rotors of rigid joints.
+robot::Model error_model(const experiment::Scenario& scenario);
+
+/// V [J] of the error state x at posture q.
+double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
+                      const robot::Vector& q, const Eigen::VectorXd& x);
+
+/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|, of all
+/// joints together and of each. Its axes are those of the motion's mean square, at least a
+/// thousandth of the longest.
 struct VelocityBound {
   double speed = 0;
+  Eigen::VectorXd each;  ///< of 20,001 instants
   Eigen::MatrixXd scale;
 };
 VelocityBound velocity_bound(const experiment::Scenario& scenario);
@@ -64,7 +73,8 @@ struct FrictionTorques {
 
   [[nodiscard]] bool any() const { return !on_y.isZero(0) || !on_delta.isZero(0); }
 };
-/// @param moves whether the reference does
-FrictionTorques friction_torques(const experiment::Scenario& scenario, bool moves);
+/// @param v_ref largest of each joint; empty or 0 at a constant reference
+FrictionTorques friction_torques(const experiment::Scenario& scenario,
+                                 const Eigen::VectorXd& v_ref);
 
 }  // namespace tachless::certificate

@@ -99,10 +99,10 @@ MatrixXd first_memory(const LinearLaw& law, const MatrixXd& measured) {
   return at_rest ? MatrixXd(*at_rest) : MatrixXd::Zero(m, measured.cols());
 }
 
-MatrixXd measured_rows(const LinearLaw& law, Index n, Index states) {
-  MatrixXd C = MatrixXd::Zero(n * static_cast<Index>(law.measured.size()), states);
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    C.block(static_cast<Index>(i) * n, static_cast<Index>(law.measured[i]) * n, n, n).setIdentity();
+MatrixXd measured_rows(const std::vector<Part>& measured, Index n, Index states) {
+  MatrixXd C = MatrixXd::Zero(n * std::ssize(measured), states);
+  for (std::size_t i = 0; i < measured.size(); ++i) {
+    C.block(static_cast<Index>(i) * n, static_cast<Index>(measured[i]) * n, n, n).setIdentity();
   }
   return C;
 }
@@ -120,7 +120,7 @@ MatrixXd CutLoop::closed(double gain) const { return A + gain * B * C; }
 
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay) {
   const LinearPlant step = held(plant, period_s);
-  const MatrixXd measured = measured_rows(law, plant.num_joints, plant.A.rows());
+  const MatrixXd measured = measured_rows(law.measured, plant.num_joints, plant.A.rows());
   const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols(), all = x + s + delay * n;
   CutLoop loop{MatrixXd::Zero(all, all), MatrixXd::Zero(all, n), MatrixXd::Zero(n, all)};
   loop.A.block(0, 0, x, x) = step.A;

@@ -17,6 +17,16 @@ using loop::Part;
 
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
+/// Where `is` ends between `inside`, where it holds, and `outside`, by bisection: it holds there.
+template <class Inside>
+double edge(double inside, double outside, int halvings, const Inside& is) {
+  for (; halvings > 0; --halvings) {
+    const double middle = (inside + outside) / 2;
+    (is(middle) ? inside : outside) = middle;
+  }
+  return inside;
+}
+
 /// xdot = A x + B tau in deviations x = (q, v) from the reference, (q, v, theta, thetadot) with
 /// flexible joints; torques of current loops that lag come last.
 struct LinearPlant {
@@ -50,8 +60,9 @@ struct LinearLaw {
   Eigen::MatrixXd start = {};
 };
 
-/// What of so many states, the plant's first, the law measures: y = C x.
-Eigen::MatrixXd measured_rows(const LinearLaw& law, Eigen::Index num_joints, Eigen::Index states);
+/// What of so many states, the plant's first, a law measures: y = C x.
+Eigen::MatrixXd measured_rows(const std::vector<Part>& measured, Eigen::Index num_joints,
+                              Eigen::Index states);
 
 /// The memory of a run that begins with these deviations of the measurement, each in a column:
 /// where `start` is not known that after long, of a law that forgets, else 0.

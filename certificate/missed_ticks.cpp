@@ -18,7 +18,7 @@ using Eigen::MatrixXd;
 
 /// The torque that the law gives of a map's state, in rows.
 MatrixXd torque_rows(const LinearLaw& law, const LinearPlant& plant, Index states) {
-  MatrixXd torque = law.D * measured_rows(law, plant.num_joints, states);
+  MatrixXd torque = law.D * measured_rows(law.measured, plant.num_joints, states);
   torque.middleCols(plant.A.rows(), law.A.rows()) += law.C;
   return torque;
 }
@@ -34,7 +34,7 @@ class Gains {
     const MatrixXd map = open.closed();
     const Index n = loop.plant.num_joints, x = loop.plant.A.rows(), m = law.A.rows();
     const auto parts = static_cast<Index>(law.measured.size());
-    const MatrixXd measured = measured_rows(law, n, map.rows());
+    const MatrixXd measured = measured_rows(law.measured, n, map.rows());
     const MatrixXd torque = torque_rows(law, loop.plant, map.rows());
     MatrixXd into_law = MatrixXd::Zero(map.rows(), n * parts);
     into_law.middleRows(x, m) = law.B;

@@ -48,19 +48,22 @@ struct Spread {
   double min = 0, max = 0;
 };
 Spread spread(const VectorXd& diagonal) { return {diagonal.minCoeff(), diagonal.maxCoeff()}; }
+Spread spread(const MatrixXd& symmetric) {
+  return {robot::smallest_eigenvalue(symmetric), robot::largest_eigenvalue(symmetric)};
+}
 
 struct Spreads {
   Spread kp, kd, a, b, M;
   Spread kd_by_b, kd_by_b_a;  // Kd B^-1, Kd B^-1 A
 
   Spreads(const ErrorSystem& s, const RobotConstants& c)
-      : kp{robot::smallest_eigenvalue(s.kp), robot::largest_eigenvalue(s.kp)},
-        kd(spread(s.kd.diagonal())),
+      : kp(spread(s.kp)),
+        kd(spread(s.kd)),
         a(spread(s.a)),
         b(spread(s.b)),
         M{c.lambda_min_M.value, c.lambda_max_M.value},
-        kd_by_b(spread(s.kd_by_b().diagonal())),
-        kd_by_b_a(spread(s.kd_by_b().diagonal().cwiseProduct(s.a))) {
+        kd_by_b(spread(s.kd_by_b())),
+        kd_by_b_a(spread(MatrixXd(s.kd_by_b() * s.a.asDiagonal()))) {
     if (s.rotor_inertia.size() > 0) {
       M.min = std::min(M.min, s.rotor_inertia.minCoeff());
       M.max = std::max(M.max, s.rotor_inertia.maxCoeff());
@@ -68,42 +71,24 @@ struct Spreads {
   }
 };
 
-/// Where f > 0 on a logarithmic scale from `low` to `high`, around its maximum, which is taken to
-/// be the only one; an interval of length 0 when it is nowhere seen.
+/// Where f > 0 from `low` to `high`, around its maximum, which is taken to be the only one and is
+/// looked for on a logarithmic scale; an interval of length 0 when it is nowhere seen.
 struct Positive {
   Interval interval;
   double best = 0, value = 0;
 };
 Positive positive_range(const std::function<double(double)>& f, double low, double high) {
-  constexpr int num_points = 2000;
-  const double ratio = std::pow(high / low, 1.0 / num_points);
-  Positive result{{0, 0}, low, -infinity};
+  constexpr int num_points = 200000;
+  const double first = std::max(low, 1e-9 * high);  // low may be 0
+  const double ratio = std::pow(high / first, 1.0 / num_points);
+  Positive result{{0, 0}, first, -infinity};
   for (int k = 0; k <= num_points; ++k) {
-    const double x = low * std::pow(ratio, k), y = f(x);
+    const double x = first * std::pow(ratio, k), y = f(x);
     if (y > result.value) result = {{0, 0}, x, y};
   }
-  // Golden section, on the two cells around the best point.
-  double a = result.best / ratio, b = result.best * ratio;
-  constexpr double golden = 0.6180339887498949;
-  for (int i = 0; i < 60; ++i) {
-    const double c = b - golden * (b - a), d = a + golden * (b - a);
-    (f(c) > f(d) ? b : a) = f(c) > f(d) ? d : c;
-  }
-  if (f((a + b) / 2) > result.value) result = {{0, 0}, (a + b) / 2, f((a + b) / 2)};
   if (!(result.value > 0)) return result;
-  const auto edge = [&](double inside, double step) {
-    double outside = inside;
-    while (f(outside) > 0 && outside > low / 2 && outside < high * 2) {
-      inside = outside;
-      outside *= step;
-    }
-    for (int i = 0; i < 60; ++i) {
-      const double middle = (inside + outside) / 2;
-      (f(middle) > 0 ? inside : outside) = middle;
-    }
-    return inside;
-  };
-  result.interval = {edge(result.best, 1 / ratio), edge(result.best, ratio)};
+  const auto positive = [&](double x) { return f(x) > 0; };
+  result.interval = {edge(result.best, low, 60, positive), edge(result.best, high, 60, positive)};
   return result;
 }
 
@@ -134,18 +119,19 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
                                      double B_d) {
   const Spreads s(system, constants);
   const double k_c = constants.k_c.value;
-  const VectorXd kd = system.kd.diagonal();
-  const double kd_a_b = kd.cwiseProduct(system.a).cwiseProduct(system.b).minCoeff();
-  const double kd_a = kd.cwiseProduct(system.a).minCoeff();
-  const double kd_b = kd.cwiseProduct(system.b).maxCoeff();
+  // Kd is diagonal, or a and b are those of all joints: symmetric.
+  const auto kd_by = [&](const VectorXd& factors) {
+    return spread(MatrixXd(system.kd * factors.asDiagonal()));
+  };
   PrintedConditions c;
   c.eq7 = s.M.max / s.M.min;
   c.eq19 = 0.5 * std::sqrt(s.kp.min / (2 * s.M.max));
   c.eq20 = 0.5 * std::sqrt(s.kd_by_b.min / (2 * s.M.max));
   c.eq23 = 2 * s.kp.min * s.kd_by_b_a.min / std::pow(s.kp.max + s.kd.max, 2);
-  c.eq24 = 2 * (kd_a_b / s.b.max) * s.M.min / std::pow(s.a.max * s.M.max, 2);
+  c.eq24 = 2 * (kd_by(system.a.cwiseProduct(system.b)).min / s.b.max) * s.M.min /
+           std::pow(s.a.max * s.M.max, 2);
   c.eq25 = k_c * B_d / (s.b.min * s.M.min);
-  c.eq27 = 0.5 * (kd_a / kd_b);
+  c.eq27 = 0.5 * (kd_by(system.a).min / kd_by(system.b).max);
 
   // With eps given, the smallest beta_3 and beta_1 leave the most for beta_2.
   const auto beta_2 = [&](double eps) {
@@ -168,6 +154,7 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
   c.feasible = best.value > 0;
   if (!c.feasible) return c;
   c.epsilon = best.interval;
+  if (c.eq25 == 0) c.epsilon.low = 0;  // beta_2 falls with eps then
   c.c1 = best.value;
   c.eq26 = R(best.best);
   return c;

@@ -42,6 +42,7 @@ OneTick::OneTick(const experiment::Scenario& scenario, const robot::Vector& q_re
   const robot::Vector currents = lags ? torque_ : VectorXd();
   plant_.resize(2 * (rest.q.size() + rest.theta.size()) + currents.size());
   plant_ << rest.q, rest.v, rest.theta, rest.thetadot, currents;
+  measured_ = measured_rows(law_.measured, q_ref.size(), plant_.size());
   limit_ = VectorXd::Constant(q_ref.size(), infinity);
   if (const auto& limit = scenario.plant.drive.torque_limit_Nm) limit_ = *limit;
 }
@@ -50,27 +51,18 @@ Index OneTick::size() const {
   return plant_.size() + law_.memory.size() + settings_.command_delay * torque_.size();
 }
 
-VectorXd OneTick::measured(const VectorXd& plant) const {
-  const Index n = num_joints();
-  VectorXd result(law_.measurement.size());
-  for (std::size_t i = 0; i < law_.measured.size(); ++i) {
-    result.segment(static_cast<Index>(i) * n, n) =
-        plant.segment(static_cast<Index>(law_.measured[i]) * n, n);
-  }
-  return result;
-}
-
 VectorXd OneTick::start(const VectorXd& plant) const {
   VectorXd x = VectorXd::Zero(size());
   x.head(plant_.size()) = plant;
-  x.segment(plant_.size(), law_.memory.size()) = law_.start(measured(plant_ + plant)) - law_.memory;
+  x.segment(plant_.size(), law_.memory.size()) =
+      law_.start(measured_ * (plant_ + plant)) - law_.memory;
   return x;
 }
 
 VectorXd OneTick::operator()(const VectorXd& x) const {
   const Index n = num_joints(), p = plant_.size(), m = law_.memory.size();
   const VectorXd now = plant_ + x.head(p);
-  const auto [memory, command] = law_.step(law_.memory + x.segment(p, m), measured(now));
+  const auto [memory, command] = law_.step(law_.memory + x.segment(p, m), measured_ * now);
   const VectorXd newest = command.cwiseMin(limit_).cwiseMax(-limit_) - torque_;
   VectorXd next(x.size());
   next.segment(p, m) = memory - law_.memory;

@@ -37,8 +37,6 @@ class OneTick {
   [[nodiscard]] int delay() const { return settings_.command_delay; }
 
  private:
-  [[nodiscard]] Eigen::VectorXd measured(const Eigen::VectorXd& plant) const;
-
   std::shared_ptr<const experiment::Scenario> scenario_;
   ScenarioLoop loop_;
   loop::ReferencePoint reference_;
@@ -46,6 +44,7 @@ class OneTick {
   controller::law::Settings settings_;
   controller::SteppedLaw law_;
   Eigen::VectorXd plant_, torque_, limit_;  ///< at rest; limits
+  Eigen::MatrixXd measured_;                ///< what of the plant the law measures
   struct Arms;
   std::shared_ptr<Arms> arms_;  ///< one for each thread that is in a call
 };

@@ -27,19 +27,6 @@ using process::parallel_map;
 constexpr int motion_pieces = 96;
 constexpr int posture_evaluations = 16;
 constexpr double slowly = 1e-3;  // [rad/s]: the feedback at rest, without what an integral adds
-constexpr double shortest_s = 1e-7, longest_s = 1;
-constexpr double period_ratio = 1.1, limit_precision = 1e-6;
-
-/// The first unstable period above a stable `from_s`, or the last stable one below an unstable one.
-std::optional<double> limit_next_to(const SampledLoop& loop, double from_s) {
-  double inside = from_s;
-  while (radius_at(loop, inside) >= 1) {
-    inside /= period_ratio;
-    if (inside < shortest_s) return {};
-  }
-  return largest_stable_period(
-      loop, {inside, std::max(inside, longest_s), period_ratio, limit_precision});
-}
 
 /// The posture of the motion with the largest f, searched from number `k` of those evenly over it.
 ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
@@ -66,7 +53,7 @@ robot::Vector found_at(const ReferencePoint& rest) {
 void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
                 const std::vector<SampledLoop>& loops, const std::vector<ReferencePoint>& rests,
                 std::size_t first) {
-  result.limit_s = limit_next_to(loops[first], result.settings.period_s);
+  result.limit_s = largest_stable_period(loops[first], result.settings.period_s);
   std::size_t bound_by = first;
   for (std::size_t round = 0; round < loops.size() && result.limit_s; ++round) {
     const std::vector<double> radius = parallel_map(
@@ -74,7 +61,7 @@ void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
     const auto worst = std::ranges::max_element(radius);
     if (*worst < 1) break;
     bound_by = static_cast<std::size_t>(worst - radius.begin());
-    result.limit_s = limit_next_to(loops[bound_by], *result.limit_s);
+    result.limit_s = largest_stable_period(loops[bound_by], *result.limit_s);
   }
   result.limit_q = found_at(rests[bound_by]);
   if (!result.limit_s) return;
@@ -83,7 +70,7 @@ void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
   };
   const ReferencePoint worst = worst_near(scenario_loop, bound_by, radius);
   if (radius(worst) < 1) return;
-  result.limit_s = limit_next_to(scenario_loop.at(worst), *result.limit_s);
+  result.limit_s = largest_stable_period(scenario_loop.at(worst), *result.limit_s);
   result.limit_q = found_at(worst);
 }
 
@@ -231,7 +218,7 @@ void examine(Prediction& result, const experiment::Scenario& scenario, Effort ef
       parallel_map(loops.size(), [&](std::size_t i) { return radius_at(loops[i], h); });
   const auto slowest = static_cast<std::size_t>(std::ranges::max_element(radius) - radius.begin());
   find_limit(result, scenario_loop, loops, rests, slowest);
-  if (result.limit_s.value_or(0) <= h) result.unstable_q = result.limit_q;
+  if (result.limit_s.value_or(0) < h) result.unstable_q = result.limit_q;
   find_settling(result, scenario_loop, loops, slowest);
 
   tell("sampled loop: along the reference");
@@ -249,7 +236,10 @@ void examine(Prediction& result, const experiment::Scenario& scenario, Effort ef
         VectorXd(experiment::encoder_count(scenario, *scenario.model)));
   }
   result.stiffness = least_stiffness(loops, h);
-  const VectorXd held = friction_torques(scenario, false).on_delta;
+  const auto& joints = scenario.model->joint_types;
+  if (std::ranges::find(joints, robot::JointType::prismatic) != joints.end())
+    result.stiffness_unit = "N m/rad (N/m)";
+  const VectorXd held = friction_torques(scenario, {}).on_delta;
   if (held.size() > 0 && !held.isZero(0)) result.rest_error = held.cwiseQuotient(result.stiffness);
   if (effort == Effort::quick || result.unstable_q.size() > 0) return;
   tell("sampled loop: margins");
@@ -260,8 +250,6 @@ void examine(Prediction& result, const experiment::Scenario& scenario, Effort ef
 }
 
 }  // namespace
-
-double Prediction::growth_per_s() const { return std::log(radius) / settings.period_s; }
 
 VectorXd own_gain(const LinearLaw& law) {
   const Eigen::Index n = law.D.rows();
@@ -320,13 +308,14 @@ std::string modulus_text(const Margins& margins) {
                      margins.modulus_independent);
 }
 
+std::string pattern_text(int in_a_row) {
+  if (in_a_row == 0) return "not even single ones are proved stable";
+  return fmt::format("any pattern of {}{} in a row is stable",
+                     in_a_row == most_missed ? "" : "at most ", in_a_row);
+}
+
 std::string missed_text(const MissedTicks& missed) {
-  std::string text =
-      missed.commands == most_missed
-          ? fmt::format("any pattern of {} in a row is stable", most_missed)
-      : missed.commands > 0
-          ? fmt::format("any pattern of at most {} in a row is stable", missed.commands)
-          : "not even single ones are proved stable";
+  std::string text = pattern_text(missed.commands);
   if (missed.unstable) {
     text +=
         fmt::format("; {} in a row and {} hit{}, again and again, {} not", *missed.unstable,
@@ -350,7 +339,7 @@ std::string list_text(const VectorXd& values) {
 }
 
 std::string growth_text(const Prediction& prediction) {
-  const double time_s = 1 / prediction.growth_per_s();
+  const double time_s = prediction.settings.period_s / std::log(prediction.radius);
   constexpr double longest = 3600;  // a pole on the unit circle, but for rounding
   return time_s > 0 && time_s < longest ? "errors grow by e each " + period_text(time_s)
                                         : std::string("errors do not decay");
@@ -382,9 +371,11 @@ std::string text(const Prediction& prediction) {
 }
 
 std::string refusal(const Prediction& prediction, const std::string& scenario_file) {
-  const std::string remedy = prediction.limit_s ? fmt::format("type --set loop.period_s={:g}",
-                                                              round_below(*prediction.limit_s))
-                                                : std::string("choose other gains");
+  const double period_s = prediction.settings.period_s;
+  const std::string remedy = prediction.limit_s
+                                 ? fmt::format("type --set loop.period_s={:g}",
+                                               round_below(std::min(*prediction.limit_s, period_s)))
+                                 : std::string("choose other gains");
   return fmt::format("{}: {}; {} or --force to run it as it is; tachless certify prints more",
                      scenario_file, text(prediction), remedy);
 }

@@ -46,10 +46,11 @@ struct Prediction {
   robot::Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
   /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
   std::optional<double> limit_s;
-  robot::Vector limit_q;            ///< the posture that binds it
-  Modes modes;                      ///< at the posture with the largest radius
-  Eigen::VectorXd gain_Nm_per_rad;  ///< torque per measured angle, each joint's own
-  robot::Vector stiffness;          ///< as the function of that name
+  robot::Vector limit_q;                        ///< the posture that binds it
+  Modes modes;                                  ///< at the posture with the largest radius
+  Eigen::VectorXd gain_Nm_per_rad;              ///< torque per measured angle, each joint's own
+  robot::Vector stiffness;                      ///< as the function of that name
+  std::string_view stiffness_unit = "N m/rad";  ///< of both; where joints slide "N m/rad (N/m)"
   /// F_c/stiffness: where dry friction may hold a joint at rest [rad; m]; empty without friction.
   robot::Vector rest_error;
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
@@ -57,9 +58,6 @@ struct Prediction {
   std::optional<Margins> margins;
   robot::Vector margin_q;             ///< the posture with the least modulus margin
   std::optional<MissedTicks> missed;  ///< with full effort, where there are margins
-
-  /// Of an unstable loop: errors grow by e in 1 / that time [1/s].
-  [[nodiscard]] double growth_per_s() const;
 };
 
 /// @param answers of the scenario's law where that is external; without them nothing is known of it
@@ -93,7 +91,9 @@ std::string settling_text(double seconds);
 std::string margins_text(const Margins& margins);
 /// "0.61 (common to all torques), 0.45 (independent)".
 std::string modulus_text(const Margins& margins);
-/// "any pattern of at most 12 in a row is stable; 21 in a row and 4 hits, again and again, is not".
+/// "any pattern of at most 12 in a row is stable".
+std::string pattern_text(int in_a_row);
+/// The same of commands; "; 21 in a row and 4 hits, again and again, is not".
 std::string missed_text(const MissedTicks& missed);
 /// Where dry friction may hold the joints, as a sentence; empty.
 std::string friction_text(const Prediction& prediction);

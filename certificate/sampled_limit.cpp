@@ -17,16 +17,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 
-/// The last stable value before `outside`, which is not, by bisection.
-template <class Stable>
-double edge(double inside, double outside, double precision, const Stable& stable) {
-  while (outside - inside > precision * inside) {
-    const double middle = (inside + outside) / 2;
-    (stable(middle) ? inside : outside) = middle;
-  }
-  return inside;
-}
-
 /// The loop's frequency response L, from a torque that is added to the feedback terms to the
 /// feedback terms that come back, negated: 1 + L is singular where the loop is on the edge.
 class Response {
@@ -77,12 +67,8 @@ MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law) {
   MatrixXd state = MatrixXd::Zero(plant + memory + loop.delay * n, n);
   state.topRows(n).setIdentity();
   if (plant >= 4 * n) state.middleRows(2 * n, n).setIdentity();
-  MatrixXd measured(n * std::ssize(law.measured), n);
-  for (Index i = 0; i < std::ssize(law.measured); ++i) {
-    const auto part = static_cast<Index>(law.measured[static_cast<std::size_t>(i)]);
-    measured.middleRows(i * n, n) = state.middleRows(part * n, n);
-  }
-  state.middleRows(plant, memory) = first_memory(law, measured);
+  state.middleRows(plant, memory) =
+      first_memory(law, measured_rows(law.measured, n, plant) * state.topRows(plant));
   return state;
 }
 
@@ -154,16 +140,21 @@ double radius_at(const SampledLoop& loop, double period_s) {
   return spectral_radius(cut(loop, period_s).closed());
 }
 
-std::optional<double> largest_stable_period(const SampledLoop& loop, const LimitOptions& options) {
+std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s) {
+  constexpr double ratio = 1.1;
+  constexpr int halvings = 17;  // to a millionth
   const auto stable = [&](double h) { return radius_at(loop, h) < 1; };
-  double inside = options.shortest_s;
-  if (!stable(inside)) return {};
-  while (inside < options.longest_s) {
-    const double next = std::min(inside * options.ratio, options.longest_s);
-    if (!stable(next)) return edge(inside, next, options.precision, stable);
+  double inside = from_s;
+  while (!stable(inside)) {
+    inside /= ratio;
+    if (inside < shortest_s) return {};
+  }
+  while (inside < longest_s) {
+    const double next = std::min(inside * ratio, longest_s);
+    if (!stable(next)) return edge(inside, next, halvings, stable);
     inside = next;
   }
-  return options.longest_s;
+  return inside;
 }
 
 Modes modes(const SampledLoop& loop, double period_s) {
@@ -210,7 +201,7 @@ Margins margins(const SampledLoop& loop, double period_s) {
   constexpr double factor = 1.1, largest_gain = 1e4;
   for (double gain = 1; gain < largest_gain; gain *= factor) {
     if (stable(gain * factor)) continue;
-    result.gain = edge(gain, gain * factor, 1e-7, stable);
+    result.gain = edge(gain, gain * factor, 20, stable);  // to 1e-7
     break;
   }
   const Response response(open, period_s);

@@ -25,15 +25,13 @@ CutLoop cut(const SampledLoop& loop, double period_s);
 /// Of the map of one period.
 double radius_at(const SampledLoop& loop, double period_s);
 
-struct LimitOptions {
-  double shortest_s = 1e-7, longest_s = 1;
-  double ratio = 1.1;       ///< of the periods that are tried until one is unstable
-  double precision = 1e-7;  ///< relative, of the answer
-};
-/// The period below which the loop is stable [s]; `longest_s` when no unstable one was found;
-/// nothing when the shortest is unstable, so that no sampling is to blame.
-std::optional<double> largest_stable_period(const SampledLoop& loop,
-                                            const LimitOptions& options = {});
+/// Of the periods that are tried [s].
+inline constexpr double shortest_s = 1e-7, longest_s = 1;
+/// The first stable period that has an unstable one next to it, sought from `from_s` on: upwards
+/// where the loop is stable there, else downwards [s]. At least `longest_s`, or `from_s` beyond
+/// that, when no unstable one was found; nothing when the shortest is unstable, so that no sampling
+/// is to blame.
+std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s = shortest_s);
 
 /// How the loop moves at one period.
 struct Modes {

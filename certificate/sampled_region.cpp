@@ -88,18 +88,12 @@ class Ellipsoid {
 double first_growth(const Ellipsoid& set, const VectorXd& z, double s) {
   constexpr double shares[] = {0.25, 0.5, 0.75, 0.9, 1};
   constexpr int halvings = 6;
+  const auto falls = [&](double radius) { return set.growth(z, radius) < 1; };
   double low = 0;
   for (const double share : shares) {
-    double high = s * share;
-    if (set.growth(z, high) < 1) {
-      low = high;
-      continue;
-    }
-    for (int i = 0; i < halvings; ++i) {
-      const double middle = (low + high) / 2;
-      (set.growth(z, middle) < 1 ? low : high) = middle;
-    }
-    return low;
+    const double high = s * share;
+    if (!falls(high)) return edge(low, high, halvings, falls);
+    low = high;
   }
   return s;
 }
@@ -297,7 +291,9 @@ Candidate best_candidate(const experiment::Scenario& scenario, const Reduced& ma
 std::optional<SampledRegion> sampled_region(const experiment::Scenario& scenario,
                                             std::string& why_not, const OnProgress& tell) {
   why_not = controller::law_facts(scenario.controller.law).no_linearisation;
-  if (why_not.empty() && scenario.plant.drive.dry_friction()) {
+  const auto& flexible = scenario.robot.flexible;
+  if (why_not.empty() && (scenario.plant.drive.dry_friction() ||
+                          (flexible && !flexible->motor_coulomb_friction_Nm.isZero(0)))) {
     why_not = "dry friction holds joints beside the reference";
   }
   if (!why_not.empty()) return {};

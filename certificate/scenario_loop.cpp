@@ -198,21 +198,17 @@ LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
   return with_drives(std::move(plant), drives);
 }
 
-SampledLoop ScenarioLoop::at(const ReferencePoint& reference,
-                             const controller::law::Settings& settings) const {
-  const auto law = [scenario = scenario_, asked = asked_, settings, reference,
+SampledLoop ScenarioLoop::at(const ReferencePoint& reference) const {
+  const auto law = [scenario = scenario_, asked = asked_, reference,
                     state = state_on(reference, model_, *scenario_)](double period_s) {
     if (asked) return asked->at(period_s, reference, state, scenario->controller.gains);
     experiment::Scenario at_period = *scenario;
-    at_period.controller.filter = settings.filter;
-    at_period.loop.command_delay = settings.command_delay;
-    at_period.plant.encoder.latency_ticks = 0;  // is in the delay
     at_period.loop.period_s = period_s;
     LinearLaw result = linear_law(at_period, reference, state);
     result.compensation = gravity_part(result, at_period, reference);
     return result;
   };
-  return {plant(reference), law, settings.command_delay};
+  return {plant(reference), law, settings_.command_delay};
 }
 
 LinearLaw ScenarioLoop::law_with(const std::map<std::string, Vector>& gains,

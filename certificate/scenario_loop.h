@@ -38,15 +38,9 @@ class ScenarioLoop {
   explicit ScenarioLoop(const experiment::Scenario& scenario, const LawAnswers& answers = {});
 
   /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
-  /// `controller::LawFacts::no_linearisation` is empty, or there are answers: then `settings` are
-  /// not the law's.
-  [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const {
-    return at(reference, settings_);
-  }
-  /// The same with another filter and delay. Round the loop it is the same whether the measurement
-  /// or the torque is late.
-  [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference,
-                               const controller::law::Settings& settings) const;
+  /// `controller::LawFacts::no_linearisation` is empty, or there are answers. Round the loop it is
+  /// the same whether the measurement or the torque is late.
+  [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const;
 
   /// The law about rest there with these gains in place of the scenario's.
   [[nodiscard]] LinearLaw law_with(const std::map<std::string, robot::Vector>& gains,

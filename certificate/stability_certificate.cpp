@@ -24,31 +24,36 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
 
-/// @param region of the weights chosen, if any
-std::vector<std::string> provisos(const experiment::Scenario& scenario,
+/// @param disturbed whether friction disturbs. @param region of the weights chosen, if any
+std::vector<std::string> provisos(const experiment::Scenario& scenario, bool disturbed,
                                   const std::optional<CertifiedRegion>& region) {
   std::vector<std::string> result;
-  if (scenario.plant.payload.mass_kg > 0) {
-    result.push_back(fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
-                                 scenario.plant.payload.mass_kg));
-  }
+  const auto add = [&](bool there, std::string what) {
+    if (there) result.push_back(std::move(what));
+  };
+  const double payload_kg = scenario.plant.payload.mass_kg;
+  add(payload_kg > 0,
+      fmt::format("the payload of {:g} kg is not in it: the law does not know of it", payload_kg));
   const auto& drive = scenario.plant.drive;
   const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
-  if (scenario.robot.flexible && (viscous || drive.dry_friction())) {
-    result.emplace_back("the joints' friction is not in it");
-  } else if (friction_torques(scenario, true).any()) {
-    result.push_back(viscous && !drive.dry_friction()
-                         ? "of viscous friction it has D edot; D v_ref, which the law does not "
-                           "feed forward in full (controller.friction), disturbs"
-                         : "dry friction is not in the region: it disturbs");
+  if (const auto& flexible = scenario.robot.flexible) {
+    add(viscous || drive.dry_friction() || !flexible->motor_damping.isZero(0) ||
+            !flexible->motor_coulomb_friction_Nm.isZero(0),
+        "the friction of joints and motors is not in it");
+  } else {
+    add(disturbed, viscous && !drive.dry_friction()
+                       ? "of viscous friction it has D edot; D v_ref, which the law does not feed "
+                         "forward in full (controller.friction), disturbs"
+                       : "dry friction is not in the region: it disturbs");
   }
-  if (drive.current_loop_hz || !(drive.torque_scale.array() == 1).all()) {
-    result.emplace_back("current loops and the torques' scale (plant.drive) are not in it");
-  }
-  if (!scenario.plant.disturbances.empty()) result.emplace_back("disturbances are not in it");
-  if (scenario.believed_model) {
-    result.emplace_back("the law's robot (controller.urdf) is not the plant's");
-  }
+  add(drive.current_loop_hz || !(drive.torque_scale.array() == 1).all(),
+      "current loops and the torques' scale (plant.drive) are not in it");
+  add(!drive.torque_offset_Nm.isZero(0),
+      "the torques' offset (plant.drive) is not in it: it disturbs");
+  add(!scenario.plant.encoder.eccentricity_rad.isZero(0),
+      "the encoders' eccentricity is not in it");
+  add(!scenario.plant.disturbances.empty(), "disturbances are not in it");
+  add(scenario.believed_model != nullptr, "the law's robot (controller.urdf) is not the plant's");
   const robot::Model& model = *scenario.model;
   for (int i = 0; region && region->tube.size() == 0 && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
@@ -70,7 +75,7 @@ class ErrorLoop {
         loop_(law_loop(scenario).value()),
         velocity_(velocity_bound(scenario)),
         q_(scenario.plant.initial.position_rad),
-        friction_(friction_torques(scenario, velocity_.speed > 0)),
+        friction_(friction_torques(scenario, velocity_.each)),
         circle_(VectorXd::Constant(scenario.num_joints, infinity)) {
     for (Eigen::Index i = 0; i < circle_.size(); ++i) {
       const auto type = model_.joint_types[static_cast<std::size_t>(i)];
@@ -83,6 +88,7 @@ class ErrorLoop {
   [[nodiscard]] const std::optional<Weights>& own_weights() const { return loop_.weights; }
   [[nodiscard]] const robot::Model& model() const { return model_; }
   [[nodiscard]] double B_d() const { return velocity_.speed; }
+  [[nodiscard]] bool disturbed() const { return friction_.any(); }
   [[nodiscard]] double V0(const Weights& weights) const {
     return lyapunov_value(system(), weights, model_, q_, loop_.initial);
   }
@@ -247,13 +253,10 @@ class ErrorLoop {
     CertifiedRegion::Torque result{c.region.level, 0, {}};
     if (c.holds_initial_state()) result.share = torque_share(c.region, c.V0).maxCoeff();
     if (torque_share(c.region, result.level).maxCoeff(&result.joint) <= 1) return result;
-    double low = 0, high = 1;  // of sqrt(level)
-    for (int k = 0; k < 30; ++k) {
-      const double middle = (low + high) / 2;
-      const bool within = torque_share(c.region, c.region.level * middle * middle).maxCoeff() <= 1;
-      (within ? low : high) = middle;
-    }
-    result.level *= low * low;
+    const double root = edge(0, 1, 30, [&](double part) {  // of the level's square root
+      return torque_share(c.region, c.region.level * part * part).maxCoeff() <= 1;
+    });
+    result.level *= root * root;
     torque_share(c.region, result.level).maxCoeff(&result.joint);
     return result;
   }
@@ -323,16 +326,6 @@ std::string no_certificate(const experiment::Scenario& scenario) {
   return {};
 }
 
-robot::Model error_model(const experiment::Scenario& scenario) {
-  return scenario.robot.flexible ? controller::flexible_robot(scenario).links
-                                 : controller::rigid_model(scenario);
-}
-
-double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
-                      const Vector& q, const VectorXd& x) {
-  return x.dot(lyapunov_matrix(system, weights, robot::mass_matrix(links, q)) * x) / 2;
-}
-
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
                                                           Effort effort, std::string& why_not,
                                                           const OnProgress& tell) {
@@ -367,7 +360,8 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
     }
   }
   if (result.constant) result.start = loop.held_start();
-  result.provisos = provisos(scenario, result.largest ? result.largest : result.fastest);
+  result.provisos =
+      provisos(scenario, loop.disturbed(), result.largest ? result.largest : result.fastest);
   return result;
 }
 

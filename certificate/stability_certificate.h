@@ -136,11 +136,4 @@ struct CertifiedRun {
 /// Nothing where no weights are certified.
 std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario);
 
-/// V [J] of the error state x at posture q.
-double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
-                      const robot::Vector& q, const Eigen::VectorXd& x);
-
-/// M of the error equation's links: with the rotors of rigid joints.
-robot::Model error_model(const experiment::Scenario& scenario);
-
 }  // namespace tachless::certificate

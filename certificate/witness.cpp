@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -378,7 +379,8 @@ std::string witness(const experiment::Scenario& scenario, const Vector& errors) 
   for (const MatrixXd& part : arm.M) json["M"].push_back(json_of(part));
   for (const MatrixXd& part : arm.g) json["g"].push_back(json_of(part));
   if (const auto& given = scenario.plant.drive.torque_limit_Nm) {
-    json["torque_limit"] = json_of(*given);
+    // JSON has no infinity.
+    json["torque_limit"] = json_of(Vector(given->cwiseMin(std::numeric_limits<double>::max())));
   }
   // Of the text whose checksum is empty.
   json["checksum"] = fmt::format("{:016x}", diagnostics::fnv(json.dump(1) + "\n"));

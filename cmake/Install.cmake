@@ -52,7 +52,7 @@ configure_package_config_file(cmake/tachlessConfig.cmake.in tachlessConfig.cmake
 # 0.x: the headers change with every version.
 write_basic_package_version_file(tachlessConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/tachlessConfig.cmake ${PROJECT_BINARY_DIR}/tachlessConfigVersion.cmake
-  cmake/FindClp.cmake cmake/FindHttplib.cmake cmake/FindLcm.cmake cmake/PlainLibrary.cmake DESTINATION ${package} COMPONENT development)
+  DESTINATION ${package} COMPONENT development)
 install(FILES package.xml DESTINATION ${shared} COMPONENT development)
 get_property(libraries GLOBAL PROPERTY TACHLESS_ARCHIVES)
 string(REGEX REPLACE "[^/]+" ".." up ${CMAKE_INSTALL_LIBDIR}/pkgconfig)

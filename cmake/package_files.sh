@@ -40,7 +40,7 @@ ends=$out/ends
   "$programs/tachless" --help | sed -n '/^Exit codes: /,$p' | tr '\n' ' ' |
     sed 's/^Exit codes: //; s/\. *$/\n/; s/\(^\|, \)\([0-9]*\) /\n.TP\n\\fB\2\\fR\n/g' | grep .
   echo '.SH ENVIRONMENT'
-  sed -nE 's/^\| `(LCM_DEFAULT_URL|TACHLESS(_KEY_FILE|_ISOLATE=1)?)` \| (.*) \|$/.TP\n\\fB\1\\fR\n\3/p' "$tree/docs/README.md" |
+  sed -nE 's/^\| `(LCM_DEFAULT_URL|NO_COLOR|TACHLESS_(KEY_FILE|ISOLATE=1))` \| (.*) \|$/.TP\n\\fB\1\\fR\n\3/p' "$tree/docs/README.md" |
     sed 's/`//g; s/\[\([^]]*\)\]([^)]*)/\1/g; s/-/\\-/g'
 } >"$ends"
 

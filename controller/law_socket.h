@@ -53,7 +53,6 @@ void serve_law(int socket, const MakeLaw& make_law);
 /// The law that the program `command` computes, which is started here and ends with the law.
 /// `command` is what would be typed in a shell; the program has `serve_law` behind the option
 /// --serve, as all have whose main is `tachless::run_controller`. What it writes goes to stderr.
-/// Steps cannot be discarded: the program has taken them.
 /// @throw diagnostics::Failure naming the command: bad_usage (it cannot be started, or does not
 /// say what it needs), later at a step its own code when it ends, peer_lost when it does not
 /// answer within loop.give_up_s

@@ -3,7 +3,7 @@
 #include "controller/registry.h"
 
 /// A whole controller program with a law of one's own: it takes the options of tachless-controller,
-/// joins the run on the bus, logs, counts, takes over and is replayed as that one does.
+/// joins the run on the bus, logs, counts and is replayed as that one does.
 namespace tachless {
 
 /// Runs the law that `make_law` makes of the scenario, whose controller.law has to be `external`.

@@ -86,6 +86,14 @@ const std::vector<LawFacts>& laws() {
 
 std::vector<std::string_view> law_names() { return names_of(laws()); }
 
+const LawFacts& law_facts(const experiment::Scenario& scenario) {
+  try {
+    return law_facts(scenario.controller.law);
+  } catch (const diagnostics::Failure& problem) {
+    throw scenario.complaint("controller.law", problem.what());
+  }
+}
+
 const LawFacts& law_facts(std::string_view name) {
   static const LawFacts external{.name = experiment::external_law,
                                  .source = "the program that --controller names",
@@ -156,9 +164,7 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
                     "need derivatives beyond snap; allowed: none",
                     law.name));
   }
-  if (scenario.robot.flexible) {
-    experiment::require_encoders(scenario, law.reads_links, law.reads_motors);
-  }
+  experiment::require_encoders(scenario, law.measurement);
   if (scenario.robot.flexible && scenario.controller.friction.given()) {
     throw scenario.complaint("controller.friction",
                              "given, and the joints are flexible: a torque of the motors does not "
@@ -229,6 +235,18 @@ experiment::Scenario with_gains(experiment::Scenario scenario, std::string_view 
   }
   for (const auto& [name, value] : *changed) scenario.controller.gains[name] = value;
   return scenario;
+}
+
+void require_same_counts(const experiment::Scenario& before, const experiment::Scenario& after,
+                         const LawFacts& law) {
+  for (const Parameter& each : law.parameters) {
+    if (each.shape != schema::Shape::whole ||
+        given_parameter(before, law, each) == given_parameter(after, law, each)) {
+      continue;
+    }
+    throw after.complaint(gain_key(each.name),
+                          "a count sizes the law's memory and stays as the run began");
+  }
 }
 
 loop::LawInfo law_info(const AnyLaw& law) {

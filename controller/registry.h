@@ -45,8 +45,7 @@ struct LawFacts {
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< its reference must be constant
   bool has_feedforward_lead = false;
-  bool reads_links = false;   ///< needs encoders on the links' side of a flexible robot
-  bool reads_motors = false;  ///< needs encoders on the motors' side of a flexible robot
+  bool reads_links = false;  ///< needs encoders on the links' side of a flexible robot
   /// Its rule of thumb: parameters by name, as a scenario has them. Empty when it declares none.
   std::function<std::map<std::string, robot::Vector>(const law::Tuning&)> tuned{};
 };
@@ -82,8 +81,7 @@ LawFacts facts_of() {
                  .needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>,
                  .regulation_only = L::regulation_only,
                  .has_feedforward_lead = L::has_feedforward_lead,
-                 .reads_links = loop::holds_links<Measurement>,
-                 .reads_motors = loop::holds_motors<Measurement>};
+                 .reads_links = loop::holds_links<Measurement>};
   schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
     facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
                                 key.range, schema::allowed_text(key),
@@ -105,6 +103,9 @@ std::vector<std::string_view> law_names();
 /// Of the law of another program too, of which nothing is known but that.
 /// @throw diagnostics::Failure(bad_usage) naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
+
+/// The scenario's. @throw diagnostics::Failure(bad_usage), with the key's place, as that
+const LawFacts& law_facts(const experiment::Scenario& scenario);
 
 /// The names of the law's parameters, in its order.
 std::vector<std::string_view> parameter_names(const LawFacts& law);
@@ -184,13 +185,19 @@ using ScenarioLaw = std::unique_ptr<AnyLaw>;
 /// name. @throw diagnostics::Failure(bad_usage) when that text is none
 experiment::Scenario with_gains(experiment::Scenario scenario, std::string_view gains);
 
+/// @throw diagnostics::Failure(bad_usage) when a count among the law's parameters differs
+void require_same_counts(const experiment::Scenario& before, const experiment::Scenario& after,
+                         const LawFacts& law);
+
 /// The law L over the scenario's run. @throw diagnostics::Failure(bad_usage) as `make_law`.
 template <class L>
 ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& law) {
   typename LawWithMemory<L>::Retuned retuned;
   if (scenario.controller.gains_may_change) {
     retuned = [scenario, law](std::string_view gains) {
-      return make_law<L>(with_gains(scenario, gains), law);
+      const experiment::Scenario changed = with_gains(scenario, gains);
+      require_same_counts(scenario, changed, law);
+      return make_law<L>(changed, law);
     };
   }
   return std::make_unique<LawWithMemory<L>>(

@@ -38,6 +38,8 @@ Failure current_failure() {
     throw;
   } catch (const Failure& failure) {
     return failure;
+  } catch (const std::system_error& error) {
+    return system_failure(error);
   } catch (const std::exception& error) {
     return {ExitCode::protocol_violated, error.what()};
   } catch (...) {

@@ -47,8 +47,9 @@ Failure bad_usage(fmt::format_string<First, Rest...> what, First&& first, Rest&&
 /// nearer to the call knows better words for, with what to do.
 Failure system_failure(const std::system_error& error);
 
-/// The exception being handled, as a Failure: itself if it is one, otherwise with its words and
-/// ExitCode::protocol_violated, whatever its type. To be called in a catch clause.
+/// The exception being handled, as a Failure: itself if it is one, `system_failure` of a
+/// std::system_error, otherwise with its words and ExitCode::protocol_violated, whatever its type.
+/// To be called in a catch clause.
 Failure current_failure();
 
 /// For the catch clause of a `main`, of a std::exception: one line on stderr, and the exit code

@@ -142,6 +142,16 @@ void split_row(std::string_view row, std::vector<std::string_view>& fields) {
   }
 }
 
+std::vector<std::string_view> split(std::string_view text, char separator, std::size_t most) {
+  std::vector<std::string_view> parts;
+  while (parts.size() + 1 < most && text.find(separator) != std::string_view::npos) {
+    parts.push_back(text.substr(0, text.find(separator)));
+    text.remove_prefix(parts.back().size() + 1);
+  }
+  parts.push_back(text);
+  return parts;
+}
+
 std::optional<double> number_in(std::string_view text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

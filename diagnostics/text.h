@@ -36,6 +36,10 @@ std::size_t utf8_length(std::string_view text);
 /// line for people passes through it.
 std::string printable(std::string_view text);
 
+/// `text` in parts, of which only the last, when they are so many, may hold the separator.
+std::vector<std::string_view> split(std::string_view text, char separator,
+                                    std::size_t most = std::string_view::npos);
+
 /// The fields of a table's row: between commas, semicolons or white space.
 void split_row(std::string_view row, std::vector<std::string_view>& fields);
 

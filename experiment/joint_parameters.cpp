@@ -53,15 +53,15 @@ JointParameters read_yaml(const std::string& text, const std::string& source) {
   return parameters;
 }
 
-/// The map at `path` below `root`, made where there is none, also of a name alone ("rigid").
+/// The map at `path` below `root`, made where there is none, also of "rigid" alone.
 YamlNode* map_at(YamlNode& root, const std::vector<std::string>& path) {
   YamlNode* node = &root;
   for (const std::string& name : path) {
     YamlNode* child = node->find(name);
     if (child == nullptr) child = &node->add(name);
-    if (child->kind == YamlNode::Kind::null || child->kind == YamlNode::Kind::scalar) {
-      *child = YamlNode{};
-      child->kind = YamlNode::Kind::map;
+    if (child->kind == YamlNode::Kind::null ||
+        (child->kind == YamlNode::Kind::scalar && child->scalar == "rigid")) {
+      *child = {YamlNode::Kind::map};
     }
     if (child->kind != YamlNode::Kind::map) return nullptr;  // the reader says so
     node = child;
@@ -117,8 +117,7 @@ void add_joint_parameters(YamlNode& root, Scenario& scenario, const JointParamet
     if (scenario.gives(name)) continue;
     YamlNode* const map = map_at(root, {path.begin(), path.end() - 1});
     if (map == nullptr) continue;
-    YamlNode list;
-    list.kind = YamlNode::Kind::list;
+    YamlNode list{YamlNode::Kind::list};
     for (const std::string& joint : model.joint_names) {
       const auto found = parameters.find(joint);
       if (found == parameters.end()) {
@@ -128,10 +127,8 @@ void add_joint_parameters(YamlNode& root, Scenario& scenario, const JointParamet
                                  "it has no joint \"{}\", which the URDF has; its joints: {}",
                                  joint, diagnostics::joined(known));
       }
-      YamlNode number;
-      number.kind = YamlNode::Kind::scalar;
-      number.scalar = diagnostics::shortest(found->second.*member);
-      list.children.push_back(std::move(number));
+      list.children.push_back(
+          {YamlNode::Kind::scalar, diagnostics::shortest(found->second.*member)});
     }
     map->add(path.back()) = std::move(list);
     scenario.where[name] = scenario.where.at(std::string(key));

@@ -146,44 +146,31 @@ class Table {
 
 }  // namespace
 
-std::string motion_text(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
+void pin_motion(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
   YamlNode* const reference = root.find("reference");
   YamlNode* const file = reference == nullptr ? nullptr : reference->find("file");
-  if (file == nullptr) return {};
+  if (file == nullptr) return;
   if (file->kind == YamlNode::Kind::scalar) {
-    const YamlNode path = std::exchange(*file, YamlNode{});
-    file->kind = YamlNode::Kind::map;
+    const YamlNode path = std::exchange(*file, {YamlNode::Kind::map});
     file->add("path") = path;
   }
   const YamlNode* const path = file->find("path");
-  if (path == nullptr || path->kind != YamlNode::Kind::scalar) return {};  // the reader says so
-  const YamlNode* const given = file->find("digest");
-  std::string text = table_text(scenario, directory / path->scalar,
-                                given == nullptr ? std::string_view() : given->scalar);
-  if (given == nullptr) {
-    YamlNode& added = file->add("digest");
-    added.kind = YamlNode::Kind::scalar;
-    added.scalar = digest_of(text);
-    added.quoted = true;
-  }
-  return text;
-}
-
-void attach_motion(Scenario& scenario, const std::string& text, const fs::path& directory) {
-  auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
-  if (file == nullptr) return;
-  try {
-    file->motion = std::make_shared<const reference::trajectory::WaypointSpline>(
-        parse_motion(text, (directory / file->path).string(), *scenario.model));
-  } catch (const std::invalid_argument& refused) {
-    throw diagnostics::bad_usage(refused.what());
-  }
+  if (path == nullptr || path->kind != YamlNode::Kind::scalar) return;  // the reader says so
+  if (file->find("digest") != nullptr) return;
+  const std::string text = table_text(scenario, directory / path->scalar, "");
+  file->add("digest") = {YamlNode::Kind::scalar, digest_of(text), true};
 }
 
 void read_motion(Scenario& scenario, const fs::path& directory) {
-  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
+  auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
   if (file == nullptr) return;
-  attach_motion(scenario, table_text(scenario, directory / file->path, file->digest), directory);
+  const fs::path path = directory / file->path;
+  try {
+    file->motion = std::make_shared<const reference::trajectory::WaypointSpline>(
+        parse_motion(table_text(scenario, path, file->digest), path.string(), *scenario.model));
+  } catch (const std::invalid_argument& refused) {
+    throw diagnostics::bad_usage(refused.what());
+  }
 }
 
 reference::trajectory::WaypointSpline parse_motion(std::string_view text, const std::string& source,

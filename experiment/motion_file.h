@@ -10,19 +10,13 @@
 /// The table of `reference: {file: …}`.
 namespace tachless::experiment {
 
-/// The table's text where the tree names one, whose digest goes into the tree; empty otherwise.
+/// Writes the digest of the table that the tree names into the tree, where it is not given.
 /// @param scenario for complaints @param directory of the scenario
-/// @throw Failure(bad_usage) when it cannot be read or is not the one whose digest the tree has
-std::string motion_text(YamlNode& root, const Scenario& scenario,
-                        const std::filesystem::path& directory);
+/// @throw Failure(bad_usage) when the table cannot be read
+void pin_motion(YamlNode& root, const Scenario& scenario, const std::filesystem::path& directory);
 
-/// Gives the scenario the motion of the table's text, where it names one.
-/// @throw Failure(bad_usage) as `parse_motion`
-void attach_motion(Scenario& scenario, const std::string& text,
-                   const std::filesystem::path& directory);
-
-/// The same for a scenario that was parsed from text: reads the table it names.
-/// @throw Failure(bad_usage) as `motion_text` and `parse_motion`
+/// Gives the scenario the motion of the table that it names, if any.
+/// @throw Failure(bad_usage) when it cannot be read or has another digest, and as `parse_motion`
 void read_motion(Scenario& scenario, const std::filesystem::path& directory);
 
 /// A spline through the rows of a table (docs/trajectories.md).

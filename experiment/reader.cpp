@@ -17,7 +17,8 @@ void read_number(const Written& written, Number& to) {
   const YamlNode& node = written.node;
   const char* begin = node.scalar.data();
   const char* const end = begin + node.scalar.size();
-  if (std::is_floating_point_v<Number> && begin != end && *begin == '+') ++begin;
+  const bool plus = node.scalar.starts_with('+') && !node.scalar.starts_with("+-");
+  if (std::is_floating_point_v<Number> && plus) ++begin;
   const auto [stop, error] = std::from_chars(begin, end, to);
   if (!is_plain(node) || error != std::errc{} || stop != end ||
       !written.range.contains(static_cast<double>(to))) {

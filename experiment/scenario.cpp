@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <iterator>
 #include <stdexcept>
 
 #include "diagnostics/file_text.h"
@@ -174,7 +173,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
   add_joint_parameters(root, scenario, parameters, model);
   scenario.text = emit_yaml(root);
   std::optional<robot::Model> believed_model;
-  if (!believed.text.empty()) {
+  if (!believed.source.empty()) {
     believed_model = read_robot(root, "controller.urdf", believed, scenario);
     require_same_joints(scenario, model, *believed_model);
   }
@@ -341,7 +340,7 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   YamlNode root =
       located_tree(diagnostics::given_text(path, diagnostics::max_text_bytes), overrides, scenario);
   const fs::path directory = path.parent_path();
-  const std::string motion = motion_text(root, scenario, directory);
+  pin_motion(root, scenario, directory);
   const JointParameters parameters = take_joint_parameters(root, scenario, directory);
   const Place place{scenario, &root, ""};
   read_key(place.child("robot").child("urdf"), RobotSpec::urdf_key, scenario.robot);
@@ -359,7 +358,7 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   const Description plant = description("robot.urdf", scenario.robot.urdf_path);
   const Description believed = description("controller.urdf", scenario.controller.urdf_path);
   Scenario read = read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
-  attach_motion(read, motion, directory);
+  read_motion(read, directory);
   return read;
 }
 
@@ -368,27 +367,28 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   Scenario scenario;
   scenario.source = source;
   YamlNode root = located_tree(text, overrides, scenario);
-  const std::string urdf_source = source + " (URDF)";
-  Description plant{std::string(urdf_text), urdf_source}, believed;
+  Description plant{std::string(urdf_text), source + " (URDF)"}, believed;
+  const auto refusal = [&](const std::string& key) {
+    return scenario.complaint(key, "its file is not read here; allowed: in a scenario's file");
+  };
+  if (scenario.gives("robot.joint_parameters")) throw refusal("robot.joint_parameters");
   if (scenario.gives("controller.urdf")) {
     // The text of one robot ends where the other's begins.
     constexpr std::string_view end = "</robot>";
     const std::size_t cut = urdf_text.find(end);
     if (scenario.where.at("controller.urdf").starts_with("--set ") ||
         cut == std::string_view::npos || urdf_text.find("<robot", cut) == std::string_view::npos) {
-      throw scenario.complaint(
-          "controller.urdf", "its file is not read here; allowed: what the scenario was run with");
+      throw refusal("controller.urdf");
     }
-    believed = {plant.text.substr(cut + end.size()), urdf_source};
+    believed = {plant.text.substr(cut + end.size()), plant.source};
     plant.text.resize(cut + end.size());
   }
   return read_scenario(std::move(root), plant, believed, {}, std::move(scenario));
 }
 
 RobotFile robot_file(const fs::path& file, const std::vector<std::string>& overrides) {
-  std::vector<std::string> of_robot;
-  std::copy_if(overrides.begin(), overrides.end(), std::back_inserter(of_robot),
-               [](const std::string& each) { return each.rfind("robot", 0) == 0; });
+  std::vector<std::string> of_robot = overrides;
+  std::erase_if(of_robot, [](const std::string& each) { return !each.starts_with("robot"); });
   Scenario scenario;
   const YamlNode root = located_tree("robot: {}", of_robot, scenario);
   const Place place = Place{scenario, &root, ""}.child("robot");

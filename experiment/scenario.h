@@ -360,8 +360,8 @@ RobotFile robot_file(const std::filesystem::path& file, const std::vector<std::s
 /// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
 robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model);
 
-/// Checks that the robot has the encoders of a law that measures links, motors or both.
+/// Checks that the robot has the encoders of a law that is fed from that channel suffix.
 /// @throw Failure(bad_usage) naming the key and what is allowed.
-void require_encoders(const Scenario& scenario, bool on_links, bool on_motors);
+void require_encoders(const Scenario& scenario, std::string_view measurement);
 
 }  // namespace tachless::experiment

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
+#include <type_traits>
 
 #include "diagnostics/text.h"
+#include "loop/measurements.h"
 
 namespace tachless::experiment {
 namespace {
@@ -134,10 +136,15 @@ robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model)
   return count;
 }
 
-void require_encoders(const Scenario& scenario, bool on_links, bool on_motors) {
+void require_encoders(const Scenario& scenario, std::string_view measurement) {
+  bool on_links = false, on_motors = false;
+  loop::with_measurement(measurement, [&]<class M>(std::type_identity<M> /*type*/) {
+    on_links = loop::holds_links<M>;
+    on_motors = loop::holds_motors<M>;
+  });
   const std::string& law = scenario.controller.law;
   if (!scenario.robot.flexible) {  // one position per joint, whichever side its encoder is on
-    if (!on_motors) return;
+    if (!on_motors || measurement == loop::StateMeasurement::suffix) return;
     throw scenario.complaint("robot.joints",
                              "rigid, but law {} measures motor positions; allowed: flexible", law);
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "experiment/scenario.h"
+#include "experiment/yaml_tree.h"
 #include "robot/kinematics.h"
 
 namespace tachless::experiment {
@@ -45,7 +46,7 @@ bool meets_the_floor(const robot::Model& model, const Vector& from, const Vector
   for (int k = 0; k <= 4; ++k) {
     const Vector q = from + 0.25 * k * (to - from);
     for (const auto& [name, frame] : model.frames) {
-      if (robot::frame_pose<double>(model, frame, q).p.z() < -1e-3) return true;
+      if (robot::frame_pose(model, frame, q).p.z() < -1e-3) return true;
     }
   }
   return false;
@@ -81,6 +82,8 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   const double fastest = ((to - from).cwiseAbs().cwiseQuotient(model.velocity_limit)).maxCoeff();
   const double duration = std::ceil(10 * std::clamp(3 * fastest, 2.0, 50.0)) / 10;
   const auto ticks = static_cast<long long>(std::ceil((duration + 3) / of.period_s));
+  const std::string start =  // a given one as it is: it may be at a limit
+      of.from.size() > 0 ? fmt::format("[{}]", fmt::join(from, ", ")) : list(from);
   std::string friction;
   if (model.damping.any() || model.friction.any()) {
     friction = fmt::format("  friction: {{viscous: {}, coulomb: {}}}\n", list(model.damping),
@@ -88,15 +91,15 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   }
   return fmt::format(
       "name: {}\n"
-      "robot:\n  name: arm\n  urdf: {}\n  joints: rigid\n"
+      "robot:\n  name: arm\n  urdf: {}  joints: rigid\n"
       "plant:\n  initial: {{position_rad: {}, torque: hold}}\n  encoder: {{resolution_bits: 20}}\n"
       "reference:\n  point_to_point:\n    from_rad: {}\n    to_rad: {}\n"
       "    start_s: 0.2\n    duration_s: {:g}\n"
       "controller:\n  law: loria_ortega_rigid\n  gains: {{kp: 1, kd: 1, a: 1, b: 1}}\n"
       "  filter: tustin\n  feedforward_lead: half_tick_plus_delay\n{}"
       "loop: {{mode: lockstep, period_s: {:g}, duration_s: {:.12g}, command_delay: 1}}\n",
-      of.name, of.urdf, list(from), list(from), list(to), duration, friction, of.period_s,
-      static_cast<double>(ticks) * of.period_s);
+      of.name, emit_yaml({YamlNode::Kind::scalar, of.urdf}), start, start, list(to), duration,
+      friction, of.period_s, static_cast<double>(ticks) * of.period_s);
 }
 
 }  // namespace tachless::experiment

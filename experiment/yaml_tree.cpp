@@ -12,6 +12,7 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
+#include "diagnostics/text.h"
 
 namespace tachless::experiment {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 // Aliases can make a short text unfold into a huge tree, or into an endless one.
 constexpr int max_nodes = 20'000;
 constexpr std::size_t max_depth = 32;
+constexpr std::size_t max_key_bytes = 100;
 
 /// Makes the tree of one document from yaml-cpp's events; every bound is checked before memory is
 /// taken. yaml-cpp's own loader reads endless empty documents where a ',' follows the first.
@@ -71,12 +73,8 @@ class Builder : public YAML::EventHandler {
   }
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                 const std::string& value) override {
-    YamlNode node;
-    node.kind = YamlNode::Kind::scalar;
-    node.scalar = value;
-    node.quoted = tag == "!";
     require_no_tag(mark, tag);
-    add(mark, anchor, std::move(node));
+    add(mark, anchor, {YamlNode::Kind::scalar, value, tag == "!"});
   }
   void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                        YAML::EmitterStyle::value /*style*/) override {
@@ -144,6 +142,10 @@ class Builder : public YAML::EventHandler {
     if (node.kind != YamlNode::Kind::scalar || node.scalar.empty()) {
       throw complaint(line, "a key must be a word");
     }
+    if (node.scalar.size() > max_key_bytes) {
+      throw complaint(line, "a key of {} bytes; allowed: at most {}", node.scalar.size(),
+                      max_key_bytes);
+    }
     const YamlNode* const first = map.node->find(node.scalar);
     const std::string first_line =
         first != nullptr && of_file_ ? "; first in line " + first->where.substr(source_.size() + 1)
@@ -180,9 +182,7 @@ class Builder : public YAML::EventHandler {
     if (at_key()) refused_ = complaint(line_of(mark), "a key must be a word");
     if (refused_) return;
     require_no_tag(mark, tag);
-    YamlNode node;
-    node.kind = kind;
-    const auto [to, line] = put(line_of(mark), std::move(node));
+    const auto [to, line] = put(line_of(mark), {kind});
     open_.push_back({to, anchor, line});
   }
   void end() {
@@ -276,21 +276,18 @@ void apply_override(YamlNode& root, const std::string& assignment) {
     throw refuse("no value; write key.path=value (null for none)");
   }
   YamlNode* node = &root;
-  for (std::size_t begin = 0; begin <= path.size();) {
-    const std::size_t end = std::min(path.find('.', begin), path.size());
-    const std::string key = path.substr(begin, end - begin);
+  for (const std::string_view key : diagnostics::split(path, '.')) {
     if (key.empty()) throw refuse("an empty name in the key; write key.path=value");
-    if (node->kind != YamlNode::Kind::map) {
-      *node = YamlNode{};
-      node->kind = YamlNode::Kind::map;
-      node->where = where;
-    }
+    if (node->kind != YamlNode::Kind::map) *node = {.kind = YamlNode::Kind::map, .where = where};
     YamlNode* const child = node->find(key);
-    node = child != nullptr ? child : &node->add(key);
+    node = child != nullptr ? child : &node->add(std::string(key));
     if (child == nullptr) node->where = where;
-    begin = end + 1;
   }
   *node = Builder(value, where, false, path).take();
+}
+
+std::string text_override(std::string_view key, const std::string& text) {
+  return fmt::format("{}={}", key, emitted({YamlNode::Kind::scalar, text}, true));
 }
 
 std::string emit_yaml(const YamlNode& node) { return emitted(node, false) + "\n"; }

@@ -13,11 +13,12 @@ struct YamlNode {
   enum class Kind { null, scalar, list, map };
 
   Kind kind = Kind::null;
-  std::string scalar;              ///< as written, without quotes
-  bool quoted = false;             ///< "5" is text, 5 is a number
-  std::vector<std::string> keys;   ///< of a map, in the order written
-  std::vector<YamlNode> children;  ///< of a list or a map
-  std::string where;  ///< "file:line" of the key or the list's entry, or the "--set …" that gave it
+  std::string scalar = {};              ///< as written, without quotes
+  bool quoted = false;                  ///< "5" is text, 5 is a number
+  std::vector<std::string> keys = {};   ///< of a map, in the order written
+  std::vector<YamlNode> children = {};  ///< of a list or a map
+  /// "file:line" of the key or the list's entry, or the "--set …" that gave it
+  std::string where = {};
 
   /// The value of `key`; nullptr when this is not a map or has no such key.
   [[nodiscard]] const YamlNode* find(std::string_view key) const;
@@ -36,6 +37,9 @@ YamlNode parse_yaml(std::string_view text, const std::string& source);
 /// it is; keys on the way are created.
 /// @throw Failure(bad_usage): "--set key.path=value: …".
 void apply_override(YamlNode& root, const std::string& assignment);
+
+/// "key=text" for `apply_override`, in quotes where YAML needs them.
+std::string text_override(std::string_view key, const std::string& text);
 
 /// YAML text of the tree: block maps, flow lists, scalars character for character as they were
 /// written. Parsing it gives the same tree again, but for lines.

@@ -31,6 +31,7 @@ plant::ArmState EmulatedArm::read() {
     past_.pop_front();
   }
   const experiment::RobotSpec& robot = scenario_.robot;
+  seen.time_s = static_cast<double>(readings_) * scenario_.loop.period_s;
   seen.q = encoder_.measure<loop::PositionMeasurement>(seen, readings_++).q;
   seen.q = robot.joint_signs.cwiseProduct(seen.q - robot.joint_offsets_rad);
   seen.v = robot.joint_signs.cwiseProduct(seen.v);

@@ -32,16 +32,18 @@ constexpr double of_range = 0.9, of_limit = 0.8, usual_speed = 1;
 /// How far each joint may go to the nearer side.
 VectorXd room(const experiment::Scenario& scenario, double reach) {
   const robot::Vector& start = scenario.plant.initial.position_rad;
-  VectorXd result(scenario.num_joints);
+  const robot::Model& model = *scenario.model;
+  VectorXd result = VectorXd::Constant(scenario.num_joints, reach);
   for (int i = 0; i < scenario.num_joints; ++i) {
-    const auto [lower, upper] = robot::finite_range(*scenario.model, i);
+    if (!std::isfinite(model.lower[i]) && !std::isfinite(model.upper[i])) continue;
+    const auto [lower, upper] = robot::finite_range(model, i);
     const double middle = (lower + upper) / 2, half = of_range * (upper - lower) / 2;
     const double side = half - std::abs(start[i] - middle);
     if (side < std::min(0.02, half / 2)) {  // a finger's whole range is less
       throw scenario.complaint(
           "plant.initial.position_rad",
           "joint {} begins {:.2g} from the end of its range; begin further inside",
-          scenario.model->joint_names[static_cast<std::size_t>(i)], side);
+          model.joint_names[static_cast<std::size_t>(i)], side);
     }
     result[i] = std::min(reach, side);
   }
@@ -89,8 +91,9 @@ std::vector<std::string> overrides_of(const MatrixXd& offset, const VectorXd& st
 }
 
 struct Motion {
-  Recording recording;  ///< torques are those of the arm without unknowns
-  VectorXd speed, torque;
+  Recording recording;     ///< torques are those of the arm without unknowns
+  VectorXd speed, torque;  ///< largest
+  VectorXd holding;        ///< torque at the start, at rest
 };
 
 Motion motion_of(const experiment::Scenario& scenario) {
@@ -99,7 +102,8 @@ Motion motion_of(const experiment::Scenario& scenario) {
   const Eigen::Index n = scenario.num_joints;
   Motion motion{{"the motion", scenario, MatrixXd(rows, n), MatrixXd::Zero(rows, n)},
                 VectorXd::Zero(n),
-                VectorXd::Zero(n)};
+                VectorXd::Zero(n),
+                {}};
   motion.recording.scenario.loop.period_s = sample_s;
   robot::Model model = experiment::with_payload(scenario, *scenario.model);
   model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
@@ -112,6 +116,7 @@ Motion motion_of(const experiment::Scenario& scenario) {
         robot::inverse_dynamics<double>(model, at.q_ref, at.v_ref, at.a_ref).cwiseAbs() +
         drive.viscous_friction_Nms_per_rad.cwiseProduct(at.v_ref.cwiseAbs()) +
         drive.coulomb_friction_Nm;
+    if (k == 0) motion.holding = tau;
     motion.torque = motion.torque.cwiseMax(tau);
   }
   return motion;
@@ -126,10 +131,10 @@ VectorXd shrink(const experiment::Scenario& scenario, const Motion& motion) {
     factor[i] = std::min(1.0, speed / std::max(1e-12, motion.speed[i]));
   }
   if (!scenario.plant.drive.torque_limit_Nm) return factor;
-  const VectorXd limit = of_limit * *scenario.plant.drive.torque_limit_Nm;
+  const VectorXd left = of_limit * *scenario.plant.drive.torque_limit_Nm - motion.holding;
   // The torque of a joint is that of all motions: one factor for all.
-  const double share = limit.cwiseQuotient(motion.torque.cwiseMax(1e-12)).minCoeff();
-  return factor * std::min(1.0, share);
+  const VectorXd moving = (motion.torque - motion.holding).cwiseMax(1e-12);
+  return factor * std::clamp(left.cwiseQuotient(moving).minCoeff(), 0.0, 1.0);
 }
 
 double condition_of(const Regression& regression) {
@@ -169,11 +174,18 @@ Excitation excite(const experiment::Scenario& scenario, const std::vector<Kind>&
       overrides = overrides_of(offset, start, scenario.loop.period_s);
       motion = motion_of(with(overrides));
     }
+    if ((shrink(scenario, motion).array() < 1).any()) continue;
     motion.recording.tau.rowwise() = motion.torque.transpose();  // the scale of each joint's rows
     const double condition = condition_of(regression(motion.recording, parameters));
     if (condition >= best.condition) continue;
     best = {overrides, condition, offset.cwiseAbs().colwise().maxCoeff().transpose(), motion.speed,
             motion.torque};
+  }
+  if (best.overrides.empty()) {
+    throw scenario.complaint(
+        "plant.drive.torque_limit_Nm",
+        "holding the arm at its start takes four fifths of it or more; begin nearer to upright or "
+        "hanging");
   }
   return best;
 }

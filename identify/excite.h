@@ -27,8 +27,8 @@ struct ExcitationGoal {
 /// of the joints' ranges, four fifths of their speeds (1 rad/s, 1 m/s where the URDF has none) and
 /// torques. Of 60 drawn at random the one whose regression has the least condition. Knows no
 /// obstacles.
-/// @throw diagnostics::Failure(bad_usage) for flexible joints, and where a joint begins at its
-/// limit
+/// @throw diagnostics::Failure(bad_usage) for flexible joints, where a joint begins at its limit,
+/// and where none of the motions keeps to the torques
 Excitation excite(const experiment::Scenario& scenario, const std::vector<Kind>& unknown,
                   const ExcitationGoal& goal, const Report& report);
 

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "diagnostics/failure.h"
 #include "identify/least_squares.h"
 #include "robot/urdf_xml.h"
 
@@ -91,12 +92,18 @@ void set_links(const Parameters& parameters, const VectorXd& values,
 }  // namespace
 
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,
-                    const std::vector<Recording>& validate, const Report& report) {
+                    const std::optional<Recording>& validate, const Report& report) {
   for (const Recording& each : recordings) require_same_robot(recordings.front(), each);
-  for (const Recording& each : validate) require_same_robot(recordings.front(), each);
+  if (validate) require_same_robot(recordings.front(), *validate);
   const bool simulated = std::ranges::all_of(recordings, &Recording::controlled);
   std::vector<Kind> kinds = unknown;
   std::erase(kinds, simulated ? Kind::offset : Kind::delay);  // that torque is known as it acts
+  if (kinds.empty()) {
+    throw diagnostics::bad_usage(
+        "{}: nothing is left to identify: a log has no offset, a table no delay; name another "
+        "parameter with --unknown",
+        recordings.front().source);
+  }
   const Parameters parameters(recordings.front().scenario, kinds);
   report("least squares on filtered positions and torques");
   std::vector<Regression> regressions;
@@ -106,7 +113,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   Identified result;
   result.rank = answer.rank;
   result.condition = answer.condition;
-  result.validated = !validate.empty();
+  result.validated = validate.has_value();
   result.simulated = simulated;
   if (simulated) {
     const Fit fit = output_error(recordings, parameters, answer.values, report);
@@ -132,8 +139,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
     }
     result.parameters.push_back(std::move(each));
   }
-  result.checks =
-      check((validate.empty() ? recordings : validate).front(), parameters, answer.values);
+  result.checks = check(validate ? *validate : recordings.front(), parameters, answer.values);
   result.overrides = parameters.overrides(scenario, answer.values);
   return result;
 }

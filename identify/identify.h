@@ -45,10 +45,11 @@ struct Identified {
 
 /// Least squares on filtered positions and torques; then, of recordings of known laws, output error
 /// of the closed loop, which knows no offset.
-/// @param validate recordings that are only checked; empty: the checks are of `recordings`
-/// @throw diagnostics::Failure(bad_usage) for recordings of different robots
+/// @param validate a recording that is only checked; nothing: the checks are of the first of all
+/// @throw diagnostics::Failure(bad_usage) for recordings of different robots, and when they show
+/// none of `unknown`
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,
-                    const std::vector<Recording>& validate, const Report& report);
+                    const std::optional<Recording>& validate, const Report& report);
 
 /// The recording's URDF with the links that were found, which `robot::urdf_mechanics` reads.
 std::string urdf_of(const Identified& found, const experiment::Scenario& scenario);

@@ -44,10 +44,12 @@ struct Models {
   Models(const Recording& recording, const Parameters& parameters) {
     const VectorXd zero = VectorXd::Zero(parameters.size());
     experiment::Scenario plant = parameters.plant(recording.scenario, zero);
+    const bool unknown = parameters.first(Kind::payload) >= 0;
+    if (unknown) plant.plant.payload.mass_kg = 1e-9;  // its inertia is known, if any
     bare = experiment::with_payload(plant, *plant.model);
     bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
     drive = plant.plant.drive;
-    if (parameters.first(Kind::payload) < 0) return;
+    if (!unknown) return;
     plant.plant.payload.mass_kg += 1;
     loaded = experiment::with_payload(plant, *plant.model);
     loaded.rotor_inertia = bare.rotor_inertia;

@@ -83,8 +83,8 @@ Matrix weighted(Matrix rows, const VectorXd& spread) {
   return rows;
 }
 
-/// A step of each parameter that the simulation resolves: from its value, or its share of torque;
-/// of a link's numbers, from that link.
+/// A step of each parameter that the simulation resolves: from its value, or its `scale`; of a
+/// link's numbers, from that link.
 VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
                           const Parameters& parameters, const robot::Model& model) {
   VectorXd steps = (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
@@ -134,8 +134,9 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
                                "the loop with the parameters of least squares does not run to its "
                                "end in simulation; nothing is identified");
   }
-  // What a parameter has to change for an effect: refined from the first Jacobian.
-  VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
+  // Of a parameter that is near zero: what it began at, or a thousandth of the largest.
+  const VectorXd scale =
+      start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
   const robot::Model& model = *recordings.front().scenario.model;
   VectorXd left;
   for (int iteration = 0; iteration < most_iterations; ++iteration) {

@@ -168,6 +168,11 @@ std::vector<std::string> Parameters::overrides(const experiment::Scenario& scena
     const std::vector<double> found = of(kind, values);
     if (!found.empty()) result.push_back(fmt::format(fmt::runtime(key), fmt::join(found, ", ")));
   }
+  const std::vector<double> coulomb = of(Kind::coulomb, values);
+  if (!coulomb.empty() && scenario.plant.drive.static_friction_Nm) {
+    result.push_back(
+        fmt::format("plant.drive.static_friction_Nm=[{:.6g}]", fmt::join(coulomb, ", ")));
+  }
   for (const double mass : of(Kind::payload, values)) {
     result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
   }

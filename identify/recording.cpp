@@ -16,6 +16,24 @@ using diagnostics::bad_usage;
 constexpr double shortest_s = 2;
 constexpr double most_saturated = 0.01;  ///< of the ticks
 
+/// A real arm begins near the scenario's start (plant::GuardedRobot::start_tolerance) and under a
+/// torque that holds it; an emulated one where the scenario says, but for its encoders' errors.
+void begin_as_recorded(Recording& recording) {
+  const experiment::Scenario& scenario = recording.scenario;
+  const plant::EncoderSpec& encoder = scenario.plant.encoder;
+  plant::InitialState& initial = recording.scenario.plant.initial;
+  const robot::Vector first = recording.q.row(0).transpose();
+  robot::Vector off = experiment::encoder_count(scenario, *scenario.model).array() +
+                      (6 * encoder.noise_std_rad + 1e-9);
+  if (encoder.eccentricity_rad.size() > 0) off += encoder.eccentricity_rad;
+  if (((first - initial.position_rad).cwiseAbs().array() > off.array()).any()) {
+    initial.position_rad = first;
+  }
+  if (scenario.loop.command_delay > 0 && initial.torque == plant::InitialTorque::zero) {
+    initial.torque_Nm = recording.tau.row(0).transpose();
+  }
+}
+
 }  // namespace
 
 void require_usable(const Recording& recording) {
@@ -68,9 +86,10 @@ Recording read_recording(const std::filesystem::path& log) {
   if (result.scenario.robot.flexible) {
     throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
   }
-  if (result.scenario.plant.dry_run) {
-    throw bad_usage("{}: a dry run, in which the robot was sent nothing; record a run of it",
-                    result.source);
+  const plant::Spec& plant = result.scenario.plant;
+  if (plant.dry_run || plant.withheld_ticks > 0) {
+    throw bad_usage("{}: {}, in which the robot was sent nothing; record a run of it",
+                    result.source, plant.dry_run ? "a dry run" : "a run with plant.withheld_ticks");
   }
   Ticks ticks = read_ticks(run);
   if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
@@ -89,6 +108,7 @@ Recording read_recording(const std::filesystem::path& log) {
                     result.source, ticks.saturated, result.num_ticks());
   }
   require_usable(result);
+  begin_as_recorded(result);
   return result;
 }
 

@@ -53,9 +53,23 @@ class Rows {
 
   void add_line(std::string_view line) {
     ++line_;
-    diagnostics::split_row(line.substr(0, line.find('#')), fields_);
+    line = line.substr(0, line.find('#'));
+    line = line.substr(0, line.find_last_not_of(",; \t\r") + 1);
+    diagnostics::split_row(line, fields_);
     if (fields_.empty()) return;
-    if (values_.empty() && !diagnostics::number_in(fields_.front())) return;  // a header
+    if (values_.empty()) {
+      const std::string_view time = fields_[std::min(columns_.front(), fields_.size()) - 1];
+      if (!diagnostics::number_in(time)) return;  // a header
+      width_ = fields_.size();
+    }
+    const auto separators =
+        std::ranges::count_if(line, [](char c) { return c == ',' || c == ';'; });
+    if (fields_.size() != width_ || separators >= std::ssize(fields_)) {
+      throw bad_usage(
+          "{}:{}: {} columns, the first row of numbers has {}; allowed: as many in each, none "
+          "empty",
+          source_, line_, fields_.size(), width_);
+    }
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       if (columns_[i] > fields_.size()) {
         throw bad_usage("{}:{}: {} columns, but column {} is asked for", source_, line_,
@@ -88,7 +102,7 @@ class Rows {
   Eigen::VectorXd scale_;
   std::vector<double> values_;
   std::vector<std::string_view> fields_;
-  std::size_t line_ = 0;
+  std::size_t line_ = 0, width_ = 0;
 };
 
 /// Onto an even grid, by straight lines between the rows.

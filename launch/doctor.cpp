@@ -176,8 +176,9 @@ Finding judge_stolen_time(const std::string& proc_stat) {
   std::array<double, num_shares> ticks{};
   words >> label;
   for (double& each : ticks) words >> each;
-  if (!words || label != "cpu") return {"stolen time", "the kernel does not tell"};
-  const double share = ticks.back() / std::accumulate(ticks.begin(), ticks.end(), 0.0);
+  const double all = std::accumulate(ticks.begin(), ticks.end(), 0.0);
+  if (!words || label != "cpu" || all == 0) return {"stolen time", "the kernel does not tell"};
+  const double share = ticks.back() / all;
   Finding finding{
       "stolen time",
       fmt::format("the host took {:.2f} % of this machine's time since it started", 100 * share)};

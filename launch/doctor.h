@@ -21,7 +21,7 @@ struct Finding {
 
 /// Looks at everything that a run of this machine on the bus `lcm_url` needs or would like: the
 /// bus, its buffers and other publishers on it, private networks, real-time rights, clock, disk
-/// space of `directory`, programs. Takes about a second, changes nothing.
+/// space of `directory`. Takes about a second, changes nothing.
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory);
 
 /// What is not well with this machine's punctuality: real-time rights, clock, time that a host

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "process/this_process.h"
 #include "report/html.h"
 
 namespace tachless::launch {
@@ -64,6 +65,7 @@ LiveServer::LiveServer(int port) : server_(std::make_unique<httplib::Server>()) 
                                  port);
   }
   thread_ = std::thread([this] {
+    process::leave_signals_to_others();
     server_->listen_after_bind();
     over_ = true;
   });

@@ -28,10 +28,15 @@ void show_live(bus::UdpTransport& transport, LiveServer& server, Clock::time_poi
   };
   std::map<std::string, Robot, std::less<>> robots;  // by the channel of RUN_INFO
   const auto take = [&](const bus::Datagram& datagram) {
-    if (datagram.channel.ends_with(logger::run_info_suffix) && robots.size() < most_robots) {
-      robots.try_emplace(std::string(datagram.channel));
+    if (!datagram.channel.ends_with(logger::run_info_suffix)) {
+      for (auto& [channel, robot] : robots) robot.live.take(datagram);
+      return;
     }
-    for (auto& [channel, robot] : robots) robot.live.take(datagram);
+    auto own = robots.find(datagram.channel);
+    if (own == robots.end() && robots.size() < most_robots) {
+      own = robots.try_emplace(std::string(datagram.channel)).first;
+    }
+    if (own != robots.end()) own->second.live.take(datagram);
   };
   while (!interrupted && Clock::now() < end) {
     monitor::listen(transport, take, std::min(end, Clock::now() + stretch), interrupted);
@@ -58,10 +63,13 @@ LiveView::LiveView(const bus::LcmUrl& url, RobotVisuals visuals)
   const char* const display = std::getenv("DISPLAY");
   const auto opener = process::find_program("xdg-open");
   if (display != nullptr && *display != '\0' && opener) {
-    // In a session of its own: the browser stays when the run has ended.
-    process::run({"setsid", "--fork", opener->string(), server_.url()});
+    // In a session of its own: the browser stays when the run has ended. Without an output of ours,
+    // whose end is waited for.
+    process::run({"/bin/sh", "-c", "exec setsid --fork \"$@\" >/dev/null 2>&1", "sh",
+                  opener->string(), server_.url()});
   }
   thread_ = std::thread([this] {
+    process::leave_signals_to_others();
     process::set_low_priority();
     show_live(transport_, server_, Clock::time_point::max(), over_, visuals_);
   });

@@ -70,7 +70,7 @@ class Ramp {
   Ramp(const RunOptions& options, const PlannedRun& run)
       : scenario_(run.scenario), each_(options), path_(run.options.scenario) {
     folder_ = options.out.empty() ? fs::path("out") / (scenario_.name + "-ramp")
-                                  : fs::path(options.out.string() + "-ramp");
+                                  : fs::path((options.out / "").parent_path().string() + "-ramp");
     if (!run.options.robot.empty()) folder_ /= run.options.robot;
     each_.ramp = each_.json = each_.watch = false;
     each_.overwrite = true;

@@ -82,7 +82,7 @@ struct PlannedRun {
   std::vector<Remark> remarks = {};
   certificate::Prediction predicted = {};
 
-  /// Of the robot, from the scenario's URDF file.
+  /// Of the robot, from the scenario's URDF file; none, after a warning, where it cannot be read.
   [[nodiscard]] report::Visuals visuals() const;
   /// On stderr; with --quiet the warnings alone.
   void print_remarks() const;

@@ -202,7 +202,8 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
 }
 
 /// The other processes that ended because of the first cause, and what helps.
-std::vector<std::string> consequences(const Supervision& supervision, const RunOptions& options) {
+std::vector<std::string> consequences(const Supervision& supervision, const PlannedRun& run) {
+  const RunOptions& options = run.options;
   std::vector<std::string> lines;
   if (options.verbose) {
     for (const ProcessEnd& end : supervision.ends) {
@@ -214,7 +215,10 @@ std::vector<std::string> consequences(const Supervision& supervision, const RunO
     lines.push_back(options.named(fmt::format("because of it ended: {}{}", others,
                                               options.verbose ? "" : "; details with --verbose")));
   }
-  if (exit_code(supervision) != ExitCode::check_said_no) return lines;
+  if (exit_code(supervision) != ExitCode::check_said_no ||
+      run.scenario.loop.mode != experiment::Mode::realtime) {
+    return lines;
+  }
   for (const auto& [subject, what, remedy] : examine_punctuality()) {
     lines.push_back(fmt::format("{}: {}; type: {}", subject, what, *remedy));
   }
@@ -237,7 +241,7 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
     end.code = ExitCode::peer_lost;
     end.facts.fault = std::move(absent);
   } else {  // otherwise the others have only waited for the program
-    end.consequences = consequences(supervision, robot.options);
+    end.consequences = consequences(supervision, robot.run);
   }
   conclusions.add(robot.run, *robot.out, std::move(end));
 }

@@ -15,6 +15,7 @@
 #include "certificate/prediction.h"
 #include "controller/law_socket.h"
 #include "diagnostics/logging.h"
+#include "experiment/xacro.h"
 #include "node/options.h"
 #include "plant/plant_model.h"
 #include "process/this_process.h"
@@ -102,7 +103,9 @@ void bound_missed(PlannedRun& run) {
   const auto& missed = run.predicted.missed;
   if (!missed || missed->commands >= run.scenario.loop.max_missed) return;
   run.options.overrides.push_back(fmt::format("loop.max_missed={}", missed->commands));
+  const std::string announced = run.scenario.controller.announced;  // in no file
   run.scenario = experiment::load_scenario(run.options.scenario, run.options.all_overrides());
+  run.scenario.controller.announced = announced;
   run.remarks.push_back({false, fmt::format("loop.max_missed is {}, as many commands in a row as "
                                             "the loop is proved to bear",
                                             missed->commands)});
@@ -156,15 +159,9 @@ void judge(PlannedRun& run) {
 
 std::string measurement_wanted(const RunOptions& options) {
   if (options.law_program.empty()) return {};
-  const experiment::Scenario scenario =
-      experiment::load_scenario(options.scenario, options.overrides);
-  const std::string& law = scenario.controller.law;
-  if (law == experiment::external_law) return {};
-  try {
-    return std::string(controller::law_facts(law).measurement);
-  } catch (const std::invalid_argument& problem) {
-    throw scenario.complaint("controller.law", problem.what());
-  }
+  return std::string(
+      controller::law_facts(experiment::load_scenario(options.scenario, options.overrides))
+          .measurement);
 }
 
 std::vector<std::string> RunOptions::all_overrides() const {
@@ -202,7 +199,14 @@ std::string RunOptions::named(std::string_view line) const {
 }
 
 report::Visuals PlannedRun::visuals() const {
-  return report::read_visuals(options.scenario.parent_path() / scenario.robot.urdf_path);
+  const fs::path file = options.scenario.parent_path() / scenario.robot.urdf_path;
+  try {
+    return report::read_visuals(experiment::urdf_text(file, scenario.robot.xacro),
+                                file.parent_path());
+  } catch (const diagnostics::Failure& problem) {
+    diagnostics::log_warning("the robot is drawn without its visuals: {}", problem.what());
+    return {};
+  }
 }
 
 void PlannedRun::print_remarks() const {

@@ -37,13 +37,15 @@ using diagnostics::ExitCode;
 constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
 
 /// Reads the log, once, into `facts` and `recorded`. @return why it cannot be read, or what is
-/// wrong with it if every program ended well; empty: nothing. In realtime ticks may be missing,
-/// which the logger has reported by then.
-std::string read_back(const PlannedRun& run, report::RunFacts& facts,
+/// wrong with it if every program ended well, `done`; empty: nothing. In realtime ticks may be
+/// missing, at the end too, which the logger has reported by then.
+std::string read_back(const PlannedRun& run, bool done, report::RunFacts& facts,
                       std::optional<report::RecordedRun>& recorded) {
   const experiment::LoopSpec& loop = run.scenario.loop;
+  const bool realtime = loop.mode == experiment::Mode::realtime;
   try {
-    recorded = report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run);
+    recorded = report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run,
+                                         done && realtime);
   } catch (const diagnostics::Failure& failure) {
     return failure.what();
   }
@@ -51,7 +53,7 @@ std::string read_back(const PlannedRun& run, report::RunFacts& facts,
   facts.log_gaps = static_cast<std::int64_t>(recorded->summary.gaps());
   const bool damaged = recorded->damage.any();
   const bool whole = facts.log_ticks == loop.num_ticks && facts.log_gaps == 0;
-  if (!damaged && (whole || loop.mode == experiment::Mode::realtime)) return {};
+  if (!damaged && (whole || realtime)) return {};
   return fmt::format(
       "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
       "again, and do not change it before the run has ended",
@@ -120,7 +122,7 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   if (moved && recorded) {
     attempt([&] {
       report::write_figure(
-          report::tracking_figure(summary.tracking, title, scenario.loop.period_s, joints),
+          report::tracking_figure(summary.tracking, title, recorded->end_s(), joints),
           out / "tracking.svg", remedy);
     });
     recorded->outcome = outcome;
@@ -257,7 +259,7 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   std::optional<report::RecordedRun> recorded;
   end.facts.run_id = options.run_id;
   end.facts.log_path = (out / "lcmlog").string();
-  const std::string problem = read_back(run, end.facts, recorded);
+  const std::string problem = read_back(run, done, end.facts, recorded);
   if (done && !problem.empty()) {
     end.facts.fault = problem;
     end.code = ExitCode::check_said_no;

@@ -115,6 +115,7 @@ class Run {
   [[nodiscard]] const Supervision& result() const { return result_; }
 
   void add_outputs(std::vector<pollfd>& fds) const {
+    if (!any_running()) return;  // what still holds an output is none of the processes
     for (const process::Child& child : children_) {
       if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
     }
@@ -184,8 +185,9 @@ class Run {
     if (first || (lost_its_peer(result_.ends[*result_.culprit]) && !lost_its_peer(end))) {
       result_.culprit = i;
     }
-    if (first && ended_with(end, ExitCode::check_said_no)) {
-      stragglers_at_ = now + options_.end_together;  // it came to its end, as the others will
+    // A plant that missed deadlines came to its end, as the others will; a user's program did not.
+    if (first && end.name == "plant" && ended_with(end, ExitCode::check_said_no)) {
+      stragglers_at_ = now + options_.end_together;
     } else {
       escalate_at_ = std::min(escalate_at_, now + options_.grace);
     }

@@ -136,7 +136,7 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   return diagnostics::json_text(all, 2) + "\n";
 }
 
-std::string submit_to_slurm(const study::Sweep& sweep, int tasks) {
+std::string submit_to_slurm(const study::Sweep& sweep, int tasks, const std::string& colour) {
   const std::string directory = fs::absolute(sweep.directory()).string();
   const std::string array = submitted(
       sweep,
@@ -147,7 +147,7 @@ std::string submit_to_slurm(const study::Sweep& sweep, int tasks) {
   const std::string merge = submitted(
       sweep,
       {"--dependency=afterany:" + array, fmt::format("--output={}/slurm-merge.txt", directory)},
-      "--merge");
+      "--merge --colour " + word(colour));
   return fmt::format(
       "job {}: {} tasks, {} runs; job {} merges them into {}/results.csv\n"
       "  tachless sweep {} --status\n",

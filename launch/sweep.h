@@ -9,16 +9,17 @@
 /// sweep's directory, which all nodes share. Runs and schedules nothing itself.
 namespace tachless::launch {
 
-/// Writes results.csv, map.svg and index.html of a finished sweep into its directory.
-/// @param colour as for `report::write_sweep_page`
+/// Writes results.csv, index.html and map.svg (of laws trade_off.svg) of a finished sweep into its
+/// directory.
+/// @param colour as for `report::measures_shown`
 /// @return how many runs ended how, over all laws: lines for people, or JSON
 /// @throw diagnostics::Failure as `study::Sweep::rows` and `report::write_sweep_page`
 std::string write_sweep_results(const study::Sweep& sweep, const std::string& colour, bool json);
 
-/// Submits the array and, to run after it, the job that merges.
+/// Submits the array and, to run after it, the job that merges. @param colour as above
 /// @return lines for people: the jobs, and how to look after them
 /// @throw diagnostics::Failure(bad_usage) when sbatch cannot be started or refuses
-std::string submit_to_slurm(const study::Sweep& sweep, int tasks);
+std::string submit_to_slurm(const study::Sweep& sweep, int tasks, const std::string& colour);
 
 /// Lines for people: how many runs of each file are finished, and what the array's tasks are doing.
 std::string slurm_status(const study::Sweep& sweep);

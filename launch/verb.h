@@ -59,6 +59,8 @@ inline constexpr std::string_view write_remedy = "name another file with --write
 /// could not or should not be written after it.
 void require_scenario_name(const std::filesystem::path& file);
 void require_writable(const std::filesystem::path& file, bool force);
+/// A scenario's name after its file: each character that is not allowed in one is _.
+std::string scenario_name(const std::filesystem::path& file);
 /// `file` as a scenario written as `output` names it: relative to that, absolute where there is
 /// none.
 std::string path_from(const std::filesystem::path& output, const std::filesystem::path& file);

@@ -111,9 +111,11 @@ class McapTable {
       std::string properties = R"("tick":{"type":"integer"})";
       for (const Quantity& each : quantities_) {
         if (each.slot != slot) continue;
-        properties += fmt::format(
-            R"(,"{}":{{"type":"array","items":{{"type":"number"}},"description":"{} [{}]"}})",
-            each.name, each.description, fmt::join(each.units, ", "));
+        const nlohmann::json described =
+            fmt::format("{} [{}]", each.description, fmt::join(each.units, ", "));
+        properties +=
+            fmt::format(R"(,"{}":{{"type":"array","items":{{"type":"number"}},"description":{}}})",
+                        each.name, diagnostics::json_text(described));
       }
       const std::string& topic = log.summary().of(slot).channel;
       channels_[index(slot)] =
@@ -206,9 +208,7 @@ std::string ExportResult::text() const {
   if (summary.ticks != 0) {
     for (const std::string& gap : summary.gap_texts()) text += "; " + gap;
   }
-  if (damage.any()) {
-    text += fmt::format("; the log is damaged ({} bytes lost)", damage.bytes_skipped);
-  }
+  if (damage.any()) text += "; the log is damaged: " + damage.text();
   return text;
 }
 
@@ -220,7 +220,7 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool for
         "output by -",
         path.string());
   }
-  const auto quantities = quantities_of(log);
+  const auto quantities = quantities_of(log.scenario(), log.info());
   log.rewind();
   std::error_code error;
   if (path != "-" && !force && std::filesystem::is_regular_file(path, error)) {

@@ -285,48 +285,34 @@ std::string run_text(const json& run) {
   return text;
 }
 
-std::string damage_text(const json& damage) {
-  std::string text = "damage    none\n";
-  if (damage["any"]) {
-    text =
-        fmt::format("damage    {} bytes in {} places hold no message; {} message numbers missing\n",
-                    damage["bytes_skipped"], damage["stretches"], damage["missing_numbers"]);
-    constexpr std::size_t shown = 10;
-    const json& listed = damage["listed"];
-    for (std::size_t i = 0; i < std::min(shown, listed.size()); ++i) {
-      text += fmt::format("          byte {}: {} bytes\n", listed[i]["offset"], listed[i]["bytes"]);
-    }
-    if (damage["stretches"] > shown) text += "          ...\n";
+std::string damage_text(const Damage& damage) {
+  std::string text = fmt::format("damage    {}\n", damage.text());
+  constexpr std::size_t shown = 10;
+  for (std::size_t i = 0; i < std::min(shown, damage.listed.size()); ++i) {
+    const DamagedStretch& stretch = damage.listed[i];
+    text += fmt::format("          byte {}: {} bytes\n", stretch.offset, stretch.bytes);
   }
-  if (damage["numbers_restarted"] != 0) {
+  if (damage.stretches > shown) text += "          ...\n";
+  if (damage.numbers_restarted != 0) {
     text += fmt::format("          {} times the message numbers start over: logs appended\n",
-                        damage["numbers_restarted"]);
+                        damage.numbers_restarted);
   }
   return text;
 }
 
 std::string channels_text(const json& info) {
-  std::size_t width = 7;
-  for (const json& channel : info["channels"]) {
-    width = std::max(width, channel["channel"].get_ref<const std::string&>().size());
-  }
-  width = std::min<std::size_t>(width, 63);
-  const auto row = [&](const auto&... cells) {
-    return fmt::format("{:<{}} {:>10} {:>10} {:>10} {:>14}  {}", cells...);
-  };
-  std::string text =
-      "\n" + row("channel", width, "messages", "per s", "bytes", "silence", "type") + "\n";
+  std::vector<std::vector<std::string>> rows = {
+      {"channel", "messages", "per s", "bytes", "silence", "type"}};
   for (const json& channel : info["channels"]) {
     const json& rate = channel["rate_hz"];
-    text += row(channel["channel"], width, channel["messages"],
-                rate.is_null() ? "-" : fmt::format("{:.6g}", rate.get<double>()), channel["bytes"],
-                seconds(channel["longest_silence_us"]),
-                channel["type"].is_null() ? json("not ours") : channel["type"]);
-    if (channel["other_type"] != 0) {
-      text += fmt::format(" ({} of another type)", channel["other_type"]);
-    }
-    text += '\n';
+    const std::string type = channel["type"].is_null() ? "not ours" : channel["type"];
+    const json& others = channel["other_type"];
+    rows.push_back({channel["channel"], channel["messages"].dump(),
+                    rate.is_null() ? "-" : fmt::format("{:.6g}", rate.get<double>()),
+                    channel["bytes"].dump(), seconds(channel["longest_silence_us"]),
+                    type + (others == 0 ? "" : fmt::format(" ({} of another type)", others))});
   }
+  std::string text = "\n" + diagnostics::table(rows, "lrrrrl");
   const json& elsewhere = info["messages_on_further_channels"];
   if (elsewhere != 0) text += fmt::format("and {} messages on further channels\n", elsewhere);
   return text;
@@ -369,7 +355,7 @@ std::string to_text(const json& info) {
                      seconds(difference(info["last_utime"], info["first_utime"]))) +
          (info["run"].is_null() ? fmt::format("run       unknown: {}\n", info["run_problem"])
                                 : run_text(info["run"])) +
-         damage_text(info["damage"]) + channels_text(info);
+         damage_text(info["damage"].get<Damage>()) + channels_text(info);
 }
 
 }  // namespace tachless::logger

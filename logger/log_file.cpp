@@ -217,6 +217,12 @@ void LogReader::Unmap::operator()(const std::byte* bytes) const {
   munmap(const_cast<std::byte*>(bytes), size);
 }
 
+std::string Damage::text() const {
+  if (!any()) return "none";
+  return fmt::format("{} bytes in {} places hold no message; {} message numbers missing",
+                     bytes_skipped, stretches, missing_numbers);
+}
+
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
   const auto refuse = [&](const std::string& problem) {
     throw diagnostics::bad_usage("{}: cannot read the log: {}", path.string(), problem);

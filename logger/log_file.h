@@ -59,7 +59,6 @@ class LogWriter {
   /// replaced meanwhile
   void close();
 
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] std::int64_t num_events() const { return num_events_; }
   /// Length of the log including what is not flushed yet [bytes].
   [[nodiscard]] std::uint64_t bytes() const { return written_ + filled_; }
@@ -112,6 +111,8 @@ struct Damage {
   std::uint64_t numbers_restarted = 0;  ///< event number went back (lcm-logger appending does that)
 
   [[nodiscard]] bool any() const { return stretches != 0 || missing_numbers != 0; }
+  /// "none", "7 bytes in 1 places hold no message; 0 message numbers missing".
+  [[nodiscard]] std::string text() const;
 };
 
 /// Reads any LCM log, front to back, damaged or not: what is not an event is skipped, up to the

@@ -71,7 +71,9 @@ std::string read_run_info(std::string_view channel, std::span<const std::byte> d
   loop::Stamp stamp;
   const auto rejection = codec.decode(data, stamp, found.info);
   if (rejection != bus::Rejection::none) {
-    return fmt::format("is damaged ({})", bus::name(rejection));
+    const bool longer = rejection == bus::Rejection::wrong_size;
+    return fmt::format("is damaged ({}){}", bus::name(rejection),
+                       longer ? ", or carries the tag of a key" : "");
   }
   found.run_id = stamp.run;
   try {

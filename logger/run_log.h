@@ -117,7 +117,6 @@ class RunLog {
   [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }     ///< RUN_INFO
   /// What RUN_INFO has as YAML.
   [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
-  [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }  ///< of a tick
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);

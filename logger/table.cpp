@@ -130,10 +130,6 @@ std::string Quantity::column(std::size_t component) const {
   return column_name(name, joints.empty() ? "" : joints[component], units[component]);
 }
 
-std::vector<Quantity> quantities_of(const RunLog& log) {
-  return quantities_of(log.scenario(), log.info());
-}
-
 std::vector<Quantity> quantities_of(const experiment::Scenario& scenario,
                                     const loop::LawInfo& law) {
   const robot::Model& model = *scenario.model;

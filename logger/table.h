@@ -39,7 +39,5 @@ void add_number(std::string& text, double value);
 /// The quantities that a log of the scenario under that law can hold. In order: truth (q, v, theta,
 /// thetadot), reference, tau, the law's signals, measured values, and what the drives did.
 std::vector<Quantity> quantities_of(const experiment::Scenario& scenario, const loop::LawInfo& law);
-/// Those of this log's run, whether or not it holds them.
-std::vector<Quantity> quantities_of(const RunLog& log);
 
 }  // namespace tachless::logger

@@ -60,25 +60,15 @@ std::string text_of(const MessageField& field) {
   } else if (field.value.is_number_float()) {
     text = fmt::format("{:.6g}", field.value.get<double>());
   } else if (field.value.is_string()) {
-    constexpr std::size_t longest = 40;
     const auto& value = field.value.get_ref<const std::string&>();
-    text = fmt::format("\"{}{}\"", printable(value.substr(0, longest)),
-                       value.size() > longest ? "…" : "");
+    std::size_t shown = std::min<std::size_t>(value.size(), 40);
+    while (shown < value.size() && shown > 0 && (value[shown] & 0xc0) == 0x80) --shown;
+    text =
+        fmt::format("\"{}{}\"", printable(value.substr(0, shown)), shown < value.size() ? "…" : "");
   } else {
     text = field.value.dump();
   }
   return fmt::format("{} {}{}{}", field.name, text, field.unit.empty() ? "" : " ", field.unit);
-}
-
-/// At most `columns` characters of UTF-8 text.
-std::string clipped(const std::string& text, std::size_t columns) {
-  if (columns == 0) return text;
-  std::size_t characters = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const bool begins = (static_cast<unsigned char>(text[i]) & 0xc0U) != 0x80U;
-    if (begins && ++characters > columns) return text.substr(0, i);
-  }
-  return text;
 }
 
 template <class Value>
@@ -193,7 +183,7 @@ void BusMonitor::end_interval(double seconds) {
   }
 }
 
-std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows) const {
+std::vector<std::string> BusMonitor::table(std::size_t rows) const {
   const Json all = to_json();
   std::uint64_t missing = 0, tagged = 0;
   for (const Json& sender : all["senders"]) missing += sender["missing"].get<std::uint64_t>();
@@ -216,13 +206,11 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
   note(elsewhere_, "messages on further channels");
   note(other_senders_, "messages of further senders");
 
-  // The numbers come first; the types where there is room for them.
+  // The numbers come first: a narrow terminal cuts off the types.
   const std::size_t width = std::max<std::size_t>(7, longest_name);
-  constexpr std::size_t width_of_numbers = 61, longest_type = 28;
-  const bool has_room = columns == 0 || width + width_of_numbers + longest_type <= columns;
   const auto add_row = [&](std::string_view channel, const auto&... cells) {
-    lines.push_back(fmt::format("{:<{}} {:>9} {:>9} {:>10} {:>8} {:>6} {:>11}  {:.{}}", channel,
-                                width, cells..., has_room ? longest_type : 0));
+    lines.push_back(fmt::format("{:<{}} {:>9} {:>9} {:>10} {:>8} {:>6} {:>11}  {:.28}", channel,
+                                width, cells...));
   };
   lines.emplace_back();
   add_row("channel", "messages", "per s", "jitter us", "kB/s", "gaps", "undecodable", "type");
@@ -249,7 +237,6 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
     lines.resize(rows - 1);
     lines.push_back(fmt::format("… {} lines more than this window has", left_out));
   }
-  for (std::string& line : lines) line = clipped(line, columns);
   return lines;
 }
 

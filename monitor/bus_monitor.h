@@ -57,9 +57,9 @@ class BusMonitor {
   /// @param seconds its length, > 0
   void end_interval(double seconds);
 
-  /// For people: one row per channel, then the newest values. At most `rows` lines of at most
-  /// `columns` characters; 0: no limit. The last line counts what does not fit.
-  [[nodiscard]] std::vector<std::string> table(std::size_t columns = 0, std::size_t rows = 0) const;
+  /// For people: one row per channel, then the newest values. At most `rows` lines; 0: no limit.
+  /// The last line counts what does not fit.
+  [[nodiscard]] std::vector<std::string> table(std::size_t rows = 0) const;
 
   /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
   /// another type on a channel that carries one of ours.

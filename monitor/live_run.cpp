@@ -185,6 +185,7 @@ struct LiveRun::Run {
   std::array<std::pair<std::int64_t, Vector>, 16> references;  ///< ticks and positions, of late
   bool truth = false;                                          ///< there is TRUTH on the bus
   double newest_s = 0;
+  std::int64_t next_stretch = 0;  ///< its number
   Regularity ticks;
   std::int64_t missed = 0;
   loop::truth::DriveFault fault = loop::truth::DriveFault::none;
@@ -195,8 +196,6 @@ struct LiveRun::Run {
 };
 
 LiveRun::LiveRun() = default;
-LiveRun::LiveRun(LiveRun&&) noexcept = default;
-LiveRun& LiveRun::operator=(LiveRun&&) noexcept = default;
 LiveRun::~LiveRun() = default;
 
 const logger::RunDescription* LiveRun::run() const { return run_ ? &run_->described : nullptr; }
@@ -206,8 +205,7 @@ void LiveRun::take(const bus::Datagram& datagram) {
     if (!run_) return;
     return std::apply([&](auto&... port) { (run_->read(datagram, port), ...); }, run_->ports);
   }
-  constexpr std::size_t least = 32;  // fingerprint and stamp
-  if (datagram.payload.size() < least ||
+  if (datagram.payload.size() < bus::stamp_end ||
       bus::fingerprint_of(datagram.payload) != bus::fingerprint<loop::RunInfo>()) {
     return;
   }
@@ -223,6 +221,7 @@ void LiveRun::take(const bus::Datagram& datagram) {
        logger::read_run_info(channel, payload.first(payload.size() - bus::tag_size), channel, found)
            .empty())) {
     run_ = std::make_unique<Run>(std::move(found));
+    run_->next_stretch = datagram.received_ns / 1000;
   }
 }
 
@@ -240,10 +239,10 @@ std::string LiveRun::stretch() {
     if (std::exchange(run.saturated[i], false)) saturated.push_back(i);
   }
   return fmt::format(
-      R"({{"run":{},"t":{:.9g},"curves":{{{}}},"rate":{:.5g},"jitter_us":{:.4g},"missed":{},)"
+      R"({{"run":{},"number":{},"t":{:.9g},"curves":{{{}}},"rate":{:.5g},"jitter_us":{:.4g},"missed":{},)"
       R"("saturated":[{}],"events":{}}})",
-      run.described.run_id, run.newest_s, curves, run.ticks.rate_hz, run.ticks.jitter_us,
-      run.missed, fmt::join(saturated, ","),
+      run.described.run_id, run.next_stretch++, run.newest_s, curves, run.ticks.rate_hz,
+      run.ticks.jitter_us, run.missed, fmt::join(saturated, ","),
       diagnostics::json_text(nlohmann::json(std::exchange(run.events, {}))));
 }
 

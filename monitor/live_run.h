@@ -15,8 +15,6 @@ namespace tachless::monitor {
 class LiveRun {
  public:
   LiveRun();
-  LiveRun(LiveRun&&) noexcept;
-  LiveRun& operator=(LiveRun&&) noexcept;
   ~LiveRun();
 
   /// A message of any channel. RUN_INFO of another run begins that run.
@@ -26,11 +24,13 @@ class LiveRun {
   [[nodiscard]] const logger::RunDescription* run() const;
 
   /// What has come since the last call, as JSON; empty when nothing has:
-  /// {"run": id, "t": newest time [s], "curves": {"q": [[t, y, t, y] of each joint], …},
-  ///  "rate": ticks per second, "jitter_us": standard deviation of the ticks' intervals,
-  ///  "missed": commands so far, "saturated": [joints, from 0], "events": [texts]}.
+  /// {"run": id, "number": of this stretch, "t": newest time [s],
+  ///  "curves": {"q": [[t, y, t, y] of each joint], …}, "rate": ticks per second,
+  ///  "jitter_us": standard deviation of the ticks' intervals, "missed": commands so far,
+  ///  "saturated": [joints, from 0], "events": [texts]}.
   /// Curves: q, q_ref, theta, |e|, τ, and the law's signals by name. Link angles and torques are
-  /// TRUTH's where it is on the bus, as in a report; else as measured and commanded.
+  /// TRUTH's where it is on the bus, as in a report; else as measured and commanded. Numbers grow
+  /// by one, from the time [us] of the RUN_INFO: a program started later has greater ones.
   std::string stretch();
 
  private:

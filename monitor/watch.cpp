@@ -76,11 +76,12 @@ void TableScreen::show(const BusMonitor& monitor) {
   winsize size{};
   if (!terminal_ || ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0) size = {};
   // The last row stays free, or the terminal would scroll.
-  const auto lines = monitor.table(size.ws_col, size.ws_row > 3 ? size.ws_row - 1U : 0U);
+  const auto lines = monitor.table(size.ws_row > 3 ? size.ws_row - 1U : 0U);
   std::string text;
   if (terminal_ && height_ > 0) text = fmt::format("\033[{}A\r", height_);
+  if (terminal_) text += "\033[?7l";  // it cuts a line that is too long for it
   for (const std::string& line : lines) text += line + (terminal_ ? "\033[K\n" : "\n");
-  if (terminal_) text += "\033[J";
+  if (terminal_) text += "\033[J\033[?7h";
   std::cout << text << std::flush;
   height_ = lines.size();
 }

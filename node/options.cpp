@@ -151,7 +151,7 @@ bus::LcmUrl parse_lcm_url(const std::string& url) {
   try {
     return bus::parse_lcm_url(url);
   } catch (const std::invalid_argument& problem) {
-    throw bad_usage("--lcm-url: {}", problem.what());
+    throw bad_usage(problem.what());
   }
 }
 

@@ -46,7 +46,7 @@ CLI::Option* add_scenario(CLI::App& command, std::filesystem::path& path,
 
 /// --lcm-url, else LCM_DEFAULT_URL, else what `url` is before.
 void add_lcm_url(CLI::App& command, std::string& url);
-/// @throw Failure(bad_usage) naming --lcm-url
+/// @throw Failure(bad_usage) naming the URL, which may be that of LCM_DEFAULT_URL
 bus::LcmUrl parse_lcm_url(const std::string& url);
 
 /// --key-file, else TACHLESS_KEY_FILE; empty when there is none.

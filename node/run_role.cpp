@@ -111,7 +111,8 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
     link.emplace(scenario, *bus, link_config(role, options, interrupted));
     if (scenario.loop.mode == experiment::Mode::realtime) request_real_time(role);
     link->guard([&] { main(scenario, *link); });
-  } catch (const Failure& failure) {
+  } catch (const std::exception&) {
+    const Failure failure = diagnostics::current_failure();
     statistics().exit_code = failure.code();
     statistics().fault = failure.what();
     try {

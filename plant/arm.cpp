@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
-#include <utility>
 
 #include "diagnostics/text.h"
 
@@ -152,18 +151,6 @@ void Arm::choose_sticking() {
   accelerate(now_s_, x_, xdot_, xddot_);
   dry_friction_.release();
   motor_friction_.release();
-}
-
-ArmAcceleration Arm::acceleration(const robot::Vector& tau) {
-  require_size(tau, num_joints_);
-  const DryFriction friction = dry_friction_, of_motors = motor_friction_;
-  const robot::Vector held = std::exchange(tau_, tau);
-  choose_sticking();
-  accelerate(now_s_, x_, xdot_, xddot_);
-  tau_ = held;
-  dry_friction_ = friction;
-  motor_friction_ = of_motors;
-  return {xddot_.head(num_joints_), xddot_.tail(x_.size() - num_joints_)};
 }
 
 void Arm::advance(const robot::Vector& tau, double time_s) {

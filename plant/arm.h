@@ -14,11 +14,6 @@
 
 namespace tachless::plant {
 
-struct ArmAcceleration {
-  robot::Vector vdot;       ///< of the links [rad/s^2; m/s^2 if prismatic]
-  robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
-};
-
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
   double accuracy = 1e-9;  ///< of an integrator's step, relative
@@ -40,11 +35,6 @@ class Arm {
   [[nodiscard]] ArmState state() const;
   /// To another state at another time, as if constructed so.
   void set_state(const ArmState& state, double time_s);
-
-  /// What the arm would do now under motor torque `tau` [N m]: the right-hand side that `advance`
-  /// integrates.
-  /// @throw std::runtime_error if the inertia matrix is not positive definite.
-  [[nodiscard]] ArmAcceleration acceleration(const robot::Vector& tau);
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
   /// @throw std::runtime_error with time and cause when the integrator gives up.

@@ -54,15 +54,14 @@ class Drive {
     accepted_.fill(applied_);
   }
 
-  /// Takes the command of this tick. Returns false, and changes nothing, if a torque is not
-  /// finite: the caller owes a protective stop.
-  /// @throw std::logic_error if the command has the wrong number of joints.
-  [[nodiscard]] bool accept(const loop::TorqueCommand& command) {
-    if (command.tau.size() != limit_.size()) {
-      throw std::logic_error("plant::Drive: command has the wrong number of joints");
+  /// Takes the command of this tick.
+  /// @throw std::logic_error, and nothing changes, unless it is a finite torque of each joint: the
+  /// caller has to check.
+  void accept(const loop::TorqueCommand& command) {
+    if (command.tau.size() != limit_.size() || !command.tau.allFinite()) {
+      throw std::logic_error("plant::Drive: a command needs a finite torque of each joint");
     }
-    if (!command.tau.allFinite()) return false;
-    if (stopped_) return true;
+    if (stopped_) return;
     for (Eigen::Index i = 0; i < limit_.size(); ++i) {
       const double tau = command.tau[i];
       const bool saturated = std::abs(tau) > limit_[i];
@@ -70,7 +69,6 @@ class Drive {
       accepted_[now_].tau[i] = saturated ? std::copysign(limit_[i], tau) : tau;
     }
     act();
-    return true;
   }
 
   /// Torque held over this tick.

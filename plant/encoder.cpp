@@ -43,7 +43,7 @@ double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t chan
 }
 
 double standard_uniform(std::uint64_t seed, std::int64_t tick) {
-  constexpr std::uint32_t channel = 32;  // of encoders and disturbances others
+  constexpr std::uint32_t channel = 32;  // the encoders' are below
   const auto t = static_cast<std::uint64_t>(tick);
   const Block random = philox(
       {static_cast<std::uint32_t>(t), static_cast<std::uint32_t>(t >> 32), channel, 0}, seed);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <type_traits>
 
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
@@ -23,7 +22,7 @@ class Encoder {
   /// @throw diagnostics::Failure(bad_usage) when a prismatic joint has a resolution but no range.
   Encoder(const experiment::Scenario& scenario, const robot::Model& model);
 
-  /// The measurement of tick `tick`. Precondition: `require_encoders<Measurement>` passes.
+  /// The measurement of tick `tick`. Precondition: `experiment::require_encoders` passes.
   template <class Measurement>
   [[nodiscard]] Measurement measure(const ArmState& state, std::int64_t tick) const {
     Measurement m;
@@ -53,16 +52,6 @@ class Encoder {
   double velocity_noise_;
   std::uint64_t seed_;
 };
-
-/// `experiment::require_encoders` for a law that is fed with that measurement.
-template <class Measurement>
-void require_encoders(const experiment::Scenario& scenario) {
-  // The full state of a rigid robot holds no motors.
-  experiment::require_encoders(
-      scenario, loop::holds_links<Measurement>,
-      loop::holds_motors<Measurement> &&
-          (scenario.robot.flexible || !std::is_same_v<Measurement, loop::StateMeasurement>));
-}
 
 /// Standard normal number belonging to (seed, tick, channel, joint): Philox4x32-10 (Salmon et al.,
 /// "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform, spelled out

@@ -104,7 +104,7 @@ void GuardedRobot::feed(std::string_view measurement) {
                   measurement);
   }
   measurement_ = *empty;
-  std::visit([&]<class M>(const M& /*type*/) { require_encoders<M>(scenario_); }, measurement_);
+  experiment::require_encoders(scenario_, measurement);
 }
 
 void GuardedRobot::start() {
@@ -283,12 +283,6 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
   }
   return fmt::format("{} {} in {}{}", robot::joint_labels(model_).joint(j), what,
                      scenario_.robot.urdf_path, remedy);
-}
-
-void GuardedRobot::accept(const loop::TorqueCommand& command) {
-  if (!drive_.accept(command)) {
-    throw std::logic_error("a command that is not finite got past the checks");
-  }
 }
 
 std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {

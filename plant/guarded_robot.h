@@ -76,9 +76,8 @@ class GuardedRobot {
     return beyond_limit_;
   }
 
-  /// The drives take the command as this tick's.
-  /// @throw std::logic_error unless it is finite: the caller has to check
-  void accept(const loop::TorqueCommand& command);
+  /// The drives take the command as this tick's. @throw std::logic_error as `Drive::accept`
+  void accept(const loop::TorqueCommand& command) { drive_.accept(command); }
   /// The torque over this tick.
   [[nodiscard]] const AppliedTorque& applied() const { return drive_.applied(); }
   /// Gives the robot that torque for `tick`; once stopped, none. @return the time this has taken

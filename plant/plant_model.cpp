@@ -19,6 +19,7 @@ const FlexibleDrive* flexible_drive(const experiment::Scenario& scenario) {
 /// Of the drives until the first command acts.
 robot::Vector initial_torque(const experiment::Scenario& scenario, const robot::Model& model,
                              const robot::Vector& q) {
+  if (scenario.plant.initial.torque_Nm.size() > 0) return scenario.plant.initial.torque_Nm;
   if (scenario.plant.initial.torque == InitialTorque::hold) return robot::gravity_torque(model, q);
   return robot::Vector::Zero(q.size());
 }

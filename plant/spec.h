@@ -68,6 +68,7 @@ struct InitialState {
   std::optional<robot::Vector> motor_position_rad;        ///< nothing: static balance
   std::optional<robot::Vector> motor_velocity_rad_per_s;  ///< nothing: at rest
   InitialTorque torque = InitialTorque::zero;
+  robot::Vector torque_Nm;  ///< no key: in place of `torque`; empty: none
 
   static constexpr std::tuple keys{
       schema::Key{"position_rad", &InitialState::position_rad, "rad (m)",

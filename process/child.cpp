@@ -77,6 +77,7 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask,
   FileDescriptor refusal_write(refusal[1]);
   if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
 
+  std::signal(SIGCHLD, SIG_DFL);  // ignored, as it may be inherited, it would leave no end to take
   const std::vector<char*> argv = arguments(command);
   const pid_t parent = getpid();
   const pid_t pid = fork();
@@ -173,7 +174,9 @@ std::optional<std::filesystem::path> find_program(const std::string& name) {
   std::istringstream path(variable == nullptr ? "" : variable);
   for (std::string folder; std::getline(path, folder, ':');) {
     const std::filesystem::path candidate = std::filesystem::path(folder) / name;
-    if (access(candidate.c_str(), X_OK) == 0) return candidate;
+    if (access(candidate.c_str(), X_OK) == 0 && !std::filesystem::is_directory(candidate)) {
+      return candidate;
+    }
   }
   return std::nullopt;
 }
@@ -186,6 +189,7 @@ void become(const std::vector<std::string>& command, const std::string& remedy) 
 }
 
 bool works_in_a_copy(bool (*attempt)()) {
+  std::signal(SIGCHLD, SIG_DFL);  // as in `start`
   const pid_t pid = fork();
   if (pid == 0) _exit(attempt() ? 0 : 1);
   int status = 1;

@@ -62,7 +62,7 @@ std::vector<std::string> links(const Model& model) {
 }
 
 Eigen::Matrix4d pose(const Model& model, const std::string& link, const robot::Vector& q) {
-  const auto X = robot::frame_pose<double>(model, link, q);
+  const auto X = robot::frame_pose(model, link, q);
   Eigen::Matrix4d result = Eigen::Matrix4d::Identity();
   result.topLeftCorner<3, 3>() = X.R;
   result.topRightCorner<3, 1>() = X.p;

@@ -38,7 +38,7 @@ class PythonLaw final : public controller::AnyLaw {
     for (const auto& [gain, value] : scenario.controller.gains) {
       gains[gain.c_str()] = array_of(value);
     }
-    f_.attr("set_gains")(gains);
+    in_python("in set_gains", ExitCode::bad_usage, [&] { f_.attr("set_gains")(gains); });
   }
   ~PythonLaw() override {
     const py::gil_scoped_acquire locked;
@@ -57,29 +57,46 @@ class PythonLaw final : public controller::AnyLaw {
   }
 
  private:
-  void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
+  void compute(std::int64_t tick, const loop::AnyMeasurement& any,
                const loop::ReferencePoint& reference, int ticks) override {
-    in_python(tick, [&] {
-      if (ticks == 0 && py::hasattr(f_, "reset")) f_.attr("reset")();
+    std::visit(
+        [&]<class M>(const M& measurement) {
+          for (int i = 1; i < ticks; ++i) {
+            const double share = static_cast<double>(i) / ticks;
+            call(tick - ticks + i,
+                 loop::between(std::get<M>(measurement_of_step_), measurement, share),
+                 loop::between(reference_, reference, share));
+          }
+          call(tick, measurement, reference, ticks == 0);
+        },
+        any);
+    measurement_of_step_ = any;
+    reference_ = reference;
+    if (const auto* const q = loop::parts_of(any)[0]) {
+      signals_of_step_ = {1, {*q - reference.q_ref}};
+    }
+  }
+
+  void call(std::int64_t tick, const loop::AnyMeasurement& measurement,
+            const loop::ReferencePoint& reference, bool anew = false) {
+    in_python(fmt::format("at tick {}", tick), ExitCode::protective_stop, [&] {
+      if (anew && py::hasattr(f_, "reset")) f_.attr("reset")();
       const py::object tau = f_(
           tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
           Reference{array_of(reference.q_ref), array_of(reference.v_ref), array_of(reference.a_ref),
                     array_of(reference.jerk_ref), array_of(reference.snap_ref)});
       command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
     });
-    if (const auto* const q = loop::parts_of(measurement)[0]) {
-      signals_of_step_ = {1, {*q - reference.q_ref}};
-    }
   }
 
   /// Under the lock. What `action` raises becomes the run's end; its traceback goes to stderr.
   template <class Action>
-  void in_python(std::int64_t tick, const Action& action) const {
+  void in_python(const std::string& where, ExitCode code, const Action& action) const {
     const py::gil_scoped_acquire locked;
     try {
       action();
     } catch (const Failure& failure) {
-      throw Failure(failure.code(), "{}, at tick {}", failure.what(), tick);
+      throw Failure(failure.code(), "{}, {}", failure.what(), where);
     } catch (const py::error_already_set& raised) {
       if (interrupt_ == Interrupt::passed_on && raised.matches(PyExc_KeyboardInterrupt)) throw;
       const std::string what =
@@ -89,8 +106,7 @@ class PythonLaw final : public controller::AnyLaw {
       const py::object trace = raised.trace() ? raised.trace() : py::object(py::none());
       py::module_::import("traceback")
           .attr("print_exception")(raised.type(), raised.value(), trace);
-      throw Failure(ExitCode::protective_stop, "the law {} raised {}, at tick {}", name_, what,
-                    tick);
+      throw Failure(code, "the law {} raised {}, {}", name_, what, where);
     }
   }
 
@@ -99,6 +115,8 @@ class PythonLaw final : public controller::AnyLaw {
   Interrupt interrupt_;
   int num_joints_;
   double period_s_;
+  loop::AnyMeasurement measurement_of_step_;  ///< of the last one, as `reference_`
+  loop::ReferencePoint reference_;
 };
 
 }  // namespace

@@ -15,11 +15,9 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
   Trajectory made(scenario.reference);
   const robot::Model& model = *scenario.model;
   const robot::JointLabels joints = robot::joint_labels(model);
-  // A closed form need not be searched for its extremes: a limit that is passed between two of
-  // these instants is passed by next to nothing.
-  constexpr int num_instants = 2000;
-  for (int k = 0; k <= num_instants; ++k) {
-    const double t_s = scenario.loop.duration_s * k / num_instants;
+  const int last = last_instant(scenario.loop.duration_s);
+  for (int k = 0; k <= last; ++k) {
+    const double t_s = scenario.loop.duration_s * k / last;
     const robot::Vector q_ref = made.at(t_s).q_ref;
     for (Eigen::Index i = 0; i < q_ref.size(); ++i) {
       if (model.lower[i] <= q_ref[i] && q_ref[i] <= model.upper[i]) continue;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <variant>
 
@@ -37,5 +38,11 @@ class Trajectory {
 /// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
 /// for a reference that leaves the joint limits of the URDF during the run.
 Trajectory make_trajectory(const experiment::Scenario& scenario);
+
+/// The last of the instants 0, 1, ... at which a run's reference is checked: at most 10 ms apart up
+/// to 2000 s, so that a sinusoid of 2 Hz is between two beyond both by 0.2 % of its amplitude.
+inline int last_instant(double duration_s) {
+  return static_cast<int>(std::clamp(duration_s / 0.01, 2e3, 2e5));
+}
 
 }  // namespace tachless::reference

@@ -241,8 +241,8 @@ std::string verified_text(const Replay& replay, const logger::RunLog& log, doubl
 
 std::string damage_text(const logger::RunLog& log) {
   if (!log.damage().any()) return "";
-  return fmt::format("{} is damaged: {} bytes at {} places are no events; see tachless info",
-                     log.path().string(), log.damage().bytes_skipped, log.damage().stretches);
+  return fmt::format("{} is damaged: {}; see tachless info", log.path().string(),
+                     log.damage().text());
 }
 
 nlohmann::ordered_json to_json(const Replay& replay) {

@@ -22,13 +22,14 @@ constexpr std::string_view remedy = "name another place with --out";
 /// Of the keys of a scenario, those that a controller's commands depend on.
 void require_of_controller(const std::vector<std::string>& overrides) {
   for (const std::string& setting : overrides) {
-    if (setting.starts_with("controller.") || setting.starts_with("robot.") ||
-        setting.starts_with("loop.command_delay")) {
+    const bool of_file = setting.starts_with("robot.urdf=") || setting.starts_with("robot.xacro");
+    if (setting.starts_with("controller.") || setting.starts_with("loop.command_delay") ||
+        (setting.starts_with("robot.") && !of_file)) {
       continue;
     }
     throw diagnostics::bad_usage(
-        "--set {}: has no effect on a replay, which takes measurements and references from the "
-        "log; allowed: controller.…, robot.…, loop.command_delay",
+        "--set {}: has no effect on a replay, which takes measurements, references and the URDF "
+        "from the log; allowed: controller.…, robot.… but its URDF, loop.command_delay",
         setting);
   }
 }

@@ -4,7 +4,6 @@
 #include <array>
 #include <charconv>
 #include <cstddef>
-#include <stdexcept>
 #include <utility>
 
 #include "diagnostics/file_text.h"
@@ -62,22 +61,6 @@ Html joined(const std::vector<Html>& parts, const Html& separator) {
     result += part;
   }
   return result;
-}
-
-Html filled(std::string_view page, std::map<std::string, Html> parts) {
-  std::string result;
-  for (std::size_t begin; (begin = page.find("{{")) != std::string_view::npos;) {
-    const std::size_t end = page.find("}}", begin);
-    if (end == std::string_view::npos) break;
-    const auto part = parts.extract(std::string(page.substr(begin + 2, end - begin - 2)));
-    if (part.empty()) {
-      throw std::logic_error(fmt::format("no part for {}", page.substr(begin, end + 2 - begin)));
-    }
-    result += fmt::format("{}{}", page.substr(0, begin), part.mapped().markup());
-    page.remove_prefix(end + 2);
-  }
-  if (!parts.empty()) throw std::logic_error("no {{" + parts.begin()->first + "}} on the page");
-  return Html::from_markup(result += page);
 }
 
 Html number(std::string_view printed) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -55,10 +54,6 @@ Html each(const Range& range, const ToHtml& to_html) {
   for (const auto& one : range) all += to_html(one);
   return all;
 }
-
-/// `page` with each {{name}} replaced by that part.
-/// @throw std::logic_error when a name has no part or a part no name
-Html filled(std::string_view page, std::map<std::string, Html> parts);
 
 /// A number as people write it, from what fmt printed: minus sign, powers of ten.
 Html number(std::string_view printed);

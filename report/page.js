@@ -238,7 +238,7 @@ var report = (() => {
   /// Takes what a run that goes on has done since the last stretch; keeps the newest minute.
   function take(stretch) {
     if (stretch.run !== data.live) return location.reload();
-    if (state.version && stretch.t <= data.end_s) return;  // sent again after a lost connection
+    if (stretch.number <= state.version) return;  // sent again after a lost connection
     const most = 4800;  // two points 40 times a second
     for (const chart of data.charts) {
       const joint = chart.name.split('-').pop() - 1;
@@ -253,7 +253,7 @@ var report = (() => {
     }
     state.begin = Math.min(...data.charts.flatMap(chart => chart.curves).map(curve => curve.x[0] ?? Infinity));
     data.end_s = stretch.t;
-    ++state.version;
+    state.version = stretch.number;
     const saturated = stretch.saturated.map(joint => joint + 1).join(', ');
     part('status').textContent = `${stretch.rate} ticks/s, jitter ${stretch.jitter_us} µs, ${stretch.missed} commands missed` +
       (saturated && `, saturated: joint ${saturated}`);
@@ -313,5 +313,5 @@ var report = (() => {
     })();
   }
 
-  return {start, seek, play, state, data};
+  return {start, seek, play, take, state, data};
 })();

@@ -109,7 +109,6 @@ std::vector<LoggedSignal> declared_signals(const loop::RunInfo& info, std::size_
 
 void add_signals(RecordedRun& run, const loop::LawSignals& values, double t_s) {
   for (LoggedSignal& signal : run.signals) {
-    if (signal.row >= static_cast<std::size_t>(values.num)) continue;
     for (std::size_t joint = 0; joint < signal.joints.size(); ++joint) {
       signal.joints[joint].add(t_s, values.value[signal.row][static_cast<Eigen::Index>(joint)]);
     }
@@ -171,13 +170,13 @@ std::vector<std::pair<double, double>> RecordedRun::seconds(
   result.reserve(ranges.size());
   for (const auto& [first, last] : ranges) {
     result.emplace_back(static_cast<double>(first) * info.period_s,
-                        static_cast<double>(last + 1) * info.period_s);
+                        (static_cast<double>(last) + 1) * info.period_s);
   }
   return result;
 }
 
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
-                              const Certify& certify) {
+                              const Certify& certify, bool ended_well) {
   logger::RunLog log = logger::RunLog::open(path, wanted);
   RecordedRun run(log.description());
   run.log = log.path();
@@ -197,7 +196,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     add_tracking(run.tracking, record, t_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record, t_s);
-    const bool changed = record.reference && !record.reference->gains.empty();
+    const bool changed = !log.summary().gains.empty();  // the bound holds from the start alone
     if (lyapunov && !changed && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);
   }
   run.model_torque = motion.torques(run.scenario);
@@ -215,14 +214,15 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     yardsticks.stiffness = certificate::stiffness(run.scenario);
   }
   for (const Stretches& ticks : run.saturated) {
-    yardsticks.saturated_ticks.push_back(static_cast<std::int64_t>(ticks.count));
+    yardsticks.saturated_share.push_back(run.share_of(ticks));
   }
   run.verdict = judge(run.tracking, yardsticks);
   if (run.scenario.plant.dry_run) {
     run.verdict = {};
     run.verdict.reason = "a dry run, the robot was sent nothing";
   }
-  if (const std::int64_t ticks = run.summary.last_tick + 1; ticks < run.info.num_ticks) {
+  const std::int64_t ticks = run.summary.last_tick + 1;
+  if (ticks < run.info.num_ticks && !ended_well) {
     run.verdict.outcome = study::Outcome::stopped;
     run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);
   }

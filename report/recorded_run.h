@@ -74,6 +74,14 @@ struct RecordedRun : logger::RunDescription {
   [[nodiscard]] nlohmann::json outcome_of(const char* key) const {
     return outcome.is_object() ? outcome.value(key, nlohmann::json()) : nlohmann::json();
   }
+  /// Of the ticks of which the log has anything.
+  [[nodiscard]] double share_of(const Stretches& of) const {
+    return static_cast<double>(of.count) / static_cast<double>(summary.ticks);
+  }
+  /// When the last tick of the log ends.
+  [[nodiscard]] double end_s() const {
+    return static_cast<double>(summary.last_tick + 1) * info.period_s;
+  }
   /// From when to when each range of ticks lasted.
   [[nodiscard]] std::vector<std::pair<double, double>> seconds(
       const std::vector<logger::TickRange>& ranges) const;
@@ -83,11 +91,13 @@ using Certify =
     std::function<std::optional<certificate::CertifiedRun>(const experiment::Scenario&)>;
 
 /// Reads `log` from its start to its end. `run` chooses among several; without `certify` the cross
-/// terms of V have no weight.
+/// terms of V have no weight. A log that ends early is of a run that was stopped, unless that
+/// `ended_well`: then it lacks its last ticks.
 /// @throw diagnostics::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
 /// log cannot be made.
 RecordedRun read_recorded_run(const std::filesystem::path& log,
-                              std::optional<std::int64_t> run = {}, const Certify& certify = {});
+                              std::optional<std::int64_t> run = {}, const Certify& certify = {},
+                              bool ended_well = false);
 
 /// Gives each run its number, and a label that the others do not have: scenario, else law, else
 /// log.

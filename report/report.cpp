@@ -153,10 +153,10 @@ Html tracking_figures(const std::vector<RecordedRun>& runs) {
   constexpr std::size_t max_points = 500;  // each reader of the page gets them
   return each(runs, [&](const RecordedRun& run) {
     if (run.tracking.num_ticks() == 0) return Html();
-    return html("<figure class=\"wide\">{}</figure>\n",
-                inline_svg(tracking_figure(run.tracking, run.label, run.info.period_s, run.joints,
-                                           max_points),
-                           "Positions, errors and torques over time: " + run.label));
+    return html(
+        "<figure class=\"wide\">{}</figure>\n",
+        inline_svg(tracking_figure(run.tracking, run.label, run.end_s(), run.joints, max_points),
+                   "Positions, errors and torques over time: " + run.label));
   });
 }
 
@@ -198,9 +198,16 @@ Html footer_of(const Overlay& all) {
       diagnostics::version, all.runs.front().log.string());
 }
 
-/// The page's scripts with their data.
-Html scripts_of(const Libraries& libraries, const Overlay& all,
+/// The scripts of a page of that name with their data; none, after a warning, without a library.
+Html scripts_of(const std::string& page, const Libraries& libraries, const Overlay& all,
                 const std::vector<ReportSection>& sections) {
+  if (!libraries.missing.empty()) {
+    diagnostics::log_warning(
+        "{} has no charts that move, because {} cannot be read; type: apt-get install "
+        "libjs-dygraphs libjs-three",
+        page, libraries.missing);
+    return {};
+  }
   const bool meshes = std::ranges::any_of(
       all.runs, [](const RecordedRun& run) { return !run.visuals.meshes.empty(); });
   return libraries.scripts + (meshes ? libraries.mesh_readers : Html()) +
@@ -237,22 +244,19 @@ std::string report_page(const Overlay& all, const std::vector<ReportSection>& se
                 runs.size() == 1 ? " open" : "", run.label, run.info.scenario);
   });
   const Html title = title_of(runs);
-  return filled(page_html, {{"title", title},
-                            {"style", Html::from_markup(page_css)},
-                            {"heading", title},
-                            {"connect", Html(all.live ? "; connect-src 'self'" : "")},
-                            {"lead", lead_of(all)},
-                            {"verdicts", all.live ? Html() : verdicts(runs)},
-                            {"alarms", all.live ? Html() : alarms(runs)},
-                            {"contents", contents},
-                            {"points", points_text(all)},
-                            {"path", Html(all.live ? "" : "; the line: where the tool goes")},
-                            {"scripts", scripts},
-                            {"results", all.live ? Html() : results(runs, !scripts.empty())},
-                            {"sections", shown},
-                            {"scenarios", scenarios},
-                            {"footer", footer_of(all)}})
-      .markup();
+  const Html none;
+  return fmt::format(
+      fmt::runtime(page_html), fmt::arg("title", title.markup()), fmt::arg("style", page_css),
+      fmt::arg("connect", all.live ? "; connect-src 'self'" : ""),
+      fmt::arg("lead", lead_of(all).markup()),
+      fmt::arg("verdicts", (all.live ? none : verdicts(runs)).markup()),
+      fmt::arg("alarms", (all.live ? none : alarms(runs)).markup()),
+      fmt::arg("contents", contents.markup()), fmt::arg("points", points_text(all).markup()),
+      fmt::arg("path", all.live ? "" : "; the line: where the tool goes"),
+      fmt::arg("scripts", scripts.markup()),
+      fmt::arg("results", (all.live ? none : results(runs, !scripts.empty())).markup()),
+      fmt::arg("sections", shown.markup()), fmt::arg("scenarios", scenarios.markup()),
+      fmt::arg("footer", footer_of(all).markup()));
 }
 
 std::string page_data(const Overlay& all, const std::vector<ReportSection>& sections) {
@@ -308,7 +312,7 @@ std::string live_page(const logger::RunDescription& of, const Visuals& visuals,
   std::erase_if(sections, [](const ReportSection& section) {
     return std::ranges::none_of(section.charts, &Chart::over_time) || section.name == "events";
   });
-  return report_page(all, sections, scripts_of(libraries, all, sections));
+  return report_page(all, sections, scripts_of("the live page", libraries, all, sections));
 }
 
 void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
@@ -316,16 +320,7 @@ void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
   diagnostics::UnfinishedFile page(html, remedy);
   const Overlay all(runs);
   const std::vector<ReportSection> sections = report_sections(all);
-  Html scripts;
-  if (libraries.missing.empty()) {
-    scripts = scripts_of(libraries, all, sections);
-  } else {
-    diagnostics::log_warning(
-        "{} has no charts that move, because {} cannot be read; type: apt-get install "
-        "libjs-dygraphs libjs-three",
-        html.string(), libraries.missing);
-  }
-  page.write(report_page(all, sections, scripts));
+  page.write(report_page(all, sections, scripts_of(html.string(), libraries, all, sections)));
 }
 
 }  // namespace tachless::report

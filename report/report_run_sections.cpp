@@ -39,10 +39,6 @@ std::vector<study::Point> outline(const nlohmann::json& histogram) {
   return points;
 }
 
-std::string ticks_text(std::uint64_t count) {
-  return fmt::format("{} {}", count, count == 1 ? "tick" : "ticks");
-}
-
 /// "COMMAND" of "ARM_COMMAND".
 std::string suffix(const std::string& channel, const RecordedRun& run) {
   const std::string prefix = run.info.robot + "_";
@@ -83,11 +79,11 @@ Chart events_chart(const Overlay& all, const RecordedRun& run) {
 /// One list item each.
 Html events_list(const RecordedRun& run) {
   Html items;
-  const double ticks = std::max<double>(1, static_cast<double>(run.summary.ticks));
   const auto count = [&](const std::string& what, const Stretches& stretches) {
     if (stretches.count == 0) return;
-    items += html("<li>{} in {} ({} %){}</li>", what, ticks_text(stretches.count),
-                  fmt::format("{:.3g}", 100 * static_cast<double>(stretches.count) / ticks),
+    items += html("<li>{} in {} {} ({} %){}</li>", what, stretches.count,
+                  stretches.count == 1 ? "tick" : "ticks",
+                  fmt::format("{:.3g}", 100 * run.share_of(stretches)),
                   stretches.cut() ? ", of which the first stretches are drawn" : "");
   };
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
@@ -95,9 +91,8 @@ Html events_list(const RecordedRun& run) {
   }
   count("Command missed, the torque before held,", run.command_missed);
   count("Protective stop", run.protective_stop);
-  for (const auto& piece : run.summary.pieces) {
-    if (piece.absent() || piece.missing.count == 0) continue;
-    items += html("<li>No {} in {}</li>", piece.channel, ticks_text(piece.missing.count));
+  for (const std::string& gap : run.summary.gap_texts()) {
+    items += html("<li>In the log: {}</li>", gap);
   }
   for (const auto& [tick, gains] : run.summary.gains) {
     items += html("<li>Gains of the law from tick {}: {}</li>", tick,
@@ -124,14 +119,20 @@ Html certified_text(const RecordedRun& run) {
         number(certified.level), number(certified.V0));
     return text;
   }
-  text +=
-      certified.rate == 0
-          ? html(" V does not rise (in continuous time, proved for a constant reference).")
-          : html(
-                " the matrix condition certifies from this start V ≤ V(0) exp(−{} t) in continuous "
-                "time ({}; dotted), and that V stays below {} J from anywhere below.",
-                number(certified.rate), certified.proved ? "proved" : "sampled postures",
-                number(certified.level));
+  const char* const how = certified.proved ? "proved" : "sampled postures";
+  if (std::isinf(certified.level)) {
+    text += html(" V does not rise (in continuous time, proved for a constant reference).");
+  } else if (certified.rate == 0) {
+    text += html(
+        " the matrix condition certifies that V does not rise from this start in continuous time "
+        "({}), and stays below {} J.",
+        how, number(certified.level));
+  } else {
+    text += html(
+        " the matrix condition certifies from this start V ≤ V(0) exp(−{} t) in continuous time "
+        "({}; dotted), and that V stays below {} J from anywhere below.",
+        number(certified.rate), how, number(certified.level));
+  }
   for (const std::string& each : certified.provisos) text += html(" But {}.", each);
   if (run.above_bound_s) {
     text += html(
@@ -259,7 +260,7 @@ ReportSection events_section(const Overlay& all) {
   ReportSection section{"events", "Events and faults", ""};
   for (const RecordedRun& run : all.runs) {
     Chart chart = events_chart(all, run);
-    if (chart.curves.empty()) {
+    if (chart.curves.empty() && run.summary.gap_texts().empty()) {
       section.text += html(
           "<p>{}No torque saturated, no command was missed, nothing is missing from the log, no "
           "process reported a fault.</p>",

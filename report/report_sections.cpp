@@ -302,8 +302,7 @@ Overlay::Overlay(const std::vector<RecordedRun>& labelled) : runs(labelled) {
     for (const std::string& name : names) {
       if (std::ranges::find(joints, name) == joints.end()) joints.push_back(name);
     }
-    const auto ticks = static_cast<double>(run.summary.last_tick + 1);
-    end_s = std::max(end_s, ticks * run.info.period_s);
+    end_s = std::max(end_s, run.end_s());
   }
   if (!(end_s > 0)) end_s = 1;
   // 2 MB of points for five curves a joint, whatever the number of runs and joints.
@@ -348,7 +347,7 @@ Curve fitted(const Overlay& all, const Decay& decay, const RecordedRun& run) {
           "fit"};
 }
 
-Figure tracking_figure(const study::Tracking& tracking, const std::string& title, double period_s,
+Figure tracking_figure(const study::Tracking& tracking, const std::string& title, double end_s,
                        const robot::JointLabels& joints, std::size_t max_points) {
   Figure figure{title, {}, tracking.joints().size() > 3 ? 2U : 1U};
   std::vector<Chart>& charts = figure.charts;
@@ -371,7 +370,7 @@ Figure tracking_figure(const study::Tracking& tracking, const std::string& title
   charts.insert(charts.end(), {std::move(error), std::move(torque)});
   for (Chart& chart : charts) {
     chart.height_px = 150;
-    chart.x_range = {{0, static_cast<double>(tracking.num_ticks()) * period_s}};
+    chart.x_range = {{0, end_s}};
   }
   return figure;
 }

@@ -18,9 +18,9 @@ namespace tachless::report {
 
 /// The figure of a run: link angle against reference for each joint (the motor angle too where
 /// there is one), position error on a logarithmic axis, torque.
-/// @param title scenario, law and period
+/// @param title scenario, law and period  @param end_s of the time axis
 /// @param max_points of a curve: two for each pixel of the figure's width show every peak
-Figure tracking_figure(const study::Tracking& tracking, const std::string& title, double period_s,
+Figure tracking_figure(const study::Tracking& tracking, const std::string& title, double end_s,
                        const robot::JointLabels& joints, std::size_t max_points = 1600);
 
 /// A heading of a report and the charts under it.

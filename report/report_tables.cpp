@@ -55,11 +55,6 @@ std::string gaps_text(const RecordedRun& run) {
   return gaps.empty() ? "none" : diagnostics::joined(gaps, "; ");
 }
 
-std::string damage_text(const RecordedRun& run) {
-  if (!run.damage.any()) return "none";
-  return fmt::format("{} bytes in {} places", run.damage.bytes_skipped, run.damage.stretches);
-}
-
 Html sampling_text(const RecordedRun& run) {
   const int delay = run.scenario.loop.command_delay;
   return html(
@@ -69,9 +64,8 @@ Html sampling_text(const RecordedRun& run) {
 }
 
 Html duration_text(const RecordedRun& run) {
-  const std::int64_t ticks = run.summary.last_tick + 1;
-  const double duration_s = static_cast<double>(ticks) * run.info.period_s;
-  return html("{} s, {} ticks", number(fmt::format("{:.6g}", duration_s)), ticks);
+  return html("{} s, {} ticks", number(fmt::format("{:.6g}", run.end_s())),
+              run.summary.last_tick + 1);
 }
 
 Html predicted_text(const RecordedRun& run) {
@@ -102,7 +96,7 @@ std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
       {"Duration", duration_text(run)},
       {"Ended", Html(ended_text(run))},
       {"Gaps in the log", Html(gaps_text(run))},
-      {"Damage to the log", Html(damage_text(run))},
+      {"Damage to the log", Html(run.damage.text())},
       {"Wall-clock time", wall_text(run)},
       {"Round trip", round_trip_text(run)},
       {"Missed commands", missed("missed_commands")},
@@ -114,8 +108,6 @@ Html results_row(const RecordedRun& run, std::size_t joint) {
   const study::JointTracking& signals = run.tracking.joints()[joint];
   const std::string& length = run.joints.length[joint];
   const std::string& effort = run.joints.effort[joint];
-  const double share = 100 * static_cast<double>(run.saturated[joint].count) /
-                       static_cast<double>(run.tracking.num_ticks());
   const auto cell = [](const std::string& printed, const std::string& unit) {
     return html("<td class=\"number\">{} {}</td>", number(printed), unit);
   };
@@ -128,7 +120,7 @@ Html results_row(const RecordedRun& run, std::size_t joint) {
                : html("<td class=\"number\">no decay fits</td>");
   row += cell(fmt::format("{:.5g}", signals.torque.peak()), effort);
   row += cell(fmt::format("{:.5g}", signals.torque.rms()), effort);
-  row += cell(fmt::format("{:.3g}", share), "%");
+  row += cell(fmt::format("{:.3g}", 100 * run.share_of(run.saturated[joint])), "%");
   return row;
 }
 
@@ -290,10 +282,8 @@ Html alarms(const std::vector<RecordedRun>& runs) {
   for (const RecordedRun& run : runs) {
     const Html of_run = runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html();
     if (run.damage.any()) {
-      text += html(
-          "<p class=\"alarm\">{}The log is damaged: {} could not be decoded. What is intact is "
-          "shown.</p>\n",
-          of_run, damage_text(run));
+      text += html("<p class=\"alarm\">{}The log is damaged: {}. What is intact is shown.</p>\n",
+                   of_run, run.damage.text());
     }
   }
   return text;

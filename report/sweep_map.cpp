@@ -28,7 +28,11 @@ std::pair<double, double> extent(const Axis& axis, double value) {
     return axis.logarithmic ? std::sqrt(from * to) : (from + to) / 2;
   };
   const bool first = at == values.begin(), last = std::next(at) == values.end();
-  if (first && last) return {value * 0.9 - 0.05, value * 1.1 + 0.05};
+  if (first && last) {
+    if (axis.logarithmic) return {value / 1.1, value * 1.1};
+    const double room = 0.1 * std::abs(value) + 0.05;
+    return {value - room, value + room};
+  }
   const auto beyond = [&](double edge) {
     return axis.logarithmic ? value * value / edge : 2 * value - edge;
   };

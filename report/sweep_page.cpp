@@ -119,27 +119,6 @@ std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>&
   return curves;
 }
 
-/// The measures that --colour names, as indices into `measure_columns`; empty: outcomes.
-/// @throw diagnostics::Failure(bad_usage) when there is no such measure
-std::vector<std::size_t> parse_colour(const std::string& text) {
-  if (text == "outcome") return {};
-  const auto columns = study::measure_columns();
-  std::vector<std::string_view> names(columns.size());
-  std::ranges::transform(columns, names.begin(), &study::MeasureColumn::name);
-  std::vector<std::size_t> measures;
-  for (std::size_t from = 0; from <= text.size();) {
-    const std::size_t to = std::min(text.find(',', from), text.size());
-    const auto found = std::find(names.begin(), names.end(), text.substr(from, to - from));
-    if (found == names.end()) {
-      throw diagnostics::bad_usage("--colour {}: no measure; allowed: outcome, {}", text,
-                                   diagnostics::joined(names));
-    }
-    measures.push_back(static_cast<std::size_t>(found - names.begin()));
-    from = to + 1;
-  }
-  return measures;
-}
-
 /// How many runs of each law ended how.
 Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   std::map<std::string, std::map<study::Outcome, int>> count;
@@ -183,7 +162,6 @@ Figure trade_off(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   chart.logarithmic_x = chart.logarithmic_y = true;
   std::vector<std::string> laws;
   for (const SweepRow& row : rows) {
-    if (row.measures.size() != columns.size()) continue;  // not of a comparison
     const study::Point point{row.measures[noise], row.measures[error]};
     if (!(point.x > 0 && point.y > 0) || study::broken_off(row.outcome)) continue;
     if (laws.empty() || laws.back() != row.which.law) {
@@ -249,6 +227,27 @@ bool shown_by_curves(const SweepPlan& plan) {
   return columns <= 4;
 }
 
+std::vector<std::size_t> measures_shown(const SweepPlan& plan, const std::string& colour) {
+  if (colour == "outcome") return {};
+  const auto columns = study::measure_columns();
+  std::vector<std::string_view> names(columns.size());
+  std::ranges::transform(columns, names.begin(), &study::MeasureColumn::name);
+  std::vector<std::size_t> measures;
+  for (const std::string_view name : diagnostics::split(colour, ',')) {
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end()) {
+      throw diagnostics::bad_usage("--colour {}: no measure; allowed: outcome, {}", colour,
+                                   diagnostics::joined(names));
+    }
+    measures.push_back(static_cast<std::size_t>(found - names.begin()));
+  }
+  if (measures.size() > 1 && !shown_by_curves(plan)) {
+    throw diagnostics::bad_usage(
+        "--colour {}: a map shows one measure; curves, over one axis, show many", colour);
+  }
+  return measures;
+}
+
 Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                      const std::vector<std::size_t>& measures) {
   std::vector<std::vector<double>> columns;
@@ -287,12 +286,8 @@ void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                       const std::string& colour, const std::filesystem::path& directory,
                       const Outlines& certified) {
   if (plan.is_comparison()) return write_comparison_page(plan, rows, directory);
-  const std::vector<std::size_t> shown = parse_colour(colour);
+  const std::vector<std::size_t> shown = measures_shown(plan, colour);
   const bool curves = shown_by_curves(plan);
-  if (!curves && shown.size() > 1) {
-    throw diagnostics::bad_usage(
-        "--colour {}: a map shows one measure; curves, over one axis, show many", colour);
-  }
   const Figure figure =
       !curves ? maps_figure(plan, rows, shown, certified)
               : curves_figure(plan, rows, shown.empty() ? std::vector{usual_measure} : shown);

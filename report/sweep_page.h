@@ -16,17 +16,20 @@ namespace tachless::report {
 /// diagrams each. Others are shown by a map for each law, over the first two axes.
 bool shown_by_curves(const study::SweepPlan& plan);
 
+/// What is shown of such a sweep, as indices into `measure_columns`; empty: outcomes.
+/// @param colour "outcome", or names of measures with commas between (a map shows one)
+/// @throw diagnostics::Failure(bad_usage) when there is no such measure, or too many
+std::vector<std::size_t> measures_shown(const study::SweepPlan& plan, const std::string& colour);
+
 /// A row of diagrams for each of `measures`, indices into `measure_columns`. Runs that were stopped
 /// early have no value: they are marked at the upper edge.
 Figure curves_figure(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
                      const std::vector<std::size_t>& measures);
 
 /// Writes map.svg and index.html into `directory`: curves, or maps; and how many runs ended how.
-/// `colour` is "outcome" or the names of measures with commas between (a map shows one). Of a grid
-/// with more axes, a cell of a map shows its worst outcome or its largest measure. Of a comparison
-/// it writes index.html alone, with a table. `certified` is drawn into its maps.
-/// @throw diagnostics::Failure(bad_usage) when there is no such measure, or a file cannot be
-/// written
+/// Of a grid with more axes, a cell of a map shows its worst outcome or its largest measure. Of a
+/// comparison it writes index.html alone, with a table. `certified` is drawn into its maps.
+/// @throw diagnostics::Failure(bad_usage) as `measures_shown`, or when a file cannot be written
 void write_sweep_page(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
                       const std::string& colour, const std::filesystem::path& directory,
                       const Outlines& certified = {});

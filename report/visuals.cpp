@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cstdint>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "diagnostics/file_text.h"
@@ -19,15 +20,16 @@ constexpr std::uintmax_t most_bytes = 16'000'000;
 
 /// The values of `filename` in the visuals.
 std::vector<std::string> names_in(std::string_view urdf) {
-  constexpr std::string_view begin = "<visual", end = "</visual>", key = "filename=";
+  constexpr std::string_view begin = "<visual", end = "</visual>", key = "filename";
   std::vector<std::string> names;
   for (auto from = urdf.find(begin); from != urdf.npos; from = urdf.find(begin, from + 1)) {
     const std::string_view visual = urdf.substr(from, urdf.find(end, from) - from);
-    const auto at = visual.find(key);
-    if (at == visual.npos || at + key.size() >= visual.size()) continue;
-    const auto first = at + key.size() + 1;
-    const auto last = visual.find(visual[first - 1], first);
-    if (last != visual.npos) names.emplace_back(visual.substr(first, last - first));
+    for (auto at = visual.find(key); at != visual.npos; at = visual.find(key, at + 1)) {
+      const auto first = visual.find_first_of("\"'", at);
+      if (first == visual.npos) break;
+      const auto last = visual.find(visual[first], first + 1);
+      names.emplace_back(visual.substr(first + 1, last - first - 1));
+    }
   }
   return names;
 }
@@ -61,12 +63,11 @@ std::string base64(std::string_view bytes) {
   return text;
 }
 
-Visuals read_visuals(const fs::path& urdf) {
-  Visuals result;
-  result.urdf = diagnostics::file_text(urdf).value_or("");
+Visuals read_visuals(std::string urdf, const fs::path& directory) {
+  Visuals result{std::move(urdf), {}};
   std::uintmax_t bytes = 0;
   for (const std::string& name : names_in(result.urdf)) {
-    const fs::path file = file_of(name, urdf.parent_path());
+    const fs::path file = file_of(name, directory);
     std::error_code none;
     if (!drawn(name) || result.meshes.contains(name) || !fs::is_regular_file(file, none)) continue;
     if (fs::file_size(file, none) > most_bytes - bytes) continue;

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <compare>
 #include <type_traits>
 
 #include "robot/quantities.h"
@@ -12,9 +11,6 @@ namespace tachless::robot {
 /// Second-order truncated Taylor arithmetic in time: a value with its first and second time
 /// derivative (the derivatives themselves, not Taylor coefficients). What a templated formula
 /// computes from jets of its inputs is the jet of its output, exact to rounding.
-///
-/// Ordering compares values alone, so that algorithms branch as they do in double; equality
-/// compares all three.
 struct Jet2 {
   double value;
   double first;   ///< [1/s]
@@ -44,15 +40,12 @@ struct Jet2 {
     return *this = {c, c1, c2};
   }
   constexpr Jet2& operator*=(double s) { return *this = {value * s, first * s, second * s}; }
-  constexpr Jet2& operator/=(double s) { return *this = {value / s, first / s, second / s}; }
 
   constexpr bool operator==(const Jet2& b) const = default;
-  constexpr auto operator<=>(const Jet2& b) const { return value <=> b.value; }
 };
 static_assert(std::is_trivially_copyable_v<Jet2>);
 static_assert(std::is_trivially_default_constructible_v<Jet2>);
 
-constexpr Jet2 operator+(const Jet2& a) { return a; }
 constexpr Jet2 operator-(const Jet2& a) { return {-a.value, -a.first, -a.second}; }
 constexpr Jet2 operator+(Jet2 a, const Jet2& b) { return a += b; }
 constexpr Jet2 operator-(Jet2 a, const Jet2& b) { return a -= b; }
@@ -60,12 +53,8 @@ constexpr Jet2 operator*(Jet2 a, const Jet2& b) { return a *= b; }
 constexpr Jet2 operator/(Jet2 a, const Jet2& b) { return a /= b; }
 constexpr Jet2 operator+(const Jet2& a, double s) { return {a.value + s, a.first, a.second}; }
 constexpr Jet2 operator+(double s, const Jet2& a) { return a + s; }
-constexpr Jet2 operator-(const Jet2& a, double s) { return {a.value - s, a.first, a.second}; }
-constexpr Jet2 operator-(double s, const Jet2& a) { return {s - a.value, -a.first, -a.second}; }
 constexpr Jet2 operator*(Jet2 a, double s) { return a *= s; }
 constexpr Jet2 operator*(double s, Jet2 a) { return a *= s; }
-constexpr Jet2 operator/(Jet2 a, double s) { return a /= s; }
-constexpr Jet2 operator/(double s, const Jet2& a) { return Jet2(s) / a; }
 
 /// f(x) from f, f' and f'' at the value of x (chain rule).
 constexpr Jet2 chain(const Jet2& x, double f, double df, double ddf) {

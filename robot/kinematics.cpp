@@ -13,23 +13,16 @@ void require_size(const Model& model, Eigen::Index size, const char* what) {
   }
 }
 
-template <class Scalar>
-Pose<Scalar> frame_pose(const Model& model, const Frame& frame, const VectorOf<Scalar>& q) {
+Pose<double> frame_pose(const Model& model, const Frame& frame, const Vector& q) {
   require_size(model, q.size(), "q");
-  Pose<Scalar> X;
-  X.R = frame.R_BF.template cast<Scalar>();
-  X.p = frame.p_BF.template cast<Scalar>();
+  Pose<double> X{frame.R_BF, frame.p_BF};
   for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
-    const Body& body = model.bodies[i];
-    const Pose<Scalar> X_PB = joint_pose(body, q);
-    X.R = (X_PB.R * X.R).eval();
-    X.p = (X_PB.R * X.p + X_PB.p).eval();
+    X = joint_pose(model.bodies[i], q) * X;
   }
   return X;
 }
 
-template <class Scalar>
-Pose<Scalar> frame_pose(const Model& model, const std::string& link, const VectorOf<Scalar>& q) {
+Pose<double> frame_pose(const Model& model, const std::string& link, const Vector& q) {
   const auto found = model.frames.find(link);
   if (found == model.frames.end()) {
     throw std::invalid_argument("the robot has no link '" + link + "'");
@@ -43,7 +36,7 @@ Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3
   Frame of_body;
   of_body.body = frame.body;
   // Force and moment about the body's origin, in the body's frame, from body to body.
-  Eigen::Vector3d f = frame_pose<double>(model, of_body, q).R.transpose() * force;
+  Eigen::Vector3d f = frame_pose(model, of_body, q).R.transpose() * force;
   Eigen::Vector3d m = (frame.p_BF + frame.R_BF * p_F).cross(f);
   for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
     const Body& body = model.bodies[i];
@@ -55,10 +48,5 @@ Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3
   }
   return torque;
 }
-
-template Pose<double> frame_pose(const Model&, const Frame&, const VectorOf<double>&);
-template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf<Jet2>&);
-template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);
-template Pose<Jet2> frame_pose(const Model&, const std::string&, const VectorOf<Jet2>&);
 
 }  // namespace tachless::robot

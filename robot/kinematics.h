@@ -5,7 +5,7 @@
 #include "robot/jet.h"
 #include "robot/model.h"
 
-/// Forward kinematics, templated on the scalar (double or Jet2).
+/// Forward kinematics.
 namespace tachless::robot {
 
 /// A point or direction.
@@ -46,13 +46,11 @@ Pose<Scalar> joint_pose(const Body& body, const VectorOf<Scalar>& q) {
 }
 
 /// The frame's pose in the root link's frame at joint positions `q` [rad; m].
-template <class Scalar>
-Pose<Scalar> frame_pose(const Model& model, const Frame& frame, const VectorOf<Scalar>& q);
+Pose<double> frame_pose(const Model& model, const Frame& frame, const Vector& q);
 
 /// The same for a URDF link by name.
 /// @throw std::invalid_argument when the model has no such link.
-template <class Scalar>
-Pose<Scalar> frame_pose(const Model& model, const std::string& link, const VectorOf<Scalar>& q);
+Pose<double> frame_pose(const Model& model, const std::string& link, const Vector& q);
 
 /// Torques [N m; N] that a force in the world [N], at point `p_F` of the frame [m], puts on the
 /// joints: J(q)' force.

@@ -34,7 +34,9 @@ class MjcfReader {
     classes_["main"] = {};
     for (const auto* e = model->FirstChildElement("default"); e;
          e = e->NextSiblingElement("default")) {
-      read_class(*e, {});
+      read_class(*e, classes_["main"]);
+      // Whatever its name, the class at the top is that of elements without one.
+      if (const char* name = e->Attribute("class")) classes_["main"] = classes_[name];
     }
     for (const auto* e = model->FirstChildElement("worldbody"); e;
          e = e->NextSiblingElement("worldbody")) {

@@ -92,8 +92,6 @@ enum class Default {
 /// `void(Value)` when the struct takes the value through a member function.
 template <class Struct, class Member>
 struct Key {
-  using Owner = Struct;
-
   std::string_view name;
   Member Struct::*member;
   std::string_view unit{};

@@ -17,6 +17,7 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
+#include "process/file_descriptor.h"
 #include "process/parallel.h"
 
 namespace tachless::study {
@@ -51,12 +52,23 @@ std::string row_text(const SweepPlan& plan, const SweepCase& which, const Measur
   return row + "," + diagnostics::csv_field(diagnostics::one_line(measures.verdict.reason)) + "\n";
 }
 
+/// What a field of a CSV file, which may be in quotes, says.
+std::string unquoted(std::string_view field) {
+  if (!field.starts_with('"')) return std::string(field);
+  std::string text;
+  for (std::size_t i = 1; i + 1 < field.size(); ++i) {
+    text += field[i];
+    if (field[i] == '"') ++i;  // written twice
+  }
+  return text;
+}
+
 /// Such a text, without its line end, as a row; nothing when it is none of this plan.
 std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
   const std::size_t values = plan.axes.size();
   const std::size_t columns = measure_columns(plan.is_comparison()).size();
   const std::size_t num_fields = 4 + values + columns;
-  const std::vector<std::string> fields = split(line, ',', num_fields);  // the last may be quoted
+  const auto fields = diagnostics::split(line, ',', num_fields);  // the last may be quoted
   std::int64_t index = -1;
   const char* end = fields[0].data() + fields[0].size();
   const auto [read_to, error] = std::from_chars(fields[0].data(), end, index);
@@ -64,8 +76,11 @@ std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
       index >= plan.num_cases() || !schema::value_of<Outcome>(fields[2 + values])) {
     return {};
   }
-  SweepRow row{
-      line, plan.at(index), *schema::value_of<Outcome>(fields[2 + values]), {}, fields.back()};
+  SweepRow row{line,
+               plan.at(index),
+               *schema::value_of<Outcome>(fields[2 + values]),
+               {},
+               unquoted(fields.back())};
   for (std::size_t i = 0; i < columns; ++i) {
     row.measures.push_back(diagnostics::number_in(fields[3 + values + i]).value_or(NAN));
   }
@@ -75,10 +90,10 @@ std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
 /// The file that a shard's rows are added to, held against other processes.
 class RowFile {
  public:
-  explicit RowFile(const fs::path& path) : path_(path) {
-    file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (file_ < 0) fail(errno);
-    if (::flock(file_, LOCK_EX | LOCK_NB) != 0) {
+  explicit RowFile(const fs::path& path)
+      : path_(path), file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
+    if (file_.get() < 0) fail(errno);
+    if (::flock(file_.get(), LOCK_EX | LOCK_NB) != 0) {
       throw diagnostics::bad_usage(
           "{}: another process runs this part of the sweep; wait for it, or end it", path.string());
     }
@@ -86,15 +101,13 @@ class RowFile {
     const std::string before = diagnostics::file_text(path).value_or("");
     const std::size_t end = before.rfind('\n');
     const auto whole = static_cast<off_t>(end == std::string::npos ? 0 : end + 1);
-    if (::ftruncate(file_, whole) != 0 || ::lseek(file_, whole, SEEK_SET) < 0) fail(errno);
+    if (::ftruncate(file_.get(), whole) != 0 || ::lseek(file_.get(), whole, SEEK_SET) < 0)
+      fail(errno);
   }
-  RowFile(const RowFile&) = delete;
-  RowFile& operator=(const RowFile&) = delete;
-  ~RowFile() { ::close(file_); }
 
   void append(std::string_view line) const {
     while (!line.empty()) {
-      const ssize_t written = ::write(file_, line.data(), line.size());
+      const ssize_t written = ::write(file_.get(), line.data(), line.size());
       if (written < 0 && errno != EINTR) fail(errno);
       if (written > 0) line.remove_prefix(static_cast<std::size_t>(written));
     }
@@ -107,7 +120,7 @@ class RowFile {
   }
 
   fs::path path_;
-  int file_ = -1;
+  process::FileDescriptor file_;
 };
 
 }  // namespace

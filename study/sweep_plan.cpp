@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
 #include "experiment/motion_file.h"
 #include "experiment/yaml_tree.h"
@@ -16,17 +17,17 @@ namespace {
 
 using diagnostics::ExitCode;
 using diagnostics::Failure;
-using diagnostics::shortest;
+using diagnostics::split;
 using experiment::YamlNode;
 
 constexpr int plan_version = 1;
-constexpr std::int64_t most_cases = 100'000'000;
+constexpr double most_cases = 1e8;
 
 Failure refused(const std::string& axis, std::string_view problem) {
   return {ExitCode::bad_usage, fmt::format("--vary {}: {}", axis, problem)};
 }
 
-std::optional<double> number(const std::string& text) {
+std::optional<double> number(std::string_view text) {
   const auto value = diagnostics::number_in(text);
   return value && std::isfinite(*value) ? value : std::nullopt;
 }
@@ -39,7 +40,7 @@ double between(const Axis& axis, double share) {
 }
 
 void read_range(Axis& axis, const std::string& range, bool drawn) {
-  std::vector<std::string> parts = split(range, ':');
+  std::vector<std::string_view> parts = split(range, ':');
   if (parts.back() == "log") {
     axis.logarithmic = true;
     parts.pop_back();
@@ -76,7 +77,7 @@ double drawn_share(std::uint64_t seed, std::int64_t index, std::size_t axis) {
 
 const YamlNode* find(const YamlNode& root, const std::string& key) {
   const YamlNode* node = &root;
-  for (const std::string& part : split(key, '.')) {
+  for (const std::string_view part : split(key, '.')) {
     if (node != nullptr) node = node->find(part);
   }
   return node;
@@ -111,23 +112,13 @@ std::string changed(const YamlNode& root, const Axis& axis, double value, int nu
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const bool this_one = !axis.entry || *axis.entry == static_cast<int>(i);
     const double new_value = axis.factor ? entries[i] * value : value;
-    texts.push_back(shortest(this_one ? new_value : entries[i]));
+    texts.push_back(fmt::format("{}", this_one ? new_value : entries[i]));
   }
   const std::string list = diagnostics::joined(texts);
   return axis.key + (single && !axis.entry ? "=" + list : "=[" + list + "]");
 }
 
 }  // namespace
-
-std::vector<std::string> split(std::string_view text, char separator, std::size_t most) {
-  std::vector<std::string> parts;
-  while (parts.size() + 1 < most && text.find(separator) != std::string_view::npos) {
-    parts.emplace_back(text.substr(0, text.find(separator)));
-    text.remove_prefix(parts.back().size() + 1);
-  }
-  parts.emplace_back(text);
-  return parts;
-}
 
 Axis parse_axis(const std::string& text, bool drawn) {
   Axis axis;
@@ -154,7 +145,7 @@ Axis parse_axis(const std::string& text, bool drawn) {
     return axis;
   }
   if (drawn) throw refused(text, "a list cannot be drawn from; write KEY=from:to");
-  for (const std::string& part : split(range, ',')) {
+  for (const std::string_view part : split(range, ',')) {
     const auto value = number(part);
     if (!value) throw refused(text, fmt::format("\"{}\" is no number", part));
     axis.values.push_back(*value);
@@ -163,12 +154,14 @@ Axis parse_axis(const std::string& text, bool drawn) {
 }
 
 std::int64_t SweepPlan::cases_per_law() const {
-  if (drawn > 0) return drawn;
-  double cases = 1;
-  for (const Axis& axis : axes) cases *= static_cast<double>(axis.values.size());
-  if (cases * static_cast<double>(laws.size()) > static_cast<double>(most_cases)) {
-    throw diagnostics::bad_usage("a sweep of {:.3g} runs; allowed: at most {:.3g}", cases,
-                                 static_cast<double>(most_cases));
+  double cases = drawn > 0 ? static_cast<double>(drawn) : 1;
+  for (const Axis& axis : axes) {
+    if (drawn == 0) cases *= static_cast<double>(axis.values.size());
+  }
+  const double of_all_laws = cases * static_cast<double>(laws.size());
+  if (of_all_laws > most_cases) {
+    throw diagnostics::bad_usage("a sweep of {:.3g} runs; allowed: at most {:.3g}", of_all_laws,
+                                 most_cases);
   }
   return static_cast<std::int64_t>(cases);
 }
@@ -202,14 +195,15 @@ experiment::Scenario SweepPlan::scenario(const SweepCase& which) const {
     if (axis.factor || axis.entry) {
       overrides.push_back(changed(root, axis, which.values[i], num_joints));
     } else {
-      overrides.push_back(fmt::format("{}={}", axis.key, shortest(which.values[i])));
+      overrides.push_back(fmt::format("{}={}", axis.key, which.values[i]));
     }
     apply_override(root, overrides.back());
     if (axis.key == "loop.period_s") {
       const YamlNode* given = find(root, "loop.duration_s");
       const double length = given != nullptr ? number(given->scalar).value_or(1) : 1;
-      const double ticks = std::max(1.0, std::round(length / which.values[i]));
-      overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * which.values[i]));
+      const double period = number(find(root, axis.key)->scalar).value_or(1);
+      const double ticks = std::max(1.0, std::round(length / period));
+      overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * period));
     }
   }
   experiment::Scenario made = experiment::parse_scenario(text, urdf, source, overrides);
@@ -228,7 +222,7 @@ std::string SweepPlan::json() const {
   json["num_joints"] = num_joints;
   json["scenario"] = text;
   json["robot_description"] = urdf;
-  return json.dump(1) + "\n";
+  return diagnostics::json_text(json, 1) + "\n";
 }
 
 SweepPlan SweepPlan::from_json(const std::string& json, const std::string& source) {

@@ -33,10 +33,6 @@ struct Axis {
 /// @throw diagnostics::Failure(bad_usage) naming `text` and what is wrong with it
 Axis parse_axis(const std::string& text, bool drawn);
 
-/// `text` in parts, of which only the last, when they are so many, may hold the separator.
-std::vector<std::string> split(std::string_view text, char separator,
-                               std::size_t most = std::string::npos);
-
 /// A law of a sweep and what it changes in the scenario.
 struct SweepLaw {
   std::string name;

@@ -282,16 +282,12 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
   }
   judge_worst(joints, yardsticks, result);
   result.settled_s = std::max(0.0, above_s - result.counted_from_s);
-  const auto ticks = static_cast<double>(tracking.num_ticks());
-  std::size_t most = 0;
-  for (std::size_t i = 0; i < yardsticks.saturated_ticks.size(); ++i) {
-    const double share = static_cast<double>(yardsticks.saturated_ticks[i]) / ticks;
-    if (share > result.saturated_share) most = i;
-    result.saturated_share = std::max(result.saturated_share, share);
-  }
+  const std::vector<double>& saturated = yardsticks.saturated_share;
+  const auto most = std::ranges::max_element(saturated);
+  if (most != saturated.end()) result.saturated_share = *most;
   if (result.saturated_share > 0.5 && result.outcome < Outcome::saturated) {
     result.outcome = Outcome::saturated;
-    result.joint = most;
+    result.joint = static_cast<std::size_t>(most - saturated.begin());
   }
   if (!bad(result.outcome)) {
     for (Joint& joint : joints) joint.outcome = joint.judged_by_scale();

@@ -48,11 +48,11 @@ struct Yardsticks {
   robot::Vector resolution{};  ///< of each joint's encoder: one count, or its noise [rad; m]
   robot::Vector friction{};    ///< largest dry friction [N m; N]
   robot::Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
-  std::vector<std::int64_t> saturated_ticks{};  ///< per joint
-  bool realtime = false;                        ///< late and missed commands make it swing too
+  std::vector<double> saturated_share{};  ///< of the ticks, per joint
+  bool realtime = false;                  ///< late and missed commands make it swing too
 };
 
-/// What the scenario says of it: all but the saturated ticks and the stiffness, which only the
+/// What the scenario says of it: all but the saturated share and the stiffness, which only the
 /// verdict's text is about.
 Yardsticks yardsticks(const experiment::Scenario& scenario);
 

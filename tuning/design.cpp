@@ -7,7 +7,6 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
-#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -286,23 +285,26 @@ class Search {
 
   [[nodiscard]] Design result(const OnProgress& tell) const {
     Design design;
-    design.gains = law_.gains(best_.theta);
-    for (auto& [name, values] : design.gains) {
-      for (double& value : values) value = std::stod(fmt::format("{:.4g}", value));
-    }
+    design.gains = law_.rounded(law_.gains(best_.theta));
     for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
     const experiment::Scenario scenario = law_.with(design.gains);
     design.loop = analyse(scenario, Effort::margins, tell, answers_);
     design.modulus_in_range = worst().value;
     design.range_q = worst().x;
+    const double asked = range_share * goal_.modulus;
+    if (design.modulus_in_range < asked - margin_tolerance) {
+      design.warnings.push_back(
+          fmt::format("the modulus margin is {:.2g} at q = {}, in the joints' range, and {:.2g} is "
+                      "asked for there: keep away from it, or take a larger --margin",
+                      design.modulus_in_range, list_text(design.range_q), asked));
+    }
     add_friction(design);
     return design;
   }
 
   void add_friction(Design& design) const {
     const auto n = static_cast<Index>(law_.model().num_joints);
-    design.stiffness = design.loop.stiffness;
-    design.stuck_error = design.loop.rest_error;
+    const Vector &stiffness = design.loop.stiffness, &stuck = design.loop.rest_error;
     const Vector& viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
     const std::vector<ReferencePoint> on_the_way = law_.loop().rest_points(reference_postures);
     for (Index j = 0; j < n; ++j) {
@@ -310,19 +312,18 @@ class Search {
       const auto [least, most] =
           std::ranges::minmax(on_the_way, {}, [j](const ReferencePoint& r) { return r.q_ref[j]; });
       const double motion = most.q_ref[j] - least.q_ref[j];
-      if (design.stuck_error.size() > 0 && design.stuck_error[j] > 0.01 * motion) {
+      if (stuck.size() > 0 && stuck[j] > 0.01 * motion) {
         design.warnings.push_back(fmt::format(
             "{} stops up to {:.2g} {} beside its goal: dry friction of {:.3g} {} over a stiffness "
             "of {:.3g}; its motion is {:.2g}",
-            name, design.stuck_error[j], labels_.length[static_cast<std::size_t>(j)],
-            design.stuck_error[j] * design.stiffness[j],
-            labels_.effort[static_cast<std::size_t>(j)], design.stiffness[j], motion));
+            name, stuck[j], labels_.length[static_cast<std::size_t>(j)], stuck[j] * stiffness[j],
+            labels_.effort[static_cast<std::size_t>(j)], stiffness[j], motion));
       }
-      const double w = std::sqrt(design.stiffness[j] / law_.mean_inertia()[j]);
-      if (viscous.size() > 0 && 3 * design.stiffness[j] < w * viscous[j]) {
+      const double w = std::sqrt(stiffness[j] / law_.mean_inertia()[j]);
+      if (viscous.size() > 0 && 3 * stiffness[j] < w * viscous[j]) {
         design.warnings.push_back(
             fmt::format("{} is slowed by its viscous friction of {:g}: a pole at {:.2g} 1/s", name,
-                        viscous[j], design.stiffness[j] / viscous[j]));
+                        viscous[j], stiffness[j] / viscous[j]));
       }
     }
   }
@@ -371,12 +372,6 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal, cons
   return *best;
 }
 
-Design rule_of_thumb(const experiment::Scenario& scenario, double hz) {
-  Design design;
-  design.gains = DesignProblem(scenario, {}).by_rule(2 * std::numbers::pi * hz, 10, 1, false);
-  return design;
-}
-
 std::vector<std::string> overrides_of(const Design& design, const std::string& law) {
   Index n = robot::max_joints;
   for (const auto& [name, value] : design.gains) n = std::min(n, value.size());
@@ -387,7 +382,7 @@ std::vector<std::string> overrides_of(const Design& design, const std::string& l
     for (Index row = 0; row < value.size(); row += n) {
       const bool one = value.size() == n && (value.array() == value[0]).all();
       const Vector of = value.segment(row, one ? 1 : n);
-      const std::string text = fmt::format("{:.4g}", fmt::join(of.begin(), of.end(), ", "));
+      const std::string text = fmt::format("{}", fmt::join(of.begin(), of.end(), ", "));
       rows.push_back(one ? text : "[" + text + "]");
     }
     all.push_back(

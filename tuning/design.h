@@ -37,10 +37,8 @@ struct Design {
   std::map<std::string, robot::Vector> gains;
   std::vector<std::string> binds;  ///< what keeps it from being faster, the costliest first
   certificate::Prediction loop;    ///< with these gains, as `certify` prints it
-  /// Torque per angle at rest, each joint's own, and the errors at which Coulomb friction holds it
-  /// [N m/rad], [rad]; the latter empty without such friction.
-  robot::Vector stiffness, stuck_error;
-  /// What friction does to it: a joint that sticks beside its goal, a slow pole. One line each.
+  /// A joint that sticks beside its goal, a slow pole by friction, a posture in range that lacks
+  /// the margin. One line each.
   std::vector<std::string> warnings;
   /// The least modulus margin over the range of the joints, and where.
   double modulus_in_range = 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <utility>
 
 #include "certificate/linear_loop.h"
@@ -156,17 +157,18 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
   tuning.damping = damping;
   tuning.filter = std::min(r * w, rate());
   Gains all = law_.tuned(tuning);
-  const auto kp = all.find("kp");
   const Vector& friction = scenario_.plant.drive.viscous_friction_Nms_per_rad;
-  if (kp != all.end() && kp->second.size() == friction.size() && kp->second == tuning.kp()) {
-    kp->second += w * friction;
-  }
   for (const controller::Parameter& each : law_.parameters) {
     if (each.shape != schema::Shape::matrix || mean_matrix_.size() == 0) continue;
+    if (mean_matrix_.size() > robot::max_joints) continue;  // a gain has no more numbers
     Vector& value = all.at(std::string(each.name));
     robot::Matrix matrix = value[0] / tuning.inertia[0] * mean_matrix_;
     if (each.name == "kp" && friction.size() > 0) matrix.diagonal() += w * friction;
     value = matrix.reshaped();
+  }
+  const auto kp = all.find("kp");
+  if (kp != all.end() && kp->second.size() == friction.size() && kp->second == tuning.kp()) {
+    kp->second += w * friction;
   }
   // Only kd b counts, in the loop and in its certificate.
   if (one_b && all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
@@ -203,6 +205,13 @@ Gains DesignProblem::gains(const VectorXd& theta) const {
   follow(all);
   return all;
 }
+Gains DesignProblem::rounded(Gains all) const {
+  for (auto& [name, values] : all) {
+    if (!law_.tuned && values.size() != model_.num_joints) continue;
+    for (double& value : values) value = std::stod(fmt::format("{:.4g}", value));
+  }
+  return all;
+}
 VectorXd DesignProblem::theta_of(const Gains& gains) const {
   VectorXd theta = VectorXd::Zero(std::ssize(kinds_) * per_kind());
   for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
@@ -217,6 +226,7 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
   return theta;
 }
 std::optional<VectorXd> DesignProblem::own_theta() const {
+  if (!entries_.empty()) return VectorXd::Zero(std::ssize(kinds_));  // start_ is the scenario's own
   Gains own = scenario_.controller.gains;
   for (auto& [name, value] : own) {
     const auto like = start_.find(name);
@@ -333,11 +343,11 @@ void DesignProblem::set_bounds() {
     problem_.upper.head(per_kind()) =
         theta_of(by_rule(2 * std::numbers::pi * *goal_.bandwidth_hz, 10)).head(per_kind());
   }
-  if (!by_joint_) {
+  if (!by_joint_ || law_.parameters.front().unit != "N m/rad") {  // then not of a kp
     if (!goal_.start_error && !goal_.least_kp) return;
     throw Failure(ExitCode::check_said_no,
-                  "--stiffness, --rest-error and --start-error are for gains of each joint, and {} "
-                  "is varied as a whole: take loria_ortega_rigid",
+                  "--stiffness, --rest-error and --start-error are about a kp of each joint "
+                  "[N m/rad], and {} has none: take loria_ortega_rigid",
                   law_.name);
   }
   if (goal_.start_error && limit) {
@@ -355,6 +365,13 @@ void DesignProblem::set_bounds() {
                   (*goal_.least_kp)[j], labels.joint(static_cast<std::size_t>(j)),
                   std::exp(problem_.upper[j]));
   }
+}
+
+Design rule_of_thumb(const experiment::Scenario& scenario, double hz) {
+  const DesignProblem law(scenario, {});
+  Design design;
+  design.gains = law.rounded(law.by_rule(2 * std::numbers::pi * hz, 10, 1, false));
+  return design;
 }
 
 }  // namespace tachless::tuning

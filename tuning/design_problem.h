@@ -36,6 +36,8 @@ class DesignProblem {
   [[nodiscard]] Gains by_rule(double w, double r, double damping = 1, bool one_b = true,
                               double held = 0) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
+  /// To four digits; an external law's matrices, which do not vary, as they are.
+  [[nodiscard]] Gains rounded(Gains all) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
   /// The scenario's own gains; none where it lacks one that varies.
   [[nodiscard]] std::optional<Eigen::VectorXd> own_theta() const;

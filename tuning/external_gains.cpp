@@ -7,6 +7,7 @@
 
 #include "certificate/linear_loop.h"
 #include "diagnostics/failure.h"
+#include "robot/decompositions.h"
 #include "tuning/design_problem.h"
 
 namespace tachless::tuning {
@@ -65,18 +66,15 @@ void DesignProblem::bound_poles() {
   const auto fast_poles = [&](std::size_t kind, double log_factor) {
     Gains moved = start_;
     scale(moved, kind, std::exp(log_factor));
-    return (feedback_at(moved, rests_.front()).A.eigenvalues().real().array() < 0.333).count();
+    const Eigen::MatrixXd A = feedback_at(moved, rests_.front()).A;
+    return A.size() == 0 ? Index(0) : (robot::eigenvalues(A).real().array() < 0.333).count();
   };
   const Index as_given = fast_poles(0, 0);
   for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
-    for (VectorXd* bound : {&problem_.upper, &problem_.lower}) {
-      double within = 0, beyond = (*bound)[static_cast<Index>(kind)];
-      if (fast_poles(kind, beyond) <= as_given) continue;
-      for (int k = 0; k < 7; ++k) {
-        const double middle = (within + beyond) / 2;
-        (fast_poles(kind, middle) <= as_given ? within : beyond) = middle;
-      }
-      (*bound)[static_cast<Index>(kind)] = within;
+    const auto no_faster = [&](double by) { return fast_poles(kind, by) <= as_given; };
+    for (VectorXd* bounds : {&problem_.upper, &problem_.lower}) {
+      double& bound = (*bounds)[static_cast<Index>(kind)];
+      if (!no_faster(bound)) bound = edge(0, bound, 7, no_faster);
     }
   }
 }

@@ -139,10 +139,6 @@ std::vector<double> GainPoint::settling_s(double end_s,
   });
 }
 
-double GainPoint::settling_s(double end_s) const {
-  return std::ranges::max(settling_s(end_s, problem_->settling));
-}
-
 void GainPoint::add_margin_rows(std::size_t loop, std::vector<Row>& rows) const {
   const std::vector<double>& all = modulus_[loop];
   for (std::size_t k = 0; k < all.size(); ++k) {

@@ -40,7 +40,6 @@ class GainPoint {
   /// When the errors are last above 1 %, up to `end_s`, at these loops.
   [[nodiscard]] std::vector<double> settling_s(double end_s,
                                                const std::vector<std::size_t>& loops) const;
-  [[nodiscard]] double settling_s(double end_s) const;
 
   // Rows in (d, s, v) with v = 0 for rows without it.
   void add_margin_rows(std::size_t loop, std::vector<LinearProgramme::Row>& rows) const;

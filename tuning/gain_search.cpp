@@ -66,9 +66,9 @@ namespace {
 /// Steps from some gains to faster ones.
 class Climb {
  public:
-  Climb(GainProblem& problem, const VectorXd& start) : problem_(problem), margin_(problem.margin) {
-    T_ = next_time * judged(problem, start).settling_s;
-    begin_at(start);
+  Climb(GainProblem& problem, const FoundGains& start)
+      : problem_(problem), margin_(problem.margin), T_(next_time * start.settling_s) {
+    begin_at(start.theta);
   }
   ~Climb() { problem_.margin = margin_; }
 
@@ -135,7 +135,8 @@ class Climb {
   }
   /// Gains that keep the margin.
   void note() {
-    const double settling_s = at_->settling_s(window * T_ / next_time);
+    const double settling_s =
+        std::ranges::max(at_->settling_s(window * T_ / next_time, problem_.settling));
     const double modulus = at_->least_modulus();
     const bool enough = settling_s <= problem_.settling_s;
     if (enough ? best_.settling_s <= problem_.settling_s && modulus < best_.modulus
@@ -149,9 +150,9 @@ class Climb {
   }
 
   GainProblem& problem_;
-  double margin_;
+  double margin_, T_;
   FoundGains best_;
-  double T_ = 0, radius_ = first_step, reached_ = 0;
+  double radius_ = first_step, reached_ = 0;
   std::optional<GainPoint> at_;
   VectorXd log_errors_;
 };
@@ -161,7 +162,9 @@ class Climb {
 FoundGains faster_gains(GainProblem& problem, const VectorXd& start, int most_steps,
                         const AddLoops& add,
                         const std::function<void(int, const FoundGains&)>& tell) {
-  Climb climb(problem, start);
+  const FoundGains begin = judged(problem, start);
+  if (!(begin.modulus > 0)) return begin;  // unstable: it has no settling time to begin with
+  Climb climb(problem, begin);
   int accepted = 0;
   for (int step = 0; step < most_steps; ++step) {
     bool moved = false;

@@ -63,8 +63,8 @@ std::vector<double> settling_times(const GainProblem& problem, const Eigen::Vect
 /// Adds to the problem loops at which these gains lack something; whether there were any.
 using AddLoops = std::function<bool(GainProblem& problem, const Eigen::VectorXd& theta)>;
 
-/// From there, where all loops must be stable, in so many steps at most; every few steps and at the
-/// end loops are added. Deterministic.
+/// From there in so many steps at most; every few steps and at the end loops are added.
+/// Deterministic. Where a loop is unstable at the start, nothing but that.
 FoundGains faster_gains(GainProblem& problem, const Eigen::VectorXd& theta, int most_steps,
                         const AddLoops& add,
                         const std::function<void(int step, const FoundGains&)>& tell);

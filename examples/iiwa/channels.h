@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <exception>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,16 +35,29 @@ class Channels {
   /// Damaged ones do not count.
   bool receive(Heard& message, loop::Clock::time_point deadline) {
     bool heard = false;
-    while (const auto datagram = transport_.receive(heard ? loop::Clock::time_point() : deadline)) {
-      const auto size = static_cast<int>(datagram->payload.size());
-      if (message.decode(datagram->payload.data(), 0, size) == size) heard = true;
-    }
+    do {  // a signal ends a wait, and is none of the deadline
+      while (const auto datagram =
+                 transport_.receive(heard ? loop::Clock::time_point() : deadline)) {
+        if (!decode(datagram->payload)) continue;
+        std::swap(message, next_);
+        heard = true;
+      }
+    } while (!heard && loop::Clock::now() < deadline);
     return heard;
   }
 
  private:
+  /// Whether the bytes are a message, which is `next_` then.
+  bool decode(std::span<const std::byte> bytes) try {
+    const auto size = static_cast<int>(bytes.size());
+    return next_.decode(bytes.data(), 0, size) == size;
+  } catch (const std::exception&) {  // no room for as many numbers as they say
+    return false;
+  }
+
   bus::UdpTransport transport_;
   std::string send_to_;
+  Heard next_{};
   std::vector<std::byte> bytes_;
 };
 

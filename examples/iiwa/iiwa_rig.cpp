@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double step_s = 1e-4;
+constexpr double longest_step_s = 1e-4;
 constexpr double count = 1e-6;  // [rad]
 
 std::vector<double> numbers_of(const robot::Vector& x) { return {x.begin(), x.end()}; }
@@ -35,6 +35,8 @@ void play(const experiment::Scenario& scenario) {
     *unused = numbers_of(robot::Vector::Zero(model.num_joints));
   }
   const double h = scenario.loop.period_s;
+  const auto steps = static_cast<int>(std::ceil(h / longest_step_s));
+  const double step_s = h / steps;
   const auto start = loop::Clock::now();
   auto commanded = start - 1s;
   for (std::int64_t k = 0;; ++k) {
@@ -51,7 +53,7 @@ void play(const experiment::Scenario& scenario) {
     status.joint_torque_commanded = numbers_of(tau);
     channels.send(status);
     const bool held = loop::Clock::now() - commanded > 50ms;
-    for (double t = 0; t < h; t += step_s) {
+    for (int i = 0; i < steps; ++i) {
       if (held) {
         v.setZero();
       } else {

@@ -48,15 +48,17 @@ struct Commission {
   void declare(CLI::App& command) {
     node::with_installed_scenarios(
         node::add_scenario(command, options.scenario, options.overrides));
-    command.add_option("--plant", options.plant_program,
-                       "The arm's driver, as typed in a shell; default: an emulated arm of the "
-                       "scenario");
-    command.add_option("--out", options.out, "Where the logs go; default: out/NAME-commission");
+    auto* driver =
+        command.add_option("--plant", options.plant_program,
+                           "The arm's driver, as typed in a shell; default: an emulated arm of the "
+                           "scenario");
+    command.add_option("--out", options.out, "Where the logs go; default: out/NAME-commission")
+        ->needs(driver);
     command.add_option("--write", output, "The scenario with what was found, as a file");
     command.add_flag("--force", replace, "Replace that file if it exists");
     node::add_lcm_url(command, options.lcm_url);
     node::add_key_file(command, options.key_file);
-    command.add_flag("--isolate", options.isolate, "In a private network namespace");
+    command.add_flag("--isolate", options.isolate, "In a private network namespace")->needs(driver);
     add_json(command, options.json);
     add_quiet(command, options.quiet);
   }

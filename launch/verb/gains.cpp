@@ -37,6 +37,10 @@ class RunningRobot {
   /// @param robot its name, in any case
   RunningRobot(const std::string& robot, const bus::LcmUrl& url, const std::optional<bus::Key>& key)
       : transport_(url), bus_(transport_, key), prefix_(loop::channel_prefix(robot)) {
+    if (robot.size() > 32) {
+      throw diagnostics::bad_usage("{}: no robot has such a name; allowed: at most 32 characters",
+                                   robot);
+    }
     for (const std::string& channel :
          {loop::channel<loop::Participant>(prefix_), loop::channel<loop::RunInfo>(prefix_),
           loop::channel<loop::ReferencePoint>(prefix_), loop::channel<loop::Tick>(prefix_)}) {
@@ -99,7 +103,10 @@ class RunningRobot {
   }
 
   void take_info(const bus::Datagram& datagram) {
-    if (run_ && bus::stamp_of(datagram.payload).run == run_->run_id) return;
+    if (datagram.payload.size() < bus::stamp_end ||
+        (run_ && bus::stamp_of(datagram.payload).run == run_->run_id)) {
+      return;
+    }
     logger::RunDescription found;
     if (!logger::read_run_info(datagram.channel, datagram.payload, "RUN_INFO", found).empty()) {
       return;
@@ -204,6 +211,8 @@ struct GainsVerb {
       changed.controller.gains[name] = given.controller.gains.at(name);
     }
     controller::scenario_law(changed);  // refuses what the law cannot work with
+    controller::require_same_counts(recorded, changed,
+                                    controller::law_facts(changed.controller.law));
     return changed;
   }
 };

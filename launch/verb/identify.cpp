@@ -5,9 +5,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -47,6 +49,16 @@ void require_scenario_name(const std::filesystem::path& file) {
                                file.string());
 }
 
+std::string scenario_name(const std::filesystem::path& file) {
+  std::string name = file.stem().string().substr(0, 100);
+  for (char& c : name) {
+    const bool first = &c == name.data();
+    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
+    if (!letter && (first || (c != '.' && c != '-'))) c = '_';
+  }
+  return name;
+}
+
 std::string path_from(const std::filesystem::path& output, const std::filesystem::path& file) {
   using std::filesystem::absolute;
   const std::filesystem::path whole = absolute(file).lexically_normal();
@@ -59,7 +71,7 @@ std::string text_for(const std::filesystem::path& output, const experiment::Scen
   experiment::YamlNode root = experiment::parse_yaml(scenario.text, scenario.source);
   const auto move = [&](std::string_view key, const std::string& path) {
     const std::string moved = path_from(output, input.parent_path() / path);
-    experiment::apply_override(root, fmt::format("{}={}", key, moved));
+    experiment::apply_override(root, experiment::text_override(key, moved));
   };
   move("robot.urdf", scenario.robot.urdf_path);
   if (scenario.believed_model) move("controller.urdf", scenario.controller.urdf_path);
@@ -73,7 +85,7 @@ std::string text_for(const std::filesystem::path& output, const experiment::Scen
 void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
                     const std::vector<std::string>& changes, const std::filesystem::path& output) {
   overrides.insert(overrides.end(), changes.begin(), changes.end());
-  overrides.push_back(fmt::format("name={}", output.stem().string()));
+  overrides.push_back("name=" + scenario_name(output));
   const experiment::Scenario changed = experiment::load_scenario(input, overrides);
   diagnostics::UnfinishedFile(output, write_remedy).write(text_for(output, changed, input));
 }
@@ -84,13 +96,8 @@ namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 using identify::Recording;
 
-std::vector<Recording> read(const std::vector<fs::path>& logs) {
-  std::vector<Recording> recordings;
-  for (const fs::path& log : logs) {
-    recordings.push_back(is_yaml(log) ? identify::read_table(log)
-                                      : identify::read_recording(logger::find_log(log)));
-  }
-  return recordings;
+Recording read(const fs::path& log) {
+  return is_yaml(log) ? identify::read_table(log) : identify::read_recording(logger::find_log(log));
 }
 
 /// Of the first `count` kinds.
@@ -123,7 +130,7 @@ struct Excite {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
     add_unknown(command, unknown, identify::num_motion_kinds);
     command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
-        ->check(CLI::Range(5, 60));
+        ->check(CLI::Range(5.0, 60.0));
     command
         .add_option("--reach", goal.reach,
                     "How far a joint may go from where it begins [rad; m]; default: 0.5")
@@ -142,7 +149,7 @@ struct Excite {
     const identify::Excitation found = identify::excite(scenario, kinds(unknown), goal, show);
     std::vector<std::string> changes = overrides;
     changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
-    changes.push_back(fmt::format("name={}", output.stem().string()));
+    changes.push_back("name=" + scenario_name(output));
     const experiment::Scenario moving = experiment::load_scenario(input, changes);
     const std::vector<std::string> objections =
         certificate::objections(certificate::certify(moving, false, show));
@@ -162,9 +169,9 @@ struct Excite {
 };
 
 struct Identify {
-  std::vector<fs::path> logs, validate;
+  std::vector<fs::path> logs;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
-  fs::path output;
+  fs::path validate, output;
   bool all = false, force = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
@@ -191,7 +198,10 @@ struct Identify {
     require_scenario_name(output);
     require_writable(output, force);
     if (!output.empty()) require_writable(urdf, force);
-    const std::vector<Recording> recordings = read(logs), others = read(validate);
+    std::vector<Recording> recordings;
+    for (const fs::path& log : logs) recordings.push_back(read(log));
+    std::optional<Recording> other;
+    if (!validate.empty()) other = read(validate);
     const experiment::Scenario& scenario = recordings.front().scenario;
     if (!output.empty() && scenario.believed_model) {
       throw diagnostics::bad_usage("{}: has controller.urdf, which --write cannot carry over",
@@ -201,7 +211,7 @@ struct Identify {
     const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia",
                                                  "offset"};
     const identify::Identified found = identify::identify(
-        recordings, kinds(all ? everything : unknown), others,
+        recordings, kinds(all ? everything : unknown), other,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     print(json, found, identify::text(found, scenario.name));
@@ -225,8 +235,8 @@ struct Identify {
   void write(const experiment::Scenario& scenario, const identify::Identified& found,
              const fs::path& urdf) const {
     std::vector<std::string> overrides = found.overrides;
-    overrides.push_back(fmt::format("name={}", output.stem().string()));
-    overrides.push_back(fmt::format("robot.urdf={}", urdf.filename().string()));
+    overrides.push_back("name=" + scenario_name(output));
+    overrides.push_back(experiment::text_override("robot.urdf", urdf.filename().string()));
     if (!scenario.robot.xacro.empty()) overrides.emplace_back("robot.xacro={}");
     const std::string corrected = identify::urdf_of(found, scenario);
     const std::string text =

@@ -161,6 +161,13 @@ struct Replay {
     const robot::JointLabels joints =
         robot::joint_labels(controller::rigid_model(opened.scenario()));
     const std::vector<std::string> changed = changes(opened);
+    if (changed.empty() && !out.empty()) {
+      throw diagnostics::bad_usage(
+          "--out {}: a replay of what was recorded writes no table; name what is to be changed "
+          "with "
+          "--law or --set",
+          out.string());
+    }
     return changed.empty() ? verify(opened, joints) : compare(changed, opened, joints);
   }
 

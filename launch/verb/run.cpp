@@ -73,8 +73,8 @@ struct Run : RunOptions {
         "--in-process", in_process,
         "The loop in one process, without a bus: the same log, more than ten times faster; "
         "lockstep only");
-    for (const char* bus :
-         {"--plant", "--lcm-url", "--key-file", "--isolate", "--placement", "--watch"}) {
+    // Not --lcm-url and --key-file, which the environment may give.
+    for (const char* bus : {"--plant", "--isolate", "--placement", "--watch"}) {
       alone->excludes(command.get_option(bus));
     }
     auto* no_words = command.add_flag("-q,--quiet", quiet, "No progress and no table");

@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <iostream>
@@ -33,16 +32,8 @@ namespace {
 namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 
-void require_known_law(const experiment::Scenario& scenario) {
-  try {
-    (void)controller::law_facts(scenario.controller.law);
-  } catch (const diagnostics::Failure& problem) {
-    throw scenario.complaint("controller.law", problem.what());
-  }
-}
-
 void warn(const experiment::Scenario& scenario) {
-  require_known_law(scenario);
+  (void)controller::law_facts(scenario);
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
 }
 
@@ -89,7 +80,8 @@ struct Certify {
                     "That it is to hold, one alone from rest [rad]: one number, or one for each "
                     "joint; default: 0.3")
         ->delimiter(',')
-        ->check(CLI::PositiveNumber);
+        ->check(CLI::PositiveNumber)
+        ->needs(command.get_option("--witness"));
     command.add_option(
         "--controller", law_program,
         "The law is that of this program, as typed in a shell: 'python3 law.py'; its "
@@ -155,11 +147,8 @@ std::string text(const tuning::Design& design, const experiment::Scenario& scena
                    certificate::list_text(loop.margin_q)));
   line(fmt::format("least modulus margin found in the joints' range: {:.2g} at q = {}",
                    design.modulus_in_range, certificate::list_text(design.range_q)));
-  line(fmt::format("stiffness {} N m/rad", certificate::list_text(design.stiffness)));
-  if (design.stuck_error.size() > 0) {
-    line(fmt::format("Coulomb friction over stiffness {} rad",
-                     certificate::list_text(design.stuck_error)));
-  }
+  line(fmt::format("stiffness {} {}", certificate::list_text(loop.stiffness), loop.stiffness_unit));
+  if (const std::string held = certificate::friction_text(loop); !held.empty()) line(held);
   if (loop.count_Nm) {
     line(fmt::format("torque of one encoder count {} N m", certificate::list_text(*loop.count_Nm)));
   }
@@ -175,24 +164,13 @@ nlohmann::ordered_json to_json(const tuning::Design& design, const experiment::S
   json["overrides"] = tuning::overrides_of(design);
   json["sampled"] = to_json(design.loop);
   json["settling_mean_s"] = design.loop.modes.settling_mean_s;
-  json["stiffness"] = list(design.stiffness);
+  json["stiffness"] = list(design.loop.stiffness);
   json["modulus_in_range"] = design.modulus_in_range;
   json["range_q"] = list(design.range_q);
   json["limited_by"] = design.binds;
   json["warnings"] = design.warnings;
   json["reached"] = !design.missed;
   return json;
-}
-
-/// A scenario's name after its file: each character that is not allowed in one is _.
-std::string scenario_name(const fs::path& file) {
-  std::string name = file.stem().string().substr(0, 100);
-  for (char& c : name) {
-    const bool first = &c == name.data();
-    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
-    if (!letter && (first || (c != '.' && c != '-'))) c = '_';
-  }
-  return name;
 }
 
 struct Design {
@@ -268,6 +246,7 @@ struct Design {
   [[nodiscard]] ExitCode run() const {
     experiment::Scenario scenario = load(of_program(input, overrides, law_program));
     warn(scenario);
+    require_scenario_name(output);
     require_writable(output, force);
     const certificate::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
@@ -323,6 +302,11 @@ struct Design {
     }
     more.insert(more.begin(), overrides.begin(), overrides.end());
     if (!bare_urdf()) return experiment::load_scenario(input, more);
+    for (const std::string& each : overrides) {
+      if (!each.starts_with("robot.urdf=")) continue;
+      throw diagnostics::bad_usage("--set {}: the URDF is {}; name another in its place", each,
+                                   input.string());
+    }
     const auto [urdf, options] = experiment::robot_file(input, overrides);
     std::string scenario;
     try {

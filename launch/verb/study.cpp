@@ -21,6 +21,7 @@
 #include "node/options.h"
 #include "process/parallel.h"
 #include "process/this_process.h"
+#include "report/sweep_page.h"
 #include "study/measures.h"
 #include "tuning/design.h"
 
@@ -85,7 +86,8 @@ struct Sweep {
     command
         .add_option("--random", random, "That many runs with values drawn from KEY=from:to[:log]")
         ->check(CLI::PositiveNumber);
-    command.add_option("--seed", seed, "Of the draws; default: 1");
+    command.add_option("--seed", seed, "Of the draws; default: 1")
+        ->needs(command.get_option("--random"));
     command
         .add_option("--laws", laws,
                     "Laws in place of the scenario's, each tuned to the bandwidth; all: every law "
@@ -143,10 +145,11 @@ struct Sweep {
 
   [[nodiscard]] ExitCode run() const {
     const study::Sweep sweep = begun();
+    if (!sweep.plan().is_comparison()) (void)report::measures_shown(sweep.plan(), colour);
     if (status) {
       std::cout << slurm_status(sweep);
     } else if (slurm > 0) {
-      std::cout << submit_to_slurm(sweep, slurm);
+      std::cout << submit_to_slurm(sweep, slurm, colour);
     } else {
       if (!merge) carry_out(sweep);
       if (shard.empty()) std::cout << write_sweep_results(sweep, colour, json);
@@ -213,9 +216,10 @@ struct Sweep {
 
   [[nodiscard]] study::Sweep begun() const {
     if (fs::is_directory(input)) {
-      if (!vary.empty() || !overrides.empty() || !laws.empty()) {
+      if (!vary.empty() || !overrides.empty() || !laws.empty() || random > 0 || !out.empty()) {
         throw diagnostics::bad_usage(
-            "{}: this sweep has its plan; --vary, --set and --laws belong to a scenario",
+            "{}: this sweep has its plan and place; --vary, --random, --set, --laws and --out "
+            "belong to a scenario",
             input.string());
       }
       return study::Sweep::open(input);

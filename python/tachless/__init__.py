@@ -124,11 +124,11 @@ def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[st
     measurement.q, .v, .theta, .thetadot (None: not measured), reference.q, .v, .a, .jerk, .snap. It returns one
     number per joint. What it remembers it keeps itself; where it has a method reset(), that is called before the first
     tick, and again where a gap in realtime is too long to be stepped over. A method set_gains(gains) is called before
-    the run with the scenario's controller.gains, arrays by name.
+    the run with the scenario's controller.gains, arrays by name; what it raises refuses them (code 2).
 
     Args:
         f: the law.
-        scenario: path of the YAML file, where the command line names none.
+        scenario: path of the YAML file, where the command line does not begin with one.
         name: what the law is called in logs and reports; default: the name of the function.
         argv: command line, as of tachless-controller; default: sys.argv.
 
@@ -231,14 +231,15 @@ def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Map
     return _result("design", [robot, *_options({"write": write, **goal})], overrides or {})
 
 
-def identify(*logs: Path, unknown: Sequence[str] = ("rotor", "viscous", "coulomb"), validate: Optional[Path] = None,
-             write: Optional[Path] = None) -> Result:
+def identify(*logs: Path, unknown: Union[str, Sequence[str]] = ("rotor", "viscous", "coulomb"),
+             validate: Optional[Path] = None, write: Optional[Path] = None) -> Result:
     """Rotor inertia, friction and payload from logs of runs: tachless identify.
 
     Raises:
         Error: a log that does not show them (code 2).
     """
-    return _result("identify", [*logs, *_options({"unknown": list(unknown), "validate": validate, "write": write})], {})
+    names = [unknown] if isinstance(unknown, str) else list(unknown)
+    return _result("identify", [*logs, *_options({"unknown": names, "validate": validate, "write": write})], {})
 
 
 def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Optional[Path] = None,
@@ -319,7 +320,7 @@ def listen(*channels: str, lcm_url: Optional[str] = None, seconds: float = 1e9) 
     """
     bus = _tachless.Listener(channels, lcm_url or "")
     return ({name: np.array(value) if isinstance(value, list) else value for name, value in json.loads(text).items()}
-            for text in iter(lambda: bus.take(seconds), ""))
+            for text in iter(lambda: bus.take(min(seconds, 1e9)), ""))
 
 
 def plot(run: Run, axes: Any = None) -> Any:

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <memory>
 #include <stdexcept>
@@ -165,6 +166,14 @@ TEST_F(AnAuthenticatedBus, LooksUpDuringAFlood) {
   int calls = 1;
   while (!heard(bob)) ++calls;
   EXPECT_GT(calls, 10);
+  EXPECT_EQ(bob.dropped(), 1000);
+}
+
+TEST_F(AnAuthenticatedBus, WaitsUntilItsDeadlineInAFlood) {
+  for (int i = 0; i < 1000; ++i) listener->publish("ARM_PARTICIPANT", payload);
+  alice.publish("ARM_PARTICIPANT", announcement());
+  // Longer than a thousand datagrams take on any machine.
+  EXPECT_TRUE(bob.receive(loop::Clock::now() + std::chrono::minutes(1)));
   EXPECT_EQ(bob.dropped(), 1000);
 }
 

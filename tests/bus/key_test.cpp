@@ -70,8 +70,9 @@ TEST_F(AKeyFile, IsRefusedWhenOthersMayReadIt) {
 }
 
 TEST_F(AKeyFile, IsRefusedWithAnotherLengthOrDigitsThatAreNone) {
-  for (const std::string& content : {std::string(), std::string(31, 'x'), std::string(33, 'x'),
-                                     digits + "0", digits.substr(1), std::string(1000, '0')}) {
+  for (const std::string& content :
+       {std::string(), std::string(31, 'x'), std::string(33, 'x'), digits + "0", digits.substr(1),
+        std::string(1000, '0'), digits + "\n\n\n", digits + "\n\n\n" + digits}) {
     write(content);
     EXPECT_THAT(refusal(), HasSubstr(std::to_string(content.size()) + " bytes"));
   }

@@ -108,6 +108,16 @@ TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
   EXPECT_GT(far["torque_share"].get<double>(), near["torque_share"].get<double>());
 }
 
+/// docs/certificate.md: of paper_rigid no measurement may be missed.
+TEST(Certify, SaysWhereNoMissedMeasurementIsProvedStable) {
+  const experiment::Scenario scenario = shipped("paper_rigid");
+  Certificate all;
+  all.loop = analyse(scenario, Effort::full);
+  ASSERT_EQ(all.loop.missed.value().measurements, 0);
+  EXPECT_THAT(page(all, scenario, true),
+              HasSubstr("missed measurements                not even single ones are proved"));
+}
+
 TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {
   const experiment::Scenario scenario =
       shipped("practical_rigid",

@@ -35,6 +35,17 @@ TEST(Feasibility, KnowsSpeedFrequencyAndTorqueOfASinusoid) {
   }
 }
 
+TEST(Feasibility, SeesTheSpeedOfALongRunsSinusoid) {
+  // At rest at every half second.
+  const Feasibility result =
+      feasibility(shipped("practical_rigid", {"loop.duration_s=1000",
+                                              "reference.sinusoid="
+                                              "{amplitude_rad: 0.1, frequency_hz: 2, "
+                                              "phase_rad: 1.5707963267948966}"}));
+  // 50 instants a period: the largest is at most cos(pi / 50) off.
+  for (const JointDemand& joint : result.joints) EXPECT_NEAR(joint.speed, 1.2566, 0.003);
+}
+
 TEST(Feasibility, NamesTheJointThatCannotHoldItself) {
   const Feasibility held =
       feasibility(shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
@@ -57,6 +68,27 @@ TEST(Feasibility, CountsTheRotorsOfFlexibleJoints) {
     return feasibility(scenario).joints[0].moving;
   };
   EXPECT_NEAR(torque("[1.1, 0.1]") - torque("[0.1, 0.1]"), 31.4, 1);
+}
+
+/// Of a slow motion up to where gravity is largest, which is what the torque is there: link and
+/// motor move the same way until just before they stop.
+TEST(Feasibility, CountsDryFriction) {
+  const auto torque = [](const std::string& scenario, const std::string& friction) {
+    return feasibility(
+               shipped(scenario,
+                       {"reference={point_to_point: {from_rad: 0, to_rad: [1, 0], "
+                        "start_s: 0, duration_s: 50}}",
+                        "loop.duration_s=50", "plant.initial.position_rad=[0, 0]", friction}))
+        .joints[0]
+        .moving;
+  };
+  const auto added = [&](const std::string& scenario, const std::string& key) {
+    return torque(scenario, key + "=[5, 1]") - torque(scenario, key + "=[0, 0]");
+  };
+  // Within the last 0.2 s that it moves gravity changes by less than 1e-3 N m.
+  EXPECT_NEAR(added("practical_rigid", "plant.drive.coulomb_friction_Nm"), 5, 1e-3);
+  EXPECT_NEAR(added("practical_flexible", "robot.joints.flexible.motor_coulomb_friction_Nm"), 5,
+              1e-3);
 }
 
 TEST(Feasibility, DoubtsDegreesAndRadiansPerSecondNamingKeyValueAndMistake) {

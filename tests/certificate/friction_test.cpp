@@ -9,6 +9,8 @@ namespace tachless::certificate {
 namespace {
 
 using namespace testing;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   const std::vector<std::string> damped = {"plant.drive.viscous_friction_Nms_per_rad=[30, 5]"};
@@ -32,6 +34,24 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   ASSERT_TRUE(dry.friction_error);
   RecordProperty("missing", list_text(*missing.friction_error));
   RecordProperty("dry", list_text(*dry.friction_error));
+}
+
+/// Of drives and motors; it was said of links' joints alone.
+TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
+  const auto provisos = [](const std::string& scenario, const std::string& value) {
+    std::string why_not;
+    return stability_certificate(shipped(scenario, {value}), Effort::quick, why_not)->provisos;
+  };
+  const std::string motors = "robot.joints.flexible.motor_";
+  ASSERT_THAT(provisos("practical_rigid", "name=as_it_is"), ::testing::IsEmpty());
+  EXPECT_THAT(provisos("practical_rigid", "plant.drive.torque_offset_Nm=[1, 0]"),
+              ElementsAre(HasSubstr("the torques' offset (plant.drive) is not in it")));
+  EXPECT_THAT(provisos("practical_rigid", "plant.encoder.eccentricity_rad=1e-3"),
+              ElementsAre(HasSubstr("eccentricity is not in it")));
+  for (const char* friction : {"damping_Nms_per_rad=1", "coulomb_friction_Nm=1"}) {
+    EXPECT_THAT(provisos("practical_flexible", motors + friction),
+                ElementsAre("the friction of joints and motors is not in it"));
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -124,6 +125,35 @@ TEST_F(NormConditions, AreMetByGainsThatFlatterNorms) {
               4.01, 5e-3);
   const FilterGains gains{both(3e4), both(5e4), both(500), both(2000)};
   EXPECT_NEAR(printed_conditions(flexible(gains, gains), constants, paper_B_d).c1, 0.055, 5e-4);
+}
+
+/// (25) is 0 there; the other bounds know nothing of the reference.
+TEST_F(NormConditions, AtAConstantReferenceHoldForAllSmallWeights) {
+  const ErrorSystem system = rigid({both(6000), both(8000), both(300), both(3000)});
+  const PrintedConditions moving = printed_conditions(system, constants, 1e-6);
+  const PrintedConditions held = printed_conditions(system, constants, 0);
+  EXPECT_EQ(held.eq25, 0);
+  EXPECT_TRUE(held.feasible);
+  EXPECT_EQ(held.epsilon.low, 0);
+  EXPECT_NEAR(held.epsilon.high, moving.epsilon.high, 1e-6 * moving.epsilon.high);
+  // c1 loses about sqrt(eq25 / eq24), 3e-4 of it at a millionth of the paper's speed.
+  EXPECT_NEAR(held.c1, moving.c1, 1e-3 * held.c1);
+  EXPECT_GE(held.c1, moving.c1);
+}
+
+/// Turned by an angle, gains have the same eigenvalues where a and b are those of all joints.
+TEST_F(NormConditions, OfMatricesAreThoseOfTheirEigenvalues) {
+  const Eigen::Matrix2d turn = Eigen::Rotation2Dd(0.6).toRotationMatrix();
+  ErrorSystem turned = rigid(paper_rigid());
+  const PrintedConditions straight = printed_conditions(turned, constants, paper_B_d);
+  turned.kp = turn * turned.kp * turn.transpose();
+  turned.kd = turn * turned.kd * turn.transpose();
+  const PrintedConditions c = printed_conditions(turned, constants, paper_B_d);
+  for (double PrintedConditions::*bound :
+       {&PrintedConditions::eq19, &PrintedConditions::eq20, &PrintedConditions::eq23,
+        &PrintedConditions::eq24, &PrintedConditions::eq27, &PrintedConditions::c1}) {
+    EXPECT_NEAR(c.*bound, straight.*bound, 1e-12 * straight.*bound);  // rounding
+  }
 }
 
 TEST_F(NormConditions, NeedAThresholdOnAHoweverLargeBIs) {

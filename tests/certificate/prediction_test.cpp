@@ -139,5 +139,43 @@ TEST(Prediction, RefusalNamesLimitPeriodAndWhatToType) {
   EXPECT_THAT(line, HasSubstr("type --set loop.period_s=2e-05 or --force"));
 }
 
+/// The loop at rest allows a longer period than the one that is unstable along its motion.
+TEST(Prediction, RefusalNamesNoLongerPeriod) {
+  Prediction along_the_motion;
+  along_the_motion.radius = 1.01;
+  along_the_motion.limit_s = 5e-3;
+  along_the_motion.settings.period_s = 1e-3;
+  EXPECT_THAT(refusal(along_the_motion, "s.yaml"), HasSubstr("type --set loop.period_s=0.0005 or"));
+}
+
+/// One joint without gravity, m = 1 kg m²: x' = x + v + u/2, v' = v + u with u = -0.1 x - 0.6 v has
+/// the poles' product 0.45 and sum 1.35, inside the unit circle.
+TEST(Prediction, APeriodOfASecondMayBeStable) {
+  const std::string urdf =
+      "<robot name='arm'><link name='base'/><link name='l'><inertial><mass value='1'/><inertia "
+      "ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' "
+      "type='continuous'><parent link='base'/><child link='l'/><axis xyz='0 0 1'/></joint></robot>";
+  const experiment::Scenario scenario = experiment::parse_scenario(
+      experiment::urdf_scenario(robot::model_from_urdf(urdf, "arm.urdf"), {"arm", "arm.urdf"}),
+      urdf, "arm",
+      {"controller.law=wen_bayard", "controller.gains={kp: 0.1, kd: 0.6}", "loop.period_s=1",
+       "loop.command_delay=0", "loop.duration_s=10", "reference={hold: {position_rad: 0}}"});
+  const Prediction result = analyse(scenario, Effort::quick);
+  EXPECT_TRUE(result.stable);
+  EXPECT_EQ(limit_text(result.limit_s), "1 s or more");
+  EXPECT_EQ(result.unstable_q.size(), 0);
+}
+
+TEST(Prediction, TextOfMissedTicksSaysWhereNoneIsProved) {
+  EXPECT_EQ(pattern_text(0), "not even single ones are proved stable");
+  EXPECT_EQ(pattern_text(3), "any pattern of at most 3 in a row is stable");
+  EXPECT_EQ(pattern_text(most_missed), "any pattern of 1000 in a row is stable");
+}
+
+TEST(Prediction, UnitOfAStiffnessIsAlsoThatOfJointsThatSlide) {
+  EXPECT_EQ(analyse(shipped("practical_rigid"), Effort::quick).stiffness_unit, "N m/rad");
+  EXPECT_EQ(analyse(shipped("panda"), Effort::quick).stiffness_unit, "N m/rad (N/m)");
+}
+
 }  // namespace
 }  // namespace tachless::certificate

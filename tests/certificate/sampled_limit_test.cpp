@@ -95,11 +95,10 @@ TEST_F(SampledLimit, AgreesWithTheRulesOfOneJoint) {
     const FilterGains g{one(1e-6), one(kd), one(a), one(b)};  // Kp to 0
     const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(1, 1);
     const auto law = [=](double h) { return linear_rigid_law(g, none, {kind, h}); };
-    const LimitOptions from{1e-4, 1, 1.02};
     const double rule = 2 * a / (kd * b / M);
-    EXPECT_NEAR(*largest_stable_period({plant, law, 0}, from), rule, 1e-5 * rule);
+    EXPECT_NEAR(*largest_stable_period({plant, law, 0}, 1e-4), rule, 1e-5 * rule);
     // One period of delay: the same times a factor of the filter's phi at the limit.
-    const double limit = *largest_stable_period({plant, law, 1}, from);
+    const double limit = *largest_stable_period({plant, law, 1}, 1e-4);
     const double phi = controller::law::filter_coefficients(kind, a, b, limit).phi;
     const double factor = (std::sqrt(phi * phi + 8) - 2 - phi) / (2 * (1 - phi));
     EXPECT_NEAR(limit, rule * factor, 1e-4 * rule);
@@ -116,8 +115,21 @@ TEST_F(SampledLimit, AgreesWithTheRulesOfOneJoint) {
     const double limit = *largest_stable_period({plant, full_state(kp, kv), 0});
     EXPECT_NEAR(limit, std::min(2 * kv / kp, 2 / kv), 1e-6);
   }
-  EXPECT_NEAR(*largest_stable_period({plant, full_state(1e-4, 20), 1}, {1e-4, 1, 1.02}), 1.0 / 20,
-              1e-5);
+  EXPECT_NEAR(*largest_stable_period({plant, full_state(1e-4, 20), 1}, 1e-4), 1.0 / 20, 1e-5);
+}
+
+/// From a stable period upwards, from an unstable one downwards.
+TEST_F(SampledLimit, IsTheOneNextToWhereItIsSought) {
+  const SampledLoop loop = rigid(practical_rigid(), tustin, 0);
+  for (const double from_s : {1e-7, 1e-3, 2e-2}) {
+    const double limit = *largest_stable_period(loop, from_s);
+    EXPECT_NEAR(limit, 8.93e-3, 5e-6) << from_s;  // as above
+    EXPECT_LT(radius_at(loop, limit), 1);
+    EXPECT_GE(radius_at(loop, limit * (1 + 1e-6)), 1);  // by 17 halvings of a tenth
+  }
+  SampledLoop reversed = loop;
+  reversed.plant.B *= -1;
+  EXPECT_FALSE(largest_stable_period(reversed, 1e-3));
 }
 
 TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
@@ -208,7 +220,7 @@ TEST(SampledLimitOfSevenJoints, IsFoundWithModesAndMargins) {
   Vector q(7);
   q << 0, 0.3, 0, -1.0, 0, 0.8, 0;
   const SampledLoop loop = rigid_loop(iiwa_gains(), tustin, 0, model, q);
-  EXPECT_GT(largest_stable_period(loop, {1e-3, 1e-1, 1.25}).value(), 4e-3);
+  EXPECT_GT(largest_stable_period(loop, 1e-3).value(), 4e-3);
   EXPECT_TRUE(modes(loop, 1e-3).stable);
   EXPECT_GT(margins(loop, 1e-3).phase_deg, 20);
 }

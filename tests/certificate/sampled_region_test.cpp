@@ -99,6 +99,10 @@ TEST(SampledRegion, IsNotClaimedWhereThereIsNone) {
   EXPECT_FALSE(
       sampled_region(held_at("[0, 0]", {"plant.drive.coulomb_friction_Nm=[1, 1]"}), why_not));
   EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
+  EXPECT_FALSE(sampled_region(
+      shipped("practical_flexible", {"robot.joints.flexible.motor_coulomb_friction_Nm=1"}),
+      why_not));
+  EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
 }
 
 /// What check_witness.py claims, of the loop as coded: |F(x)| <= rho |x| + gamma where |x| <= 1.
@@ -128,6 +132,13 @@ TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
   std::cout << "largest growth " << largest << " of " << rho << "\n";
   EXPECT_LE(largest, rho);
   EXPECT_GT(largest, 0.9);  // somewhere the loop is as slow as that
+  // A joint without a limit beside one that has one: JSON has no infinity.
+  experiment::Scenario limited = held;
+  limited.plant.drive.torque_limit_Nm = Eigen::Vector2d(1e5, infinity);
+  const auto written =
+      nlohmann::json::parse(witness(limited, Vector(Eigen::Vector2d(0.3, 0.6))))["torque_limit"];
+  EXPECT_EQ(written[0], 1e5);
+  EXPECT_GT(written[1], 1e300);
   EXPECT_THROW((void)witness(shipped("iiwa_point_to_point"), Vector(Vector::Constant(7, 0.3))),
                diagnostics::Failure);
   EXPECT_THROW((void)witness(held, Vector(Eigen::Vector2d(30, 30))), diagnostics::Failure);

@@ -1,5 +1,6 @@
 #include "controller/any_law.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -173,6 +174,33 @@ TEST(AnyLaw, TakesTheGainsOfAReferenceFromItsTickOnAndKeepsItsMemory) {
   // And back to the scenario's, whose memory has gone on as the other's: a and b are the same.
   EXPECT_EQ(changed->step(30, ramp(30), at_zero()).command.tau,
             unchanged->step(30, ramp(30), at_zero()).command.tau);
+}
+
+/// The chain of the Kalman filter, and the positions that a difference is of.
+TEST(AnyLaw, KeepsTheCountsThatItsMemoryHasTheSizeOf) {
+  struct Case {
+    const char *law, *gains, *softer, *other;
+  };
+  for (const Case& of :
+       {Case{"kalman_velocity", "process_noise: 100, order: 2", "kp=200;order=2", "order=3"},
+        {"numerical_difference", "samples: 2", "kp=200;samples=2", "samples=5"},
+        {"difference_of_error", "samples: 2", "kp=200", "samples=1"}}) {
+    const ScenarioLaw law = scenario_law(scenario({fmt::format(
+        "controller={{law: {}, gains: {{kp: 400, kd: 60, {}}}, gains_may_change: true}}", of.law,
+        of.gains)}));
+    loop::ReferencePoint reference = at_zero();
+    law->step(0, ramp(0), reference);
+    reference.gains = of.softer;
+    EXPECT_TRUE(law->step(1, ramp(1), reference).command.tau.allFinite()) << of.law;
+    reference.gains = of.other;
+    try {
+      law->step(2, ramp(2), reference);
+      ADD_FAILURE() << of.law;
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+      EXPECT_THAT(failure.what(), testing::HasSubstr("stays as the run began"));
+    }
+  }
 }
 
 TEST(AnyLaw, StopsForGainsThatAreNoneOfItsOwn) {

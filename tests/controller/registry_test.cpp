@@ -347,6 +347,23 @@ TEST(Registry, ReadsParametersPerJointNumbersAndCountsWithTheirDefaults) {
   EXPECT_EQ(gains.order, 3);
 }
 
+TEST(Registry, RefusesAnotherCountAndNoOtherParameter) {
+  experiment::Scenario before = rigid_scenario();
+  before.controller.gains["order"] = pair(3, 3);
+  experiment::Scenario after = before;
+  after.controller.gains["kp"] = pair(1, 2);
+  after.controller.gains["cutoff_hz"] = pair(20, 20);
+  EXPECT_NO_THROW(require_same_counts(before, after, mixed_facts()));
+  after.controller.gains["order"] = pair(2, 2);
+  try {
+    require_same_counts(before, after, mixed_facts());
+    ADD_FAILURE();
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_THAT(failure.what(),
+                AllOf(HasSubstr("controller.gains.order: a count"), HasSubstr("as the run began")));
+  }
+}
+
 TEST(Registry, RefusesParametersOutOfTheirShapeOrRange) {
   const auto refused = [](const std::string& name, const robot::Vector& value) -> std::string {
     experiment::Scenario scenario = rigid_scenario();

@@ -29,5 +29,25 @@ TEST(SystemFailure, NamesCallCauseAndRemedy) {
   EXPECT_THAT(refused(EIO, "signalfd").what(), HasSubstr("tachless doctor"));
 }
 
+template <class Thrown>
+Failure current_failure_of(const Thrown& thrown) {
+  try {
+    throw thrown;
+  } catch (...) {
+    return current_failure();
+  }
+}
+
+TEST(CurrentFailure, HasTheCodeThatTheProgramEndsWith) {
+  const Failure stop(ExitCode::protective_stop, "drive 2 is too hot");
+  EXPECT_EQ(current_failure_of(stop).code(), ExitCode::protective_stop);
+  const Failure refusal =
+      current_failure_of(std::system_error(ENOSPC, std::generic_category(), "write"));
+  EXPECT_EQ(refusal.code(), ExitCode::bad_usage);
+  EXPECT_THAT(refusal.what(), HasSubstr("system error: write: No space left on device"));
+  EXPECT_EQ(current_failure_of(std::runtime_error("cable")).code(), ExitCode::protocol_violated);
+  EXPECT_EQ(current_failure_of(42).code(), ExitCode::protocol_violated);
+}
+
 }  // namespace
 }  // namespace tachless::diagnostics

@@ -67,6 +67,14 @@ TEST_F(JointParametersFile, OfMuJoCoAndOfYamlFillRotorAndFrictionOfTheJointsByNa
   }
 }
 
+TEST_F(JointParametersFile, OfMuJoCoHasItsOuterClassForAllJointsWhateverItsName) {
+  const Scenario s = scenario(R"(<mujoco><default class="arm"><joint armature="0.2"/>
+    <default class="small"><joint damping="3"/></default></default><worldbody>
+    <joint name="shoulder"/><joint name="elbow" class="small"/></worldbody></mujoco>)");
+  EXPECT_EQ(s.robot.rigid_rotor_inertia_kgm2, Eigen::Vector2d(0.2, 0.2));
+  EXPECT_EQ(s.plant.drive.viscous_friction_Nms_per_rad, Eigen::Vector2d(0, 3));
+}
+
 TEST_F(JointParametersFile, IsNotNeededByTheRecordedScenario) {
   const Scenario s = scenario(mjcf);
   EXPECT_THAT(s.text, testing::Not(HasSubstr("joint_parameters")));
@@ -82,6 +90,18 @@ TEST_F(JointParametersFile, GivesWayToTheScenariosOwnNumbers) {
   EXPECT_EQ(s.plant.drive.coulomb_friction_Nm, Eigen::Vector2d(9, 9));
   EXPECT_EQ(s.robot.rigid_rotor_inertia_kgm2, Eigen::Vector2d(8, 8));
   EXPECT_EQ(s.plant.drive.viscous_friction_Nms_per_rad, Eigen::Vector2d(1, 0.5));
+}
+
+TEST_F(JointParametersFile, ReplacesNothingThatIsWrong) {
+  for (const char* wrong : {"robot.joints=flexibel", "plant={drive: junk}"}) {
+    EXPECT_THROW(scenario(yaml, {wrong}), diagnostics::Failure) << wrong;
+  }
+}
+
+TEST_F(JointParametersFile, IsNotPassedOverWhereAScenarioComesFromText) {
+  const Scenario s = scenario(mjcf);
+  EXPECT_THROW(parse_scenario(s.text, s.robot.urdf_text, "log", {"robot.joint_parameters=numbers"}),
+               diagnostics::Failure);
 }
 
 TEST_F(JointParametersFile, IsRefusedWithWhatIsWrongInIt) {

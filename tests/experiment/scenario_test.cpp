@@ -753,7 +753,7 @@ TEST(UrdfScenario, BeginsWhereNoLinkIsBelowTheBaseAndFeedsTheFrictionForward) {
   const auto lowest = [&](const robot::Vector& q) {
     double z = 0;
     for (const auto& [name, frame] : model.frames) {
-      z = std::min(z, robot::frame_pose<double>(model, frame, q).p.z());
+      z = std::min(z, robot::frame_pose(model, frame, q).p.z());
     }
     return z;
   };
@@ -930,6 +930,9 @@ TEST_F(ScenarioFile, MayGiveTheControllerAnotherRobotWhichTravelsWithIt) {
   EXPECT_THAT(refusal_of_file("a.yaml", {"controller.urdf=other.urdf"}),
               AllOf(HasSubstr("controller.urdf: its joints are shoulder, knee; allowed: "),
                     HasSubstr("shoulder, elbow")));
+  std::ofstream(directory_ / "empty.urdf");  // as a pipe leaves it whose program failed
+  EXPECT_THAT(refusal_of_file("a.yaml", {"controller.urdf=empty.urdf"}),
+              HasSubstr("controller.urdf: "));
   EXPECT_THAT(refusal_of_file("a.yaml", {"controller.urdf=none.urdf"}),
               HasSubstr("none.urdf: no such file"));
   EXPECT_THAT(refusal([&] {

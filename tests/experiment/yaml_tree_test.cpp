@@ -102,6 +102,20 @@ TEST(YamlTree, ExpandsAliasesButNotWithoutEnd) {
   EXPECT_THAT(refusal("a: " + std::string(100'000, '[')), StartsWith("f.yaml:"));
 }
 
+TEST(YamlTree, BoundsAKey) {
+  EXPECT_THAT(refusal("a: {" + std::string(101, 'k') + ": 1}\n"),
+              AllOf(StartsWith("f.yaml:1: a: "), HasSubstr("101 bytes; allowed: at most 100")));
+}
+
+TEST(YamlTree, AnOverrideOfAnyTextIsThatText) {
+  for (const std::string text : {"../arm #2/a.urdf", "a: b", "plain/path.urdf", "'q'", "[x"}) {
+    YamlNode root = parse_yaml("a: 1\n", "f.yaml");
+    apply_override(root, text_override("a", text));
+    EXPECT_EQ(root.find("a")->scalar, text);
+  }
+  EXPECT_EQ(text_override("a", "plain/path.urdf"), "a=plain/path.urdf");
+}
+
 // yaml-cpp's loader takes all memory for these two, and 10 GB for the third.
 TEST(YamlTree, TakesNoMoreMemoryThanTheBoundsAllow) {
 #ifndef __SANITIZE_ADDRESS__  // its own maps are larger than any limit

@@ -251,6 +251,17 @@ struct Tally {
   }
 };
 
+/// Speeds are then those of its own time, however fast this machine is.
+TEST(EmulatedArm, TellsTheTimeOfItsTicks) {
+  EmulatedArm arm(experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml"));
+  const double before_s = arm.read().time_s;
+  arm.start();
+  for (int tick = 1; tick <= 3; ++tick) {
+    EXPECT_DOUBLE_EQ(arm.read().time_s - before_s, tick * 1e-3);
+    arm.hold(robot::Vector::Zero(2), tick * 1e-3);
+  }
+}
+
 /// The trap of an arm that adds gravity while the scenario says nothing.
 TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
   std::vector<std::string> says = {

@@ -9,11 +9,16 @@
 #include <random>
 
 #include "diagnostics/failure.h"
+#include "identify/excite.h"
 #include "identify/least_squares.h"
 #include "tests/identify/hidden_arm.h"
 
 namespace tachless::identify {
 namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
 
 /// Of the two-link arm: rotors, viscous and Coulomb friction, payload.
 const Eigen::VectorXd truth = (Eigen::VectorXd(7) << 1, 0.2, 5, 1, 6, 1, 0.5).finished();
@@ -60,8 +65,8 @@ TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
     for (Eigen::Index i = 0; i < truth.size(); ++i) {
       EXPECT_NEAR(found.parameters[static_cast<std::size_t>(i)].value, truth[i], 0.01 * truth[i]);
     }
-    EXPECT_THAT(found.overrides, ::testing::Contains("plant.encoder.latency_ticks=2"));
-    EXPECT_THAT(found.overrides, ::testing::Contains("loop.command_delay=1"));
+    EXPECT_THAT(found.overrides, Contains("plant.encoder.latency_ticks=2"));
+    EXPECT_THAT(found.overrides, Contains("loop.command_delay=1"));
   }
 }
 
@@ -112,6 +117,70 @@ TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
   Recording strange = other;
   strange.scenario.robot.gravity_m_per_s2 = 1.6;
   EXPECT_THROW(identify({run, strange}, all, {}, ignore), diagnostics::Failure);
+}
+
+/// A log has no offset, and the controller of a table is not known.
+TEST(Identify, RefusesToIdentifyNothing) {
+  Recording run = hidden_run(2);
+  for (const Kind kind : {Kind::offset, Kind::delay}) {
+    run.controlled = kind == Kind::offset;
+    try {
+      identify({run}, {kind}, {}, ignore);
+      ADD_FAILURE();
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+      EXPECT_THAT(failure.what(), HasSubstr("a run: nothing is left to identify"));
+    }
+  }
+}
+
+/// What was simulated: static friction as Coulomb's.
+TEST(Identify, WritesTheStaticFrictionThatItTookForCoulombs) {
+  experiment::Scenario believed = scenario("practical_rigid", "20", 2);
+  const Parameters parameters(believed, {Kind::coulomb});
+  const Eigen::Vector2d found(5, 0.5);
+  const auto is_static = testing::StartsWith("plant.drive.static_friction_Nm");
+  EXPECT_THAT(parameters.overrides(believed, found), Not(Contains(is_static)));
+  believed.plant.drive.static_friction_Nm = Eigen::Vector2d(1, 1);
+  EXPECT_THAT(parameters.overrides(believed, found),
+              Contains("plant.drive.static_friction_Nm=[5, 0.5]"));
+  EXPECT_THAT(Parameters(believed, {Kind::viscous}).overrides(believed, found),
+              Not(Contains(is_static)));
+}
+
+experiment::Scenario beginning_at(const std::string& position, const std::string& limit) {
+  return experiment::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+      {"plant.mechanics=native", "plant.drive.torque_limit_Nm=" + limit,
+       "plant.initial.position_rad=" + position});
+}
+
+const ExcitationGoal short_motion{.duration_s = 5};
+
+/// Gravity takes 80.7 N m of the stretched arm's shoulder.
+TEST(Excite, KeepsToFourFifthsOfTheTorquesOrRefuses) {
+  for (const double limit : {104.0, 120.0, 200.0}) {
+    const experiment::Scenario arm =
+        beginning_at("[1.57, 0]", "[" + std::to_string(limit) + ", 1000]");
+    const Excitation motion = excite(arm, {Kind::viscous, Kind::coulomb}, short_motion, ignore);
+    EXPECT_LE(motion.torque[0], 0.8 * limit);
+    EXPECT_GT(motion.torque[0], 80);
+  }
+  try {
+    excite(beginning_at("[1.57, 0]", "[95, 1000]"), {Kind::viscous}, short_motion, ignore);
+    ADD_FAILURE();
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(),
+                HasSubstr("plant.drive.torque_limit_Nm: holding the arm at its start"));
+  }
+}
+
+TEST(Excite, MovesAJointWithoutLimitsFromWhereverItBegins) {
+  const Excitation motion =
+      excite(beginning_at("[3, -7]", "null"), {Kind::viscous}, short_motion, ignore);
+  EXPECT_GT(motion.reach.minCoeff(), 0.05);
+  EXPECT_LE(motion.reach.maxCoeff(), short_motion.reach + 1e-9);
 }
 
 }  // namespace

@@ -20,6 +20,7 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
+using testing::AllOf;
 using testing::HasSubstr;
 
 const std::vector<Kind> everything = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia,
@@ -123,6 +124,22 @@ TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
   }
 }
 
+/// A payload's inertia that the scenario gives is known, and no part of what its mass does.
+TEST(Links, OfAPayloadWithAnInertiaTheMassIsFound) {
+  experiment::Scenario scenario = iiwa();
+  scenario.plant.payload.inertia_kgm2 = {0.3, 0, 0, 0.3, 0, 0.3};
+  scenario.plant.payload.mass_kg = 0.5;
+  const Recording run =
+      motion(scenario, experiment::with_payload(scenario, *scenario.model), 10, 0);
+  scenario.plant.payload.mass_kg = 0;
+  const Identified found =
+      identify({run}, {Kind::viscous, Kind::coulomb, Kind::payload, Kind::offset}, {}, ignore);
+  const auto& payload = found.parameters[14];
+  EXPECT_EQ(payload.entry.name, "payload");
+  // The filtered signs of the velocity are what is left.
+  EXPECT_NEAR(payload.value, 0.5, 0.01);
+}
+
 TEST(Links, OfALogTheLoopIsSimulatedWithThem) {
   const experiment::Scenario believed = scenario("practical_rigid", "20", 2.5);
   experiment::Scenario plant = believed;
@@ -186,8 +203,28 @@ TEST_F(Table, IsPutOnAnEvenGridInOurUnits) {
   }
 }
 
+TEST_F(Table, MayHaveTextInOtherColumns) {
+  std::string text = "motion time q1 q2 tau1 tau2\n";
+  for (int k = 0; k < 400; ++k) text += fmt::format("first {} {} 2 3 4\n", 0.01 * k, 0.1 * k);
+  const Recording run =
+      read(text, "time_column: 2\nposition_columns: [3, 4]\ntorque_columns: [5, 6]\n");
+  ASSERT_GT(run.num_ticks(), 390);
+  EXPECT_NEAR(run.q(200, 0), 20, 1e-9);  // numbers as they are written, on a line
+}
+
 TEST_F(Table, IsRefusedWithTheLineAndWhatIsAllowed) {
-  EXPECT_THAT(refusal(rows(400, "9.5; 1; 2\n")), HasSubstr("run.csv:402: 3 columns, but column 5"));
+  EXPECT_THAT(refusal(rows(400), "position_columns: [2, 3]\ntorque_columns: [5, 6]\n"),
+              HasSubstr("run.csv:2: 5 columns, but column 6"));
+  EXPECT_THAT(refusal(rows(400), "time_column: 9\nposition_columns: [2, 3]\ntorque_columns: 5\n"),
+              HasSubstr("run.csv:2: 5 columns, but column 9"));
+  // Fields behind an empty one would be those of other columns.
+  const std::string as_wide = "the first row of numbers has 5; allowed: as many in each";
+  for (const char* row : {"9.5; 1; 2\n", "9.5; ; 1; 2; 3\n", "; 9.5; 1; 2; 3\n",
+                          "9.5,, 1; 2; 3; 4\n", "9.5; 1; 2; 3; 4; 5\n"}) {
+    EXPECT_THAT(refusal(rows(400, row)), AllOf(HasSubstr("run.csv:402: "), HasSubstr(as_wide)))
+        << row;
+  }
+  EXPECT_THAT(refusal(rows(400, "9; 1; 2; 3; 4;\r\n")), "nothing") << "nothing is behind it";
   EXPECT_THAT(refusal(rows(400, "9.5; 1; nan; 2; 2\n")), HasSubstr("\"nan\" in column 3"));
   EXPECT_THAT(refusal(rows(400, "1e308; 1; 2; 3; 4\n")), HasSubstr("\"1e308\" in column 1"));
   EXPECT_THAT(refusal(rows(400, "5; 1; 2; 3; 4\n")), HasSubstr("allowed: increasing times"));

@@ -93,6 +93,7 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   const Result again = tachless(words);
   EXPECT_EQ(again.code, 2);
   EXPECT_THAT(again.errors, HasSubstr("f.yaml: exists already"));
+  EXPECT_EQ(tachless({"identify", log, "--validate", other, "--validate", log}).code, 2) << "one";
   for (const auto& [file, says] :
        {std::pair{"f.urdf", "ends with .yaml"}, {"nowhere/g.yaml", "cannot be written"}}) {
     const Result refused = tachless({"identify", log, "--write", directory_ / file});

@@ -237,6 +237,9 @@ TEST_F(Command, ADirectoryStandsForTheLogInIt) {
             0);
   EXPECT_EQ(tachless("info " + out).output, tachless("info " + out + "/lcmlog").output);
   EXPECT_THAT(tachless("replay " + out).output, HasSubstr("50 commands, bit for bit"));
+  const Outcome without_a_change = tachless("replay " + out + " --out " + out + "/what_if");
+  EXPECT_EQ(without_a_change.exit_code, 2);
+  EXPECT_THAT(without_a_change.output, HasSubstr("name what is to be changed with --law or --set"));
   EXPECT_THAT(tachless("report " + out).output, HasSubstr(out + "/report.html"));
   EXPECT_EQ(tachless("report " + out + " " + out + "/lcmlog").exit_code, 2) << "no name for it";
   EXPECT_EQ(tachless("report " + out + " -o " + out + "/lcmlog").exit_code, 2) << "exists";
@@ -251,6 +254,23 @@ TEST_F(Command, ADirectoryStandsForTheLogInIt) {
   const std::string empty = (directory_ / "empty").string();
   std::filesystem::create_directory(empty);
   EXPECT_THAT(tachless("info " + empty).output, HasSubstr(empty + "/lcmlog: cannot read the log"));
+}
+
+TEST_F(Command, RunDrawsTheShapesOfTheUrdfThatXacroMakes) {
+  fs::create_directory(directory_ / "bin");
+  const fs::path xacro = directory_ / "bin/xacro", robot = directory_ / "arm.urdf.xacro";
+  std::ofstream(xacro) << "#!/bin/sh\ncp " TACHLESS_SOURCE_DIR
+                          "/scenarios/robots/two_link.urdf \"$3\"\n";
+  fs::permissions(xacro, fs::perms::owner_all);
+  std::ofstream(robot) << "<robot/>";
+  const std::string out = (directory_ / "out").string();
+  const Outcome outcome =
+      shell("PATH=" + (directory_ / "bin").string() + ":$PATH " + binary +
+            " run --in-process --quiet --duration 0.01 --set robot.urdf=" + robot.string() +
+            " --out " + out + " " + scenario);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  std::ifstream page(out + "/report.html");
+  EXPECT_THAT(std::string(std::istreambuf_iterator<char>(page), {}), HasSubstr("\\u003cvisual"));
 }
 
 TEST_F(Command, InfoAndExportRefuseWhatIsNoLog) {

@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -105,8 +106,8 @@ def digest(path):
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def run_command(tachless, scenario, out, duration_s, *options):
-    return [tachless, "run", scenario, "--out", str(out), "--run-id", "7", "--duration", str(duration_s), *options]
+def run_command(tachless, scenario, out, duration_s, *options, run_id=7):
+    return [tachless, "run", scenario, "--out", str(out), "--run-id", str(run_id), "--duration", str(duration_s), *options]
 
 
 @contextlib.contextmanager
@@ -151,7 +152,7 @@ def data_of(page):
 
 
 def check_page(browser):
-    state = wait("curves that move", lambda: (s := json.loads(browser.value(STATE)))["version"] > 20 and s["drawn"] and s)
+    state = wait("curves that move", lambda: (s := json.loads(browser.value(STATE)))["version"] > 0 and s["drawn"] and s)
     later = wait("a later state", lambda: (s := json.loads(browser.value(STATE)))["version"] > state["version"] + 40 and s)
     assert later["t"] > state["t"] and later["at"] > state["at"], "time goes on and the cursor follows"
     assert later["last"] != state["last"] and later["joints"] != state["joints"], "curves and robot move"
@@ -163,6 +164,31 @@ def check_page(browser):
     assert json.loads(browser.value(STATE))["at"] == paused["at"], "the cursor stays"
     browser.value(f"report.seek({state['at']})")
     assert json.loads(browser.value(STATE))["at"] == state["at"], "it goes back to what is kept"
+
+
+def check_fault(browser):
+    """A fault that ends a run comes without a newer tick; after a lost connection it comes again."""
+    shown = browser.value("""(() => {
+      const {state, data} = report;
+      const last = {run: data.live, number: state.version + 1, t: data.end_s, curves: {}, rate: 0, jitter_us: 0,
+                    missed: 0, saturated: [], events: ['the arm is gone']};
+      for (const time of ['first', 'again']) report.take(last);
+      return document.getElementById('happened').textContent.split('the arm is gone').length - 1;
+    })()""")
+    assert shown == 1, shown
+
+
+def numbers_of(port, robot, most):
+    """The numbers of a robot's stretches, as they come."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=SECONDS)
+    connection.request("GET", "/events?robot=" + robot, headers={"Host": f"127.0.0.1:{port}"})
+    answer, numbers = connection.getresponse(), []
+    while len(numbers) < most:
+        line = answer.readline()
+        if line.startswith(b"data: "):
+            numbers.append(json.loads(line[len(b"data: "):])["number"])
+    connection.close()
+    return numbers
 
 
 def check_reconnection(browser, port):
@@ -191,7 +217,7 @@ def main():
                     run_command(tachless, scenario, place / "watched", 3600, "--mode", "realtime", "--watch",
                                 "--set", "loop.max_missed=1000000", "--set", "loop.max_missed_share=1",
                                 "--set", "plant.drive.torque_limit_Nm=[900, 300]"),
-                    stdout=own, stderr=own):
+                    stdout=own, stderr=own) as run:
                 wait("the run's page", lambda: b'id="motion"' in get(port, "/")[1])
                 assert VISUAL not in get(port, "/")[1], "a bus names no files"
                 own_port = int(wait("its own address", lambda: re.search(
@@ -203,6 +229,7 @@ def main():
                 browser = Browser(place / "profile", f"http://127.0.0.1:{port}/")
                 try:
                     check_page(browser)
+                    check_fault(browser)
                     check_reconnection(browser, port)
                     if len(sys.argv) > 3:
                         picture = browser.call("Page.captureScreenshot")["data"]
@@ -210,11 +237,16 @@ def main():
                 finally:
                     browser.process.terminate()
                     browser.process.wait(SECONDS)
+                run.send_signal(signal.SIGINT)
+                assert run.wait(SECONDS) == 130, "Ctrl-C ends it in order: no thread of the page takes it"
+                assert json.loads((place / "watched/summary.json").read_text())["fault"] == "interrupted"
             subprocess.run(run_command(tachless, scenario, place / "lockstep", 2), check=True, stdout=subprocess.DEVNULL)
             assert watch.poll() is None, "it goes on watching"
-            with started(run_command(tachless, scenario, place / "second", 3600, "--quiet", "--set", "robot.name=second"),
-                         stdout=subprocess.DEVNULL):
+            with started(run_command(tachless, scenario, place / "second", 3600, "--quiet", "--set", "robot.name=second",
+                                     run_id=8), stdout=subprocess.DEVNULL):
                 wait("a list of two robots", lambda: get(port, "/")[1].count(b'href="/?robot=') == 2)
+                numbers = numbers_of(port, "SECOND", 100)  # for 2.5 s: RUN_INFO comes once a second
+                assert numbers == list(range(numbers[0], numbers[0] + 100)), f"of one run, each once: {numbers}"
             for robot in (b"ARM", b"SECOND"):
                 assert b'"robot":"' + robot in get(port, "/?robot=" + robot.decode())[1], robot
         subprocess.run(run_command(tachless, scenario, place / "alone", 2), check=True, stdout=subprocess.DEVNULL)

@@ -151,6 +151,13 @@ TEST_F(Run, LeavesTheSameLogWhereverItsProcessesExecute) {
   EXPECT_EQ(summary()["placement"], "spread over CPUs");
 }
 
+TEST_F(Run, InOneProcessDoesNotMindABusInTheEnvironment) {
+  setenv("LCM_DEFAULT_URL", "udpm://239.255.76.67:7667?ttl=0", 1);
+  start_anywhere({"--out", out().string(), "--in-process", "--duration", "0.01"});
+  EXPECT_EQ(finish(), 0) << errors();
+  unsetenv("LCM_DEFAULT_URL");
+}
+
 TEST_F(Run, InOneProcessEndsAsFourDo) {
   scenario_ = "iiwa_point_to_point";
   start_anywhere({"--out", out().string(), "--in-process", "--set",

@@ -84,12 +84,13 @@ class Cluster {
 };
 
 std::vector<std::string> sweep(const fs::path& out) {
-  return {"sweep",  TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
-          "--set",  "plant.mechanics=native",
-          "--set",  "loop.duration_s=0.2",
-          "--vary", "controller.gains.kp*=0.5:5:6:log",
-          "--vary", "controller.gains.kd*=0.5:2:5",
-          "--out",  out.string()};
+  return {"sweep",    TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+          "--set",    "plant.mechanics=native",
+          "--set",    "loop.duration_s=0.2",
+          "--vary",   "controller.gains.kp*=0.5:5:6:log",
+          "--vary",   "controller.gains.kd*=0.5:2:5",
+          "--out",    out.string(),
+          "--colour", "rms_error"};
 }
 
 TEST(SweepOnSlurm, HasTheResultsOfOneProgram) {
@@ -109,6 +110,7 @@ TEST(SweepOnSlurm, HasTheResultsOfOneProgram) {
   ASSERT_EQ(alone.wait(), 0) << alone.errors();
   EXPECT_TRUE(contents(directory / "cluster/results.csv") ==
               contents(directory / "alone/results.csv"));
+  EXPECT_TRUE(contents(directory / "cluster/map.svg") == contents(directory / "alone/map.svg"));
 }
 
 }  // namespace

@@ -113,6 +113,17 @@ TEST(Supervise, LetsTheOthersEndByThemselvesWhenACheckSaidNo) {
   EXPECT_FALSE(result.supervision.ends[1].on_order);
 }
 
+// A Python program that cannot be imported ends with code 1.
+TEST(Supervise, DoesNotTakeACodeOfAUsersControllerForACheckOfThePlant) {
+  SuperviseOptions options;
+  options.grace = milliseconds(50);
+  const Result result =
+      watch({shell("plant", obedient), shell("controller", "exit 1")}, {}, options);
+  EXPECT_EQ(result.supervision.culprit, 1U);
+  EXPECT_TRUE(result.supervision.ends[0].on_order);
+  EXPECT_FALSE(result.supervision.ends[0].overdue);
+}
+
 TEST(Supervise, TellsOfAProtectiveStopWhoeverWasLost) {
   SuperviseOptions options;
   options.grace = seconds(2);

@@ -113,6 +113,7 @@ TEST_F(SweepVerb, SaysWhatIsWrong) {
   refused({"sweep", scenario, "--vary", "loop.duration_s=0.1,0.2", "--colour", "blue", "--out",
            directory("colour")},
           "--colour blue: no measure; allowed: outcome, peak_error");
+  EXPECT_FALSE(exists(temporary_ / "colour" / "rows-1-of-1.csv")) << "before any run";
   refused({"sweep", scenario, "--vary", "loop.duration_s=0.1,0.2", "--laws", "loria", "--out",
            directory("law")},
           "did you mean loria_ortega_rigid?");

@@ -101,7 +101,7 @@ TEST(Watch, RefusesABusThatIsNone) {
   const TemporaryDirectory directory;
   Program watch("tachless", {"watch", "--once", "--lcm-url", "udp://nowhere"}, directory.path());
   EXPECT_EQ(watch.wait(), 2);
-  EXPECT_THAT(watch.errors(), HasSubstr("--lcm-url"));
+  EXPECT_THAT(watch.errors(), HasSubstr("LCM URL 'udp://nowhere'"));
 }
 
 /// A program on a terminal of 100 columns and 20 rows.
@@ -159,6 +159,7 @@ TEST(Watch, RedrawsInPlaceOnATerminalAndGivesTheCursorBack) {
   // An empty bus: one line of counts, a line between, the table's head, a line between.
   const std::string screen = watch.read_until("\033[4A\r");
   EXPECT_THAT(screen, AllOf(StartsWith("udpm://"), HasSubstr("\033[?25l"), HasSubstr("channel")));
+  EXPECT_THAT(screen, AllOf(HasSubstr("\033[?7l"), HasSubstr("\033[?7h"))) << "it cuts long lines";
   EXPECT_EQ(watch.interrupt(), 0);
 }
 

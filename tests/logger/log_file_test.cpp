@@ -436,5 +436,12 @@ TEST_F(LogFile, StaysLinearOnALogMadeToBeSlow) {
   EXPECT_LT((std::clock() - begin) / CLOCKS_PER_SEC, 30);
 }
 
+TEST(Damage, SaysWhatIsLostAlsoWhereEveryByteIsOfAMessage) {
+  Damage damage;
+  EXPECT_EQ(damage.text(), "none");
+  damage.missing_numbers = 2;
+  EXPECT_THAT(damage.text(), HasSubstr("2 message numbers missing"));
+}
+
 }  // namespace
 }  // namespace tachless::logger

@@ -178,6 +178,17 @@ TEST_F(Mcap, HoldsEveryMessageOfARunWithItsNumbersInFull) {
   EXPECT_EQ(messages["ARM_TICK"].size(), k);
 }
 
+TEST_F(Mcap, DescribesASignalWhateverItsUnitIs) {
+  const auto path = directory_.path() / "lcmlog";
+  write_file(path, recorded_run("paper_rigid.yaml", {"loop.duration_s=0.002"}, "POSITION",
+                                "error:rad,x:\"m\\")
+                       .bytes());
+  auto log = RunLog::open(path);
+  export_run(log, file_);
+  EXPECT_EQ(McapFile(read_file(file_)).schemas.at(5), "tachless.ARM_CONTROLLER_STATE")
+      << "and all schemas are JSON";
+}
+
 TEST_F(Mcap, FindsMessagesInSeveralChunks) {
   McapWriter writer(file_);
   const auto channel = writer.add_channel("a", "b", R"({"type":"object"})");

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <random>
 
+#include "bus/authenticated.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/version.h"
 #include "tests/support/damaged_log.h"
@@ -97,9 +98,9 @@ TEST_F(RunLogTest, ReadsACanonicalLogTickByTick) {
   auto log = open(run.messages);
   EXPECT_EQ(log.run(), 7);
   EXPECT_EQ(log.scenario().name, "paper_rigid");
-  EXPECT_EQ(log.layout().num_joints, 2);
-  EXPECT_EQ(log.layout().num_motors, 0);
-  EXPECT_EQ(log.layout().num_signals, 2);
+  EXPECT_EQ(log.description().layout.num_joints, 2);
+  EXPECT_EQ(log.description().layout.num_motors, 0);
+  EXPECT_EQ(log.description().layout.num_signals, 2);
   expect_whole(log, run);
   EXPECT_EQ(log.summary().of(Slot::command).channel, "ARM_COMMAND");
   EXPECT_EQ(log.summary().last_tick, 39);
@@ -110,8 +111,8 @@ TEST_F(RunLogTest, ReadsACanonicalLogTickByTick) {
 TEST_F(RunLogTest, ReadsAFlexibleRobotsLog) {
   const auto run = short_flexible_run();
   auto log = open(run.messages);
-  EXPECT_EQ(log.layout().num_motors, 2);
-  EXPECT_EQ(log.layout().num_signals, 4);
+  EXPECT_EQ(log.description().layout.num_motors, 2);
+  EXPECT_EQ(log.description().layout.num_signals, 4);
   expect_whole(log, run);
 }
 
@@ -256,7 +257,7 @@ TEST_F(RunLogTest, CountsForeignRunsAndStrangers) {
   EXPECT_EQ(log.summary().foreign_messages, other.messages.size());
   EXPECT_EQ(log.summary().foreign_runs.at(99), other.messages.size());
   auto chosen = RunLog::open(path_, 99);
-  EXPECT_EQ(chosen.layout().num_joints, 7);
+  EXPECT_EQ(chosen.description().layout.num_joints, 7);
   expect_whole(chosen, other);
 }
 
@@ -301,6 +302,9 @@ TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   auto messages = short_rigid_run().messages;
   messages[0].data.pop_back();
   EXPECT_THAT(failure_of(messages), HasSubstr("at byte 0 is damaged"));
+  messages = short_rigid_run().messages;
+  messages[0].data += std::string(bus::tag_size, 'x');
+  EXPECT_THAT(failure_of(messages), HasSubstr("or carries the tag of a key"));
   messages = short_rigid_run().messages;
   const std::string law = "law: ";
   const auto at = messages[0].data.find(law + "loria_ortega_rigid");

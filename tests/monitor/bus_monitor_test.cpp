@@ -120,21 +120,18 @@ TEST(BusMonitor, KeepsItsMemoryAndTheTerminalSafeFromStrangers) {
 TEST(BusMonitor, FitsTheWindow) {
   Bus bus;
   for (int i = 0; i < 30; ++i) bus.say("CHANNEL_" + std::to_string(i), position(0));
-  const auto table = bus.monitor.table(40, 12);
+  const auto table = bus.monitor.table(12);
   EXPECT_THAT(table, SizeIs(12));
-  EXPECT_THAT(table, Each(SizeIs(::testing::Le(40U + 2U))));  // "…" has three bytes
   EXPECT_THAT(table.back(), HasSubstr("lines more"));
 }
 
 TEST(BusMonitor, HasAllItsNumbersInEightyColumns) {
   Bus bus;
   bus.say("ARM_CONTROLLER_STATE", position(0));
-  const auto narrow = bus.monitor.table(80), wide = bus.monitor.table(120);
   const std::string numbers =
       "channel               messages     per s  jitter us     kB/s   gaps undecodable";
-  EXPECT_THAT(narrow, Contains(::testing::StartsWith(numbers)));
-  EXPECT_THAT(narrow, Each(::testing::Not(HasSubstr("type"))));
-  EXPECT_THAT(wide, Contains(::testing::StartsWith(numbers + "  type")));
+  EXPECT_LE(numbers.size(), 80U);  // a terminal cuts off what is beyond
+  EXPECT_THAT(bus.monitor.table(), Contains(numbers + "  type"));
 }
 
 TEST(BusMonitor, SaysWhatTheTransportLost) {
@@ -146,6 +143,16 @@ TEST(BusMonitor, SaysWhatTheTransportLost) {
   EXPECT_EQ(bus.monitor.to_json()["lost_here"], 5);
   EXPECT_THAT(bus.monitor.table(), Contains(HasSubstr("5 lost here")));
   EXPECT_THAT(bus.monitor.table(), Contains(HasSubstr("6 datagrams that are not LCM")));
+}
+
+TEST(BusMonitor, CutsATextBetweenItsCharacters) {
+  loop::Participant participant;
+  participant.fault = std::string(39, 'x') + "\u00e9 and more";  // of two bytes
+  bus::Codec<loop::Participant> codec(loop::Layout{});
+  const auto bytes = codec.encode({0, 7, 3}, participant);
+  Bus bus;
+  bus.say("ARM_PARTICIPANT", {bytes.begin(), bytes.end()});
+  EXPECT_THAT(bus.monitor.table(), Contains(HasSubstr(std::string(39, 'x') + "\u2026\"")));
 }
 
 using monitor::MessageField;

@@ -23,6 +23,7 @@ using nlohmann::json;
 /// Plays messages to a LiveRun, a millisecond apart.
 class Played {
  public:
+  explicit Played(std::int64_t begin_ns = 1'000'000'000'000) : now_ns_(begin_ns) {}
   void say(const Recorded& message, std::size_t tag = 0) {
     now_ns_ += 1'000'000;
     const std::string data = message.data + std::string(tag, 'x');
@@ -34,7 +35,7 @@ class Played {
   LiveRun live;
 
  private:
-  std::int64_t now_ns_ = 1'000'000'000'000;
+  std::int64_t now_ns_;
 };
 
 /// Lowest and highest y of [t, y, t, y].
@@ -107,6 +108,21 @@ TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   const std::size_t at = events.find("gains from");
   EXPECT_EQ(events.find("gains from", at + 1), std::string::npos) << "each change once";
   EXPECT_THAT(events, ::testing::Not(::testing::HasSubstr("again"))) << "one fault of a role";
+}
+
+TEST(LiveRun, NumbersEveryStretchAlsoOneWithoutANewerTick) {
+  const RecordedRun run = logger::short_rigid_run();
+  Played played;
+  played.say_all(run);
+  const json first = json::parse(played.live.stretch());
+  played.say(fault_message(run, "the arm is gone"));
+  const json last = json::parse(played.live.stretch());
+  EXPECT_EQ(last["t"], first["t"]);
+  EXPECT_EQ(last["number"].get<std::int64_t>(), first["number"].get<std::int64_t>() + 1);
+  EXPECT_THAT(last["events"].dump(), ::testing::HasSubstr("the arm"));
+  Played begun_again(2'000'000'000'000);  // the browser has the page of the one before
+  begun_again.say_all(run);
+  EXPECT_GT(json::parse(begun_again.live.stretch())["number"], last["number"]);
 }
 
 TEST(LiveRun, TakesNothingOfOtherRunsUntilTheirsBegins) {

@@ -17,6 +17,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 std::optional<ProcessOptions> parse(loop::Role role, std::vector<const char*> arguments) {
   arguments.insert(arguments.begin(), "program");
@@ -87,6 +88,18 @@ TEST(ProcessOptions, HonourLcmDefaultUrlUnlessTheOptionIsGiven) {
   EXPECT_EQ(
       parse(loop::Role::logger, {"a.yaml", "--lcm-url", "udpm://239.255.76.67:7702"})->lcm_url,
       "udpm://239.255.76.67:7702");
+  unsetenv("LCM_DEFAULT_URL");
+}
+
+TEST(ProcessOptions, AWrongLcmDefaultUrlIsNotTakenForAnOption) {
+  setenv("LCM_DEFAULT_URL", "udp://nowhere", 1);
+  try {
+    parse_lcm_url(parse(loop::Role::logger, {"a.yaml"})->lcm_url);
+    ADD_FAILURE() << "accepted";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), StartsWith("LCM URL 'udp://nowhere': "));
+  }
   unsetenv("LCM_DEFAULT_URL");
 }
 

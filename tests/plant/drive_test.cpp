@@ -23,11 +23,11 @@ Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimite
 TEST(Drive, HoldsTheInitialTorqueUntilTheFirstCommandActs) {
   Drive held(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
   for (int tick = 0; tick < 2; ++tick) {
-    ASSERT_TRUE(held.accept({Eigen::Vector2d(1, 2)}));
+    held.accept({Eigen::Vector2d(1, 2)});
     EXPECT_EQ(held.applied().tau, Eigen::Vector2d(4, -3)) << "limited as any torque";
     held.end_tick();
   }
-  ASSERT_TRUE(held.accept({Eigen::Vector2d(7, 2)}));
+  held.accept({Eigen::Vector2d(7, 2)});
   EXPECT_EQ(held.applied().tau, Eigen::Vector2d(1, 2));
 }
 
@@ -38,7 +38,7 @@ TEST(Drive, AppliesEachCommandAfterItsDelayAndHoldsTheLastWhenOneIsMissed) {
       // Every fifth command is missed: the one before it is held.
       const auto source = [](int tick) { return tick % 5 == 4 ? tick - 1 : tick; };
       if (source(k) == k) {
-        ASSERT_TRUE(d.accept(command(0.1 * (k + 1), -k - 1)));
+        d.accept(command(0.1 * (k + 1), -k - 1));
       }
       const int tick = k < delay ? -1 : source(k - delay);
       EXPECT_EQ(d.applied().tau, command(0.1 * (tick + 1), -tick - 1).tau) << delay << ", " << k;
@@ -52,7 +52,7 @@ TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
   for (const int delay : {0, 1, 3}) {
     Drive d(Eigen::Vector2d(10, robot::Model::unlimited), delay, Eigen::Vector2d(2, 1e9));
     for (int k = 0; k < 20; ++k) {
-      ASSERT_TRUE(d.accept(command(k < 10 ? 7 : -12, 5)));
+      d.accept(command(k < 10 ? 7 : -12, 5));
       const int since = k - delay;
       const double ramp =
           since < 10 ? std::min(2.0 * (since + 1), 7.0) : std::max(7 - 2.0 * (since - 9), -10.0);
@@ -76,7 +76,7 @@ TEST(Drive, TakesCommandsOfAnyAgeUpToTheJitterEachAsOftenBySeed) {
     std::vector<int> all;
     for (int k = 0; k < ticks; ++k) {
       const double before = d.applied().tau[0];
-      if (!d.accept(command(k, 0))) throw std::logic_error("finite");
+      d.accept(command(k, 0));
       if (k > 0) {
         EXPECT_EQ(d.applied().tau[0], before) << "the age is the tick's";
       }
@@ -98,31 +98,31 @@ TEST(Drive, TakesCommandsOfAnyAgeUpToTheJitterEachAsOftenBySeed) {
 
 TEST(Drive, LimitsEachJointAndFlagsIt) {
   Drive d = drive(0);
-  ASSERT_TRUE(d.accept(command(-12, 1e6)));
+  d.accept(command(-12, 1e6));
   EXPECT_EQ(d.applied().tau, command(-10, 1e6).tau);
   EXPECT_TRUE(d.applied().saturated[0]);
   EXPECT_FALSE(d.applied().saturated[1]);
   d.end_tick();
-  ASSERT_TRUE(d.accept(command(10, 0)));  // the limit itself is allowed
+  d.accept(command(10, 0));  // the limit itself is allowed
   EXPECT_FALSE(d.applied().saturated[0]);
 }
 
 TEST(Drive, RefusesANonFiniteCommandAndKeepsTheOldOne) {
   Drive d = drive(0);
-  ASSERT_TRUE(d.accept(command(1, 2)));
-  EXPECT_FALSE(d.accept(command(std::numeric_limits<double>::quiet_NaN(), 0)));
-  EXPECT_FALSE(d.accept(command(0, std::numeric_limits<double>::infinity())));
+  d.accept(command(1, 2));
+  EXPECT_THROW(d.accept(command(std::numeric_limits<double>::quiet_NaN(), 0)), std::logic_error);
+  EXPECT_THROW(d.accept(command(0, std::numeric_limits<double>::infinity())), std::logic_error);
   EXPECT_EQ(d.applied().tau, command(1, 2).tau);
 }
 
 TEST(Drive, GivesNoTorqueOnceStopped) {
   for (const int delay : {0, 1}) {
     Drive d = drive(delay);
-    ASSERT_TRUE(d.accept(command(12, 2)));
+    d.accept(command(12, 2));
     d.stop();
     EXPECT_EQ(d.applied().tau, command(0, 0).tau);
     EXPECT_FALSE(d.applied().saturated[0]);
-    ASSERT_TRUE(d.accept(command(3, 4)));
+    d.accept(command(3, 4));
     d.end_tick();
     EXPECT_EQ(d.applied().tau, command(0, 0).tau);
   }
@@ -134,7 +134,7 @@ TEST(Drive, RefusesWhatMakesNoSense) {
   EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), -1), std::logic_error);
   EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 0, Eigen::Vector2d(1, 0)), std::logic_error);
   Drive d = drive(0);
-  EXPECT_THROW((void)d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
+  EXPECT_THROW(d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
 }
 
 }  // namespace

@@ -190,7 +190,7 @@ std::string measurable(bool flexible, EncoderSide side) {
   std::string result;
   const auto note = [&](auto measurement) {
     try {
-      require_encoders<decltype(measurement)>(s);
+      experiment::require_encoders(s, decltype(measurement)::suffix);
       result += '1';
     } catch (const diagnostics::Failure&) {
       result += '0';

@@ -163,6 +163,23 @@ TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
   }
 }
 
+TEST(RobotDriver, ThatIsTheClockComesToRestInItsOwnTime) {
+  const experiment::Scenario s = limited({"loop.period_s=0.01", "loop.duration_s=10"});
+  Peers peers(s);
+  peers.on_measurement = [&](std::int64_t k) {
+    if (k == 300) return peers.non_finite_command(k, controllers_address);
+    peers.command(k, torque_of(k));
+  };
+  Ticking robot;
+  robot.period_s = 0.01;
+  robot.tenth_s = 0.02;
+  const auto begin = loop::Clock::now();
+  EXPECT_EQ(run(s, peers, nullptr, &robot).code, ExitCode::protective_stop);
+  EXPECT_EQ(peers.truths.back().fault, DriveFault::protective_stop);
+  // By the wall clock tick 301 is 3 s after the start, and this robot's ticks take microseconds.
+  EXPECT_LT(loop::Clock::now() - begin, 2s);
+}
+
 TEST(RobotDriver, IsHeldFromTheFirstTickOnUnlessTheScenarioSaysOtherwise) {
   const std::vector<std::string> hanging = {
       "robot.gravity_m_per_s2=9.81", "plant.drive.torque_limit_Nm=1000",

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnostics/failure.h"
+#include "tests/support/temporary_directory.h"
 
 namespace tachless::process {
 namespace {
@@ -36,6 +37,25 @@ TEST(Child, RunTellsOfASignal) {
 
 TEST(Child, RunWaitsForAProgramThatClosedItsOutput) {
   EXPECT_EQ(run(shell("exec >&- 2>&-; sleep 0.05; exit 3")).exit_code, 3);
+}
+
+TEST(Child, EndsAreTakenThoughTheirSignalWasIgnored) {
+  std::signal(SIGCHLD, SIG_IGN);
+  EXPECT_EQ(run(shell("exit 3")).exit_code, 3);
+  std::signal(SIGCHLD, SIG_IGN);
+  EXPECT_TRUE(works_in_a_copy([] { return true; }));
+  std::signal(SIGCHLD, SIG_DFL);
+}
+
+TEST(FindProgram, FindsNoFolder) {
+  const TemporaryDirectory directory;
+  std::filesystem::create_directory(directory.path() / "ls");
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", (directory.path().string() + ":" + path).c_str(), 1);
+  const auto found = find_program("ls");
+  setenv("PATH", path.c_str(), 1);
+  ASSERT_TRUE(found);
+  EXPECT_NE(*found, directory.path() / "ls");
 }
 
 TEST(Child, ReadsNothingFromTheTerminal) {

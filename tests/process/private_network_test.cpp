@@ -48,7 +48,7 @@ int leaves_with_working_multicast() {
   enter_private_network();
   if (network() == before) return 1;
   const auto route = bus::multicast_route({});
-  if (!route || route->interface != "lo" || !route->up || !route->multicast) return 2;
+  if (!route || route->interface != "lo" || !route->multicast) return 2;
   return bus::check_network({}) ? 3 : 0;
 }
 

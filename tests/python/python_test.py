@@ -7,6 +7,7 @@ import os
 import pathlib
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -195,6 +196,13 @@ class Controllers(Folder):
         law = self.script("def stopping(k, t, m, r):\n    raise KeyboardInterrupt\ntachless.run_controller(stopping)\n")
         self.assertIn("the law stopping raised KeyboardInterrupt: , at tick 0", self.run_paper(law, code=5))
 
+    def test_what_set_gains_raises_ends_it_before_the_run(self):
+        law = self.script("class Law:\n    def set_gains(self, gains): raise ValueError('kp is too large')\n"
+                          "    def __call__(self, k, t, m, r): return 0 * m.q\ntachless.run_controller(Law())\n")
+        said = self.run_paper(law, code=2)
+        self.assertIn("the law Law raised ValueError: kp is too large, in set_gains", said)
+        self.assertNotIn("internal error", said)
+
     def test_a_torque_that_is_not_finite_ends_the_run(self):
         law = self.script("tachless.run_controller(lambda k, t, m, r: m.q * (np.nan if k == 50 else 0), name='nan')\n")
         self.assertIn("of law nan at tick 50 is not finite", self.run_paper(law, code=5))
@@ -212,6 +220,37 @@ class Controllers(Folder):
         run = tachless.read(self.folder / "run")
         self.assertEqual(run.law, "Law (external)")
         np.testing.assert_array_equal(run["tau"][:, 0], 1e-6 * np.arange(1, 2001))
+
+    def test_gaps_in_realtime_are_stepped_over_along_a_straight_line(self):
+        # A run in which the controller acts on no tick from 100 to 110, as far as its log says.
+        tachless_command("run", scenarios / "practical_rigid.yaml", "--mode", "realtime", "--isolate", "--any-outcome",
+                         "--duration", 0.2, "--out", self.folder / "run", "--set", "loop.max_missed=100",
+                         "--set", "loop.max_missed_share=1")
+        log, whole, at = b"", (self.folder / "run/lcmlog").read_bytes(), 0
+        while at < len(whole):
+            channel_size, size = struct.unpack_from(">ii", whole, at + 20)
+            message = at + 28 + channel_size
+            tick, = struct.unpack_from(">q", whole, message + 24)
+            if whole[at + 28: message] not in (b"ARM_COMMAND", b"ARM_CONTROLLER_STATE") or not 100 <= tick <= 110:
+                log += whole[at: message + size]
+            at = message + size
+        (self.folder / "gap").write_bytes(log)
+        law = self.script(f"""
+calls = []
+def law(k, t, m, r):
+    calls.append([k, t, *m.q, *r.q])
+    if k == 150: np.save("{self.folder}/calls.npy", calls)
+    return 0 * m.q
+tachless.run_controller(law)
+""")
+        tachless_command("replay", self.folder / "gap", "--controller", law)
+        calls = np.load(self.folder / "calls.npy")
+        np.testing.assert_array_equal(calls[:, 0], np.arange(calls[0, 0], 151))
+        np.testing.assert_allclose(calls[:, 1], 1e-3 * calls[:, 0], rtol=1e-15)
+        before, *gap, after = calls[calls[:, 0] >= 99][:13, 2:]
+        shares = np.arange(1, 12)[:, None] / 12
+        # Some roundings of positions below 0.1 rad; the reference itself, of 5 Hz, is up to 5e-4 rad beside the line.
+        np.testing.assert_allclose(gap, before + shares * (after - before), rtol=0, atol=1e-15)
 
 
 class Documentation(unittest.TestCase):
@@ -352,8 +391,19 @@ except KeyboardInterrupt:
 """)
         self.assertEqual(said, ["ended"])
 
+    def test_it_may_wait_for_as_long_as_one_says(self):
+        said = self.in_a_network_of_its_own("""
+for seconds in (1e10, float("inf")):
+    threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
+    try:
+        print(list(tachless.listen("ARM_COMMAND", seconds=seconds)))
+    except KeyboardInterrupt:
+        print("ended")
+""")
+        self.assertEqual(said, ["ended", "ended"])
+
     def test_what_is_no_bus(self):
-        with self.assertRaisesRegex(tachless.Error, "--lcm-url: .*carrier://pigeon"):
+        with self.assertRaisesRegex(tachless.Error, "^LCM URL 'carrier://pigeon"):
             tachless.listen(lcm_url="carrier://pigeon")
         with self.assertRaisesRegex(tachless.Error, "channel"):
             tachless.listen(64 * "A")
@@ -429,6 +479,8 @@ class TheCommands(Folder):
         found = tachless.identify(self.folder / "run", unknown=["viscous", "coulomb"], write=self.folder / "known.yaml")
         printed = tachless_command("identify", self.folder / "run", "--unknown", "viscous,coulomb", "--json", "--quiet")
         self.assertEqual(dict(found), json.loads(printed))
+        rotor = dict(tachless.identify(self.folder / "run", unknown="rotor"))  # not the letters of the word
+        self.assertEqual(rotor, dict(tachless.identify(self.folder / "run", unknown=["rotor"])))
         self.assertEqual((found.method, found.validated, found.objection), ("output error", False, False))
         self.assertEqual([each["name"] for each in found.parameters],
                          ["viscous shoulder", "viscous elbow", "coulomb shoulder", "coulomb elbow"])

@@ -20,17 +20,18 @@ constexpr const char* pendulum = R"(<robot name="pendulum">
     <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="10" velocity="10"/></joint>
 </robot>)";
 
-experiment::Scenario with_reference(const std::string& reference) {
+experiment::Scenario with_reference(const std::string& reference,
+                                    const std::string& duration_s = "2") {
   return experiment::parse_scenario(
       "name: swing\nrobot: {urdf: pendulum.urdf}\ncontroller: {law: a_law, gains: {}}\n"
-      "loop: {duration_s: 2}\nreference: " +
-          reference + "\n",
+      "loop: {duration_s: " +
+          duration_s + "}\nreference: " + reference + "\n",
       pendulum, "swing.yaml");
 }
 
-std::string refusal(const std::string& reference) {
+std::string refusal(const std::string& reference, const std::string& duration_s = "2") {
   try {
-    (void)make_trajectory(with_reference(reference));
+    (void)make_trajectory(with_reference(reference, duration_s));
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     return failure.what();
@@ -72,6 +73,9 @@ TEST(MakeTrajectory, RefusesToLeaveTheJointLimits) {
   // It starts inside, and leaves later.
   EXPECT_THAT(refusal("{point_to_point: {from_rad: 0, to_rad: 2.5}}"),
               HasSubstr("reference.point_to_point"));
+  // At every half second it is at 0.
+  EXPECT_THAT(refusal("{sinusoid: {amplitude_rad: 2.5, frequency_hz: 2}}", "1000"),
+              HasSubstr("reference.sinusoid"));
 }
 
 }  // namespace

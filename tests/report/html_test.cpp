@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <stdexcept>
 #include <type_traits>
 
 namespace tachless::report {
@@ -33,14 +32,6 @@ TEST(Html, PatternIsMarkupAndTextIsEscaped) {
             "<p><b>a &lt; b</b> &lt;p 7</p>");
   static_assert(!std::is_convertible_v<std::string, Html>, "text becomes HTML visibly");
   EXPECT_EQ(joined({Html("<"), bold}, html("<br>")).markup(), "&lt;<br><b>a &lt; b</b>");
-}
-
-TEST(Html, PageTakesEachPartOnce) {
-  EXPECT_EQ(
-      filled("<h1>{{a}}</h1>{{b}}.", {{"a", Html("<")}, {"b", html("<p>{{c}}</p>")}}).markup(),
-      "<h1>&lt;</h1><p>{c}</p>.");
-  EXPECT_THROW(filled("{{a}}", {}), std::logic_error);
-  EXPECT_THROW(filled("{{a}}", {{"a", {}}, {"b", {}}}), std::logic_error);
 }
 
 TEST(Html, NumbersHaveMinusSignsAndPowersOfTen) {

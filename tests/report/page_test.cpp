@@ -178,7 +178,7 @@ TEST_F(Page, MovesTheRobotWithTheCursor) {
   const robot::Vector q =
       (robot::Vector(2) << ticks[50].y, runs[0].tracking.joints()[1].q.points()[50].y).finished();
   const Eigen::Vector3d tool =
-      robot::frame_pose<double>(*scenario.model, robot::farthest_leaves(*scenario.model).front(), q)
+      robot::frame_pose(*scenario.model, robot::farthest_leaves(*scenario.model).front(), q)
           .p;
   EXPECT_GT(q.norm(), 0.01) << "no posture that shows little";
   EXPECT_NEAR(number_after(browsed.output, "x"), tool.x(), 1e-6);
@@ -288,10 +288,9 @@ TEST_F(Page, ShowsTheVisualsOfTheUrdf) {
   put(R"(<cylinder radius="0.15" length="0.06"/>)", "not_there.stl");
   const fs::path folder = directory_.path() / "urdf", page = directory_.path() / "report.html";
   write_meshes(folder);
-  std::ofstream(folder / "arm.urdf") << urdf;
   std::vector<RecordedRun> runs;
   runs.push_back(recorded("one", scenario));
-  runs[0].visuals = read_visuals(folder / "arm.urdf");
+  runs[0].visuals = read_visuals(urdf, folder);
   EXPECT_EQ(runs[0].visuals.meshes.size(), 3U);
   write_report(runs, page);
   const Browsed browsed = tried(page, R"(

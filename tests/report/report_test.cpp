@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
@@ -13,6 +14,7 @@
 #include <string>
 
 #include "bus/wire.h"
+#include "certificate/stability_certificate.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "report/report_sections.h"
@@ -41,6 +43,20 @@ class Report : public ::testing::Test {
   }
   RecordedRun run(const std::string& directory, const std::vector<Recorded>& messages) {
     return read_recorded_run(write_log(directory, messages));
+  }
+  /// The gains of the ticks [from, to).
+  static void set_gains(std::vector<Recorded>& messages, std::size_t from, std::size_t to) {
+    bus::Codec<loop::ReferencePoint> codec(loop::layout(2, false));
+    for (std::size_t tick = from; tick < to; ++tick) {
+      std::string& data = messages[1 + 6 * tick + 2].data;
+      loop::Stamp stamp;
+      loop::ReferencePoint reference;
+      ASSERT_EQ(codec.decode(std::as_bytes(std::span(data)), stamp, reference),
+                bus::Rejection::none);
+      reference.gains = "kp=300,100";
+      const auto bytes = codec.encode(stamp, reference);
+      data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    }
   }
   static std::string page_of(std::vector<RecordedRun> runs) {
     label(runs);
@@ -132,6 +148,81 @@ TEST_F(Report, ShowsTheTrackingFigureWithoutALibraryAndNamesThePackages) {
   const std::string page = logger::read_file(html);
   EXPECT_THAT(page, AllOf(HasSubstr("<figure class=\"wide\"><svg role=\"img\""),
                           Not(HasSubstr("<script")), Not(HasSubstr("<noscript"))));
+  ::testing::internal::CaptureStderr();
+  EXPECT_THAT(live_page(runs[0], {}, libraries), Not(HasSubstr("<script")));
+  EXPECT_THAT(::testing::internal::GetCapturedStderr(),
+              HasSubstr("the live page has no charts that move"));
+}
+
+TEST_F(Report, ShowsARunToItsEndThoughTicksAreMissing) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.2"));
+  std::erase_if(messages, [](const Recorded& message) {
+    return message.channel == "ARM_REFERENCE" && message.utime >= 50'000 && message.utime < 100'000;
+  });
+  const RecordedRun recorded = run("a", messages);
+  EXPECT_EQ(recorded.tracking.num_ticks(), 150);
+  const Figure figure =
+      tracking_figure(recorded.tracking, recorded.label, 0.2, recorded.joints, 500);
+  EXPECT_THAT(
+      page_of({recorded}),
+      HasSubstr(inline_svg(figure, "Positions, errors and torques over time: " + recorded.label)
+                    .markup()));
+}
+
+TEST_F(Report, SaysThatALogHasNoTruth) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
+  std::erase_if(messages, [](const Recorded& each) { return each.channel == "ARM_TRUTH"; });
+  EXPECT_THAT(page_of({run("a", messages)}),
+              AllOf(HasSubstr("In the log: no ARM_TRUTH"), Not(HasSubstr("No torque saturated"))));
+}
+
+TEST_F(Report, TakesSaturationAsAShareOfAllTicksOfTheLog) {
+  auto messages = support::in_process_log(
+      support::shortened("practical_rigid.yaml", "0.2", {"plant.drive.torque_limit_Nm=[200, 20]"}));
+  std::erase_if(messages, [](const Recorded& message) {
+    return message.channel == "ARM_REFERENCE" && message.utime >= 100'000;
+  });
+  const RecordedRun recorded = run("a", messages);
+  ASSERT_EQ(recorded.tracking.num_ticks(), 100) << "half of the 200";
+  const auto percent = [&](std::size_t joint) {
+    return static_cast<double>(recorded.saturated[joint].count) / 2;
+  };
+  ASSERT_GT(percent(0), 0);
+  // The same division by 200, in another order.
+  EXPECT_NEAR(recorded.verdict.saturated_share, std::max(percent(0), percent(1)) / 100, 1e-12);
+  EXPECT_THAT(results_table({recorded}).markup(),
+              HasSubstr(number(fmt::format("{:.3g}", percent(0))).markup() + " %</td>"));
+}
+
+TEST_F(Report, OfALogThatEndsEarlyJudgesARunThatIsKnownToHaveEndedWell) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.2"));
+  messages.resize(1 + 6 * 150);
+  const auto log = write_log("a", messages);
+  EXPECT_EQ(read_recorded_run(log).verdict.reason, "ended after 150 of 200 ticks");
+  EXPECT_FALSE(bad(read_recorded_run(log, {}, {}, true).verdict.outcome));
+}
+
+TEST_F(Report, PlacesAFaultAtTheLastTickThatAMessageCanName) {
+  const RecordedRun recorded =
+      run("a", support::in_process_log(support::shortened("regulation.yaml", "0.01")));
+  constexpr std::int64_t last = std::numeric_limits<std::int64_t>::max();
+  const auto [from_s, to_s] = recorded.seconds({{last, last}}).at(0);
+  EXPECT_GT(from_s, 0);
+  EXPECT_GE(to_s, from_s);
+}
+
+TEST(Visuals, HaveTheMeshesAndNoOtherFiles) {
+  const TemporaryDirectory directory;
+  for (const char* name : {"arm.stl", "hand.obj", "wood.png", "hull.stl"}) {
+    std::ofstream(directory / name) << name;
+  }
+  const Visuals visuals = read_visuals(
+      "<visual><material><texture filename=\"wood.png\"/></material><geometry><mesh "
+      "filename=\"arm.stl\"/></geometry></visual><visual><geometry><mesh filename = 'hand.obj'/>"
+      "</geometry></visual><collision><mesh filename=\"hull.stl\"/></collision>",
+      directory.path());
+  EXPECT_THAT(visuals.meshes, ElementsAre(std::pair("arm.stl", base64("arm.stl")),
+                                          std::pair("hand.obj", base64("hand.obj"))));
 }
 
 TEST_F(Report, MarksWhatDiffersBetweenScenarios) {
@@ -218,7 +309,7 @@ TEST_F(Report, ShowsWhatWentWrong) {
   const auto path = directory_.path() / "lcmlog";
   logger::write_file(path, bytes);
   const std::string page = page_of({read_recorded_run(path)});
-  EXPECT_THAT(page, HasSubstr("No ARM_COMMAND in 1 tick"));
+  EXPECT_THAT(page, HasSubstr("In the log: ARM_COMMAND missing in 1 ticks"));
   EXPECT_THAT(page, HasSubstr("Torque of joint 1 (shoulder) saturated"));
   EXPECT_THAT(page, HasSubstr("Fault of the controller at tick 17: &lt;encoder&gt; &amp; cable"));
   EXPECT_THAT(page, HasSubstr("The log is damaged"));
@@ -238,18 +329,29 @@ TEST_F(Report, NamesALawThatThisVersionDoesNotKnow) {
 
 TEST_F(Report, NamesAChangeOfGains) {
   auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
-  bus::Codec<loop::ReferencePoint> codec(loop::layout(2, false));
-  for (std::size_t tick = 40; tick < 100; ++tick) {
-    std::string& data = messages[1 + 6 * tick + 2].data;
-    loop::Stamp stamp;
-    loop::ReferencePoint reference;
-    ASSERT_EQ(codec.decode(std::as_bytes(std::span(data)), stamp, reference), bus::Rejection::none);
-    reference.gains = "kp=300,100";
-    const auto bytes = codec.encode(stamp, reference);
-    data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  }
+  set_gains(messages, 40, 100);
   EXPECT_THAT(page_of({run("a", messages)}),
-              HasSubstr("Gains of the law from tick 40: kp=300,100"));
+              AllOf(HasSubstr("Gains of the law from tick 40: kp=300,100"),
+                    HasSubstr("No torque saturated, no command was missed")));
+}
+
+/// The bound is of a run from its start under one law.
+TEST_F(Report, HoldsVToNoBoundOnceTheGainsWereOthers) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
+  const double V0 = run("alone", messages).lyapunov.points().front().y;
+  const auto violated = [&](const std::string& name) {
+    // It begins far above V and falls below it within 8 ms, in which V falls by exp(-0.6).
+    certificate::CertifiedRun steep;
+    steep.V0 = 1e3 * V0;
+    steep.level = V0;
+    steep.rate = 1000;
+    return read_recorded_run(write_log(name, messages), {},
+                             [&](const auto&) { return std::optional(steep); })
+        .above_bound_s;
+  };
+  EXPECT_TRUE(violated("a"));
+  set_gains(messages, 1, 5);
+  EXPECT_FALSE(violated("b"));
 }
 
 TEST_F(Report, OverlaysRunsWithALegend) {

@@ -35,8 +35,9 @@ SweepPlan plan_of(const std::vector<std::string>& axes, const std::string& file 
 std::vector<SweepRow> rows_of(const SweepPlan& plan) {
   std::vector<SweepRow> rows;
   for (std::int64_t i = 0; i < plan.num_cases(); ++i) {
-    rows.push_back({"", plan.at(i), study::Outcome::converged,
-                    std::vector<double>(study::measure_columns().size(), 1.0 + i), ""});
+    rows.push_back(
+        {"", plan.at(i), study::Outcome::converged,
+         std::vector<double>(study::measure_columns(plan.is_comparison()).size(), 1.0 + i), ""});
   }
   return rows;
 }
@@ -130,6 +131,21 @@ TEST_F(SweepPage, RefusesWhatItCannotShow) {
   EXPECT_THAT(refusal(map, "energy,rms_error"), HasSubstr("a map shows one measure"));
   EXPECT_THAT(refusal(map, "energy,"), HasSubstr("no measure; allowed: outcome, peak_error"));
   EXPECT_EQ(refusal(map, "energy"), "drawn");
+}
+
+TEST(SweepMap, OfAnAxisWithOneValueHasCellsAroundIt) {
+  SweepPlan plan = plan_of({bits, "plant.initial.position_rad[0]=-1:-1:1"});
+  const auto expect_around = [&](double value) {
+    const Chart chart = maps_figure(plan, rows_of(plan), {}).charts.at(0);
+    ASSERT_TRUE(chart.y_range);
+    EXPECT_LT(chart.y_range->first, value);
+    EXPECT_GT(chart.y_range->second, value);
+    for (const Cell& cell : chart.cells) EXPECT_LT(cell.bottom, cell.top);
+  };
+  expect_around(-1);
+  plan.axes[1] = study::parse_axis("plant.payload.mass_kg=0.01:0.01:1:log", false);
+  expect_around(0.01);
+  EXPECT_GT(maps_figure(plan, rows_of(plan), {}).charts.at(0).y_range->first, 0) << "a logarithm";
 }
 
 TEST_F(SweepPage, OfAComparisonIsATable) {

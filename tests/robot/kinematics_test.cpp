@@ -40,7 +40,9 @@ TEST(FramePose, MovesAsTheKineticAndPotentialEnergyOfAPayloadSay) {
     const Model loaded = with_payload(model, {.mass = 2}, link);
     for (int k = 0; k < 20; ++k) {
       const Vector q = random.vector(4, 1), v = random.vector(4, 2);
-      const Vector3Of<Jet2> p = frame_pose(model, link, jet(q, v, Vector::Zero(4))).p;
+      const Vector3Of<Jet2> p = testing::moving_pose(model, model.frames.at(link), q, v).p;
+      const Eigen::Vector3d at(p[0].value, p[1].value, p[2].value);
+      EXPECT_LT((at - link_position(model, link, q)).norm(), 64 * eps);
       const Eigen::Vector3d rate(p[0].first, p[1].first, p[2].first);
       // Energies to 100 J.
       EXPECT_NEAR(testing::kinetic_energy(loaded, q, v) - testing::kinetic_energy(model, q, v),
@@ -59,7 +61,7 @@ TEST(ForceTorque, HasThePowerOfTheForce) {
     for (int k = 0; k < 20; ++k) {
       const Vector q = random.vector(4, 1), v = random.vector(4, 2);
       const Eigen::Vector3d p_F = random.vector(3, 0.5), force = random.vector(3, 10);
-      const Pose<Jet2> X = frame_pose(model, frame, jet(q, v, Vector::Zero(4)));
+      const Pose<Jet2> X = testing::moving_pose(model, frame, q, v);
       double power = 0;
       for (int i = 0; i < 3; ++i) {
         power += force[i] * (X.p[i].first + X.R(i, 0).first * p_F[0] + X.R(i, 1).first * p_F[1] +

@@ -26,12 +26,12 @@ inline Jet2 cos(const Jet2& x) {
 
 /// Position of a URDF link's origin in the root link's frame [m].
 inline Eigen::Vector3d link_position(const Model& model, const std::string& link, const Vector& q) {
-  return frame_pose<double>(model, link, q).p;
+  return frame_pose(model, link, q).p;
 }
 
 }  // namespace tachless::robot
 
-/// Robots and random states that the tests of this room share.
+/// Robots, motions and random states that the tests of this room share.
 namespace tachless::robot::testing {
 
 inline std::string read_text(const std::string& path) {
@@ -110,6 +110,17 @@ struct TwoLinkClosedForm {
     return out;
   }
 };
+
+/// `frame_pose` with its rate at velocity `v`.
+inline Pose<Jet2> moving_pose(const Model& model, const Frame& frame, const Vector& q,
+                              const Vector& v) {
+  const JetVector along = jet(q, v, Vector::Zero(q.size()));
+  Pose<Jet2> X{frame.R_BF.cast<Jet2>(), frame.p_BF.cast<Jet2>()};
+  for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
+    X = joint_pose(model.bodies[i], along) * X;
+  }
+  return X;
+}
 
 /// Uniform vectors from a fixed seed.
 class Random {

@@ -111,6 +111,27 @@ TEST(SweepPlan, AVariedPeriodKeepsWholePeriodsInTheRun) {
   const experiment::LoopSpec loop = plan.scenario(plan.at(0)).loop;
   EXPECT_EQ(loop.num_ticks, 7143);  // 5 s / 0.7 ms = 7142.9
   EXPECT_NEAR(loop.duration_s, 5, 7e-4);
+  // Of a factor the period is that times what the scenario has: 1 ms.
+  const SweepPlan factor = plan_of({"loop.period_s*=0.7,3"});
+  EXPECT_EQ(factor.scenario(factor.at(0)).loop.num_ticks, 7143);
+}
+
+TEST(SweepPlan, VariesLargeWholeNumbers) {
+  const SweepPlan plan = plan_of({"plant.encoder.seed=100000,2000000"});
+  EXPECT_EQ(plan.scenario(plan.at(1)).plant.encoder.seed, 2000000);
+}
+
+TEST(SweepPlan, BoundsItsRunsAndCountsThoseOfAllLaws) {
+  SweepPlan plan = plan_of({"plant.payload.mass_kg=0:2"}, 9'000'000'000'000'000'000);
+  plan.laws.push_back({"wen_bayard", {}});
+  EXPECT_EQ(problem_of([&] { (void)plan.num_cases(); }),
+            "a sweep of 1.8e+19 runs; allowed: at most 1e+08");
+}
+
+TEST(SweepPlan, IsWrittenOfAFileWhoseNameIsNoUtf8) {
+  SweepPlan plan = plan_of({"plant.payload.mass_kg=0,1"});
+  plan.source = "caf\xe9.yaml";
+  EXPECT_EQ(SweepPlan::from_json(plan.json(), "plan.json").source, "caf\uFFFD.yaml");
 }
 
 TEST(SweepPlan, DrawsDependOnSeedCaseAndAxisAlone) {

@@ -3,12 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <fstream>
 #include <numbers>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "study/measures.h"
 #include "tests/support/temporary_directory.h"
 
@@ -81,6 +83,18 @@ TEST_F(ASweep, HasARowPerCaseAndDivergingIsOne) {
   EXPECT_EQ(rows[0].measures[0], alone.peak_error);
   EXPECT_GE(alone.peak_error, 0.1);  // it begins there
   EXPECT_EQ(rows[0].outcome, alone.verdict.outcome);
+}
+
+TEST_F(ASweep, TellsWhyARunStoppedInWordsAndNotAsAFieldOfATable) {
+  EXPECT_TRUE(sweep_.run({}, 2, always, unseen));
+  const auto file = directory_ / "rows-1-of-1.csv";
+  const std::string text = diagnostics::file_text(file).value();
+  const std::size_t reason = text.rfind(',') + 1;  // the last row's, which is empty
+  std::ofstream(file) << text.substr(0, reason)
+                      << "\"joint \"\"a\"\" is at 3, outside of its range\"\n";
+  EXPECT_EQ(std::ranges::count(sweep_.rows(), "joint \"a\" is at 3, outside of its range",
+                               &SweepRow::stopped),
+            1);
 }
 
 TEST_F(ASweep, IsTheSameWhateverTheThreads) {

@@ -3,12 +3,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <atomic>
+#include <chrono>
 #include <csignal>
+#include <cstddef>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "bus/udp_transport.h"
 #include "logger/run_log.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
@@ -116,6 +122,34 @@ TEST_F(GainsInARun, AreRefusedWhereTheyAreUnstableUnknownOrNotAllowed) {
   logger::TickRecord record;
   while (log.next(record)) continue;
   EXPECT_TRUE(log.summary().gains.empty());
+}
+
+/// Another count would end the run: the law's memory has its size.
+TEST_F(GainsInARun, KeepTheCountsThatTheRunBeganWith) {
+  play({"--set",
+        "controller={law: kalman_velocity, gains: {kp: [4000, 240], kd: [200, 12], "
+        "process_noise: 100, order: 2}, gains_may_change: true}"});
+  EXPECT_EQ(change({"arm", "order=3"}), 2) << said;
+  EXPECT_THAT(said, HasSubstr("controller.gains.order: a count sizes the law's memory"));
+  EXPECT_EQ(change({"arm", "order=2", "kp=[3000, 200]"}), 0) << said;
+  end();
+}
+
+TEST_F(GainsInARun, AreChangedWhateverElseIsSentOnTheRunsChannels) {
+  play(may_change);
+  std::atomic<bool> done = false;
+  std::thread stranger([&] {
+    bus::UdpTransport bus;
+    const std::array<std::byte, 5> no_stamp{};
+    while (!done) {
+      bus.publish("ARM_RUN_INFO", no_stamp);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  });
+  EXPECT_EQ(change({"arm", "kp=[300, 100]"}), 0) << said;
+  done = true;
+  stranger.join();
+  end();
 }
 
 TEST_F(GainsInARun, StayWhereTheScenarioDoesNotLetThemChange) {

@@ -16,7 +16,7 @@ find "$prefix" -type d -empty | sed 's/$/: is empty/' | grep . && fail=1
 
 # They find tachless where packages are missing that it is built with and they do not need.
 without=()
-for package in CLI11 Clp Httplib Lcm NLopt urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
+for package in CLI11 NLopt urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
 for example in own_law own_driver iiwa simulate_and_read; do
   rm -rf "$prefix/work/$example"
   mkdir -p "$prefix/work"

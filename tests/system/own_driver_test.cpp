@@ -10,10 +10,12 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "bus/udp_transport.h"
 #include "logger/run_log.h"
 #include "loop/truth/plant_truth.h"
 #include "tests/support/private_network.h"
@@ -161,19 +163,27 @@ TEST_F(OwnDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
   }
 }
 
+const std::string built = TACHLESS_BINARY_DIR "/installed/work/iiwa/build/";
+
+/// The driver in the plant's place, and the rig.
+struct IiwaRun : FourPrograms {
+  IiwaRun() : FourPrograms("../examples/iiwa/iiwa.yaml") {
+    plant = built + "iiwa_driver";
+    // No busy machine shall end this run.
+    settings = {"--set", "loop.max_missed=400",        "--set", "loop.max_missed_share=1",
+                "--set", "plant.following_error_rad=1"};
+  }
+  Program rig{built + "iiwa_rig",
+              {system_test::scenarios + "../examples/iiwa/iiwa.yaml"},
+              directory().path()};
+};
+
 TEST(IiwaDriver, MovesAnArmThatAddsGravityAndIsTheClock) {
-  const std::string built = TACHLESS_BINARY_DIR "/installed/work/iiwa/build/";
   // LCM's hashes of the fields that RobotLocomotion/drake lists.
   EXPECT_THAT(contents(built + "drake/lcmt_iiwa_status.hpp"), HasSubstr("0xf8b7dc0214255e51"));
   EXPECT_THAT(contents(built + "drake/lcmt_iiwa_command.hpp"), HasSubstr("0x6ee3e3b9c640a99a"));
 
-  FourPrograms run{"../examples/iiwa/iiwa.yaml"};
-  const Program rig(built + "iiwa_rig", {system_test::scenarios + "../examples/iiwa/iiwa.yaml"},
-                    run.directory().path());
-  run.plant = built + "iiwa_driver";
-  // No busy machine shall end this run.
-  run.settings = {"--set", "loop.max_missed=400",        "--set", "loop.max_missed_share=1",
-                  "--set", "plant.following_error_rad=1"};
+  IiwaRun run;
   run.start_all();
   run.expect_all_done();
   logger::RunLog log = logger::RunLog::open(run.log_path());
@@ -188,8 +198,39 @@ TEST(IiwaDriver, MovesAnArmThatAddsGravityAndIsTheClock) {
   EXPECT_NEAR(q[3], -1.1, 0.02);
 }
 
+TEST(IiwaDriver, EndsAsInterruptedWhateverItWaitsFor) {
+  IiwaRun run;
+  run.settings.insert(run.settings.end(), {"--set", "loop.duration_s=60"});
+  run.start_all();
+  wait_until("the arm moves", [&] { return run.log_size() > 200'000; });
+  run["plant"].signal(SIGINT);  // nearly always while it waits for a status
+  EXPECT_EQ(run["plant"].wait(), 130) << run["plant"].errors();
+  for (const char* role : {"reference", "controller", "logger"}) {
+    EXPECT_EQ(run[role].wait(), 3) << run[role].errors();
+  }
+}
+
+TEST(IiwaDriver, PassesOverDamagedStatuses) {
+  IiwaRun run;
+  run.start_all();
+  wait_until("the run begins", [&] { return run.log_size() > 0; });
+  bus::UdpTransport transport;
+  // A status's hash (turned by a bit, as LCM does) and time, then -1 joints, for which lcm-gen's
+  // code cannot make room. Or three joints, of which nothing follows: fewer than the arm has.
+  for (const unsigned char joints : {0xff, 0x03}) {
+    std::vector<unsigned char> status = {0xf1, 0x6f, 0xb8, 0x04, 0x28, 0x4a, 0xbc, 0xa3};
+    status.resize(16);
+    status.resize(19, joints == 0xff ? 0xff : 0);
+    status.push_back(joints);
+    for (int i = 0; i < 500 && run["plant"].running(); ++i) {
+      transport.publish("IIWA_STATUS", std::as_bytes(std::span(status)));
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  run.expect_all_done();
+}
+
 TEST(IiwaDriver, RampsAnArmFromWhereItStandsToTheStart) {
-  const std::string built = TACHLESS_BINARY_DIR "/installed/work/iiwa/build/";
   const std::string folder = TACHLESS_SOURCE_DIR "/examples/iiwa/";
   const TemporaryDirectory directory;
   std::string elsewhere = contents(folder + "iiwa.yaml");

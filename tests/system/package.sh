@@ -20,7 +20,7 @@ codes=$(sed -n 's/^  [a-z_]* = \([0-9]*\),.*/\1/p' "$tree/diagnostics/failure.h"
 [[ $verbs == *-run* && $codes == *130* ]]
 for page in '' -plant -reference -controller -logger $verbs; do
   zcat "usr/share/man/man1/tachless$page.1.gz" >page
-  for line in 'SH SYNOPSIS' 'SH OPTIONS' 'SH EXAMPLES' 'SH EXIT STATUS' 'SH ENVIRONMENT' 'fBTACHLESS_KEY_FILE\fR' 'SH SEE ALSO'; do
+  for line in 'SH SYNOPSIS' 'SH OPTIONS' 'SH EXAMPLES' 'SH EXIT STATUS' 'SH ENVIRONMENT' 'fBTACHLESS_KEY_FILE\fR' 'fBNO_COLOR\fR' 'SH SEE ALSO'; do
     grep -qF "$line" page || { echo "tachless$page.1: no $line"; exit 1; }
   done
   for code in $codes; do grep -qF "fB$code\fR" page || { echo "tachless$page.1: no exit code $code"; exit 1; }; done

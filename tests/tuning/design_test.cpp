@@ -1,5 +1,6 @@
 #include "tuning/design.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -158,7 +159,7 @@ TEST(Design, KnowsFriction) {
                       "plant.drive.coulomb_friction_Nm=[0, 2000]"}),
              {});
   EXPECT_LT(found.loop.modes.settling_s, 0.15);  // by kp = w^2 m alone: seconds
-  EXPECT_NEAR(found.stuck_error[1], 2000 / found.gains.at("kp")[1], 1e-6);
+  EXPECT_NEAR(found.loop.rest_error[1], 2000 / found.gains.at("kp")[1], 1e-6);
   ASSERT_EQ(found.warnings.size(), 1);
   EXPECT_THAT(found.warnings[0], HasSubstr("joint 2 (elbow) stops up to"));
 }
@@ -329,6 +330,39 @@ TEST(Design, BeginsWithTheScenariosGainsWhereTheRuleFindsNone) {
   const Design found = design(shipped("flexible_regulation"), {});
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_LT(found.loop.modes.settling_s, 1.5);
+}
+
+/// An arm that turns and reaches out by three slides.
+std::string sliding_arm_urdf() {
+  const auto link = [](int i, double mass, double inertia) {
+    return fmt::format(
+        "<link name='l{}'><inertial><mass value='{}'/><inertia ixx='{}' iyy='{}' izz='{}' ixy='0' "
+        "ixz='0' iyz='0'/></inertial></link>",
+        i, mass, inertia, inertia, inertia);
+  };
+  std::string urdf = "<robot name='arm'><link name='base'/>" + link(0, 1, 0.1) +
+                     "<joint name='j0' type='continuous'><parent link='base'/><child link='l0'/>"
+                     "<axis xyz='0 0 1'/></joint>";
+  for (int i = 1; i <= 3; ++i) {
+    urdf += link(i, 0.5, 0.01) +
+            fmt::format(
+                "<joint name='j{}' type='prismatic'><parent link='l{}'/><child link='l{}'/>"
+                "<axis xyz='1 0 0'/><limit lower='0' upper='1' effort='1000' "
+                "velocity='10'/></joint>",
+                i, i - 1, i);
+  }
+  return urdf + "</robot>";
+}
+
+/// With the slides drawn in no gains of that stiffness keep the margin.
+TEST(Design, WarnsOfAPostureInRangeThatLacksTheMargin) {
+  const std::string urdf = sliding_arm_urdf();
+  DesignGoal stiff;
+  stiff.least_kp = Eigen::Vector4d(1500, 1, 1, 1);
+  const Design found = design(bare(robot::model_from_urdf(urdf, "arm.urdf"), urdf), stiff);
+  EXPECT_LT(found.modulus_in_range, 0.4);
+  EXPECT_THAT(found.warnings,
+              Contains(HasSubstr("in the joints' range, and 0.45 is asked for there")));
 }
 
 /// A scenario as it is when its law is asked.
