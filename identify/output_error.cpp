@@ -135,8 +135,7 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
                                "end in simulation; nothing is identified");
   }
   // Of a parameter that is near zero: what it began at, or a thousandth of the largest.
-  const VectorXd scale =
-      start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
+  VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
   const robot::Model& model = *recordings.front().scenario.model;
   VectorXd left;
   for (int iteration = 0; iteration < most_iterations; ++iteration) {

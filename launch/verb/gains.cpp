@@ -211,8 +211,7 @@ struct GainsVerb {
       changed.controller.gains[name] = given.controller.gains.at(name);
     }
     controller::scenario_law(changed);  // refuses what the law cannot work with
-    controller::require_same_counts(recorded, changed,
-                                    controller::law_facts(changed.controller.law));
+    controller::require_same_counts(recorded, changed, controller::law_facts(changed));
     return changed;
   }
 };

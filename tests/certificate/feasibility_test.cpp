@@ -39,9 +39,8 @@ TEST(Feasibility, SeesTheSpeedOfALongRunsSinusoid) {
   // At rest at every half second.
   const Feasibility result =
       feasibility(shipped("practical_rigid", {"loop.duration_s=1000",
-                                              "reference.sinusoid="
-                                              "{amplitude_rad: 0.1, frequency_hz: 2, "
-                                              "phase_rad: 1.5707963267948966}"}));
+                                              "reference={sinusoid: {amplitude_rad: 0.1, "
+                                              "frequency_hz: 2, phase_rad: 1.5707963}}"}));
   // 50 instants a period: the largest is at most cos(pi / 50) off.
   for (const JointDemand& joint : result.joints) EXPECT_NEAR(joint.speed, 1.2566, 0.003);
 }

@@ -147,10 +147,12 @@ TEST(Start, HasTheSameShareOfTheTorqueLimitsInCertifyAndInARun) {
 
 /// Of a real robot alone, and only where nothing else is given.
 TEST(MaxMissed, IsWhatTheLoopIsProvedToBear) {
-  const auto planned = [](const char* driver, std::vector<std::string> more) {
+  const auto planned = [](const char* driver, std::vector<std::string> more,
+                          const char* law_program = "") {
     RunOptions options;
     options.mode = "realtime";
     options.plant_program = driver;
+    options.law_program = law_program;
     options.overrides = std::move(more);
     return plan_runs(options, {TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml"})[0];
   };
@@ -163,6 +165,10 @@ TEST(MaxMissed, IsWhatTheLoopIsProvedToBear) {
             std::vector<std::string>{fmt::format("loop.max_missed={}", full.missed->commands)});
   EXPECT_EQ(planned("driver", {"loop.max_missed=30"}).scenario.loop.max_missed, 30);
   EXPECT_EQ(planned("", {}).scenario.loop.max_missed, 20);
+  // Of a program's law too, whose name the run keeps.
+  const PlannedRun own = planned("driver", {}, TACHLESS_BINARY_DIR "/bin/tachless-own-law");
+  EXPECT_EQ(own.scenario.loop.max_missed, full.missed->commands);
+  EXPECT_EQ(own.scenario.controller.law_text(), "own_law (external)");
 }
 
 /// F_c/kp of a law whose stiffness is no gain: w^2 M(q_ref), the least over the motion.
@@ -201,6 +207,28 @@ TEST(Page, HasTheLineOfThePredictionAndTheCertifiedBound) {
                                     ? "V does not rise"
                                     : fmt::format("V(0) exp(−{:.3g} t)", certified->rate)));
   }
+}
+
+/// With weights of its own it is certified that V does not rise, from where they hold the start:
+/// neither that at a constant reference nor a rate.
+TEST(Page, SaysOfALawWithAnIntegralWhatIsCertifiedOfIt) {
+  const experiment::Scenario scenario = support::shortened(
+      "practical_rigid.yaml", "0.1",
+      {"controller.law=loria_ortega_integral", "controller.gains.ki=[10000, 600]",
+       "controller.gains.eps_1=28", "controller.gains.eps_2=0.14"});
+  const TemporaryDirectory directory;
+  const auto log = directory.path() / "lcmlog";
+  logger::write_file(log, logger::log_of(support::in_process_log(scenario)));
+  std::vector<report::RecordedRun> runs;
+  runs.push_back(report::read_recorded_run(log, {}, certificate::certified_run));
+  ASSERT_TRUE(runs[0].certified);
+  ASSERT_EQ(runs[0].certified->rate, 0);
+  label(runs);
+  const report::Overlay all(runs);
+  EXPECT_THAT(report_page(all, report_sections(all)),
+              HasSubstr(fmt::format("the matrix condition certifies that V does not rise from this "
+                                    "start in continuous time (proved), and stays below {:.3g} J.",
+                                    runs[0].certified->level)));
 }
 
 }  // namespace
