@@ -178,8 +178,7 @@ TEST_F(Page, MovesTheRobotWithTheCursor) {
   const robot::Vector q =
       (robot::Vector(2) << ticks[50].y, runs[0].tracking.joints()[1].q.points()[50].y).finished();
   const Eigen::Vector3d tool =
-      robot::frame_pose(*scenario.model, robot::farthest_leaves(*scenario.model).front(), q)
-          .p;
+      robot::frame_pose(*scenario.model, robot::farthest_leaves(*scenario.model).front(), q).p;
   EXPECT_GT(q.norm(), 0.01) << "no posture that shows little";
   EXPECT_NEAR(number_after(browsed.output, "x"), tool.x(), 1e-6);
   EXPECT_NEAR(number_after(browsed.output, "y"), tool.y(), 1e-6);
