@@ -184,14 +184,21 @@ std::optional<Datagram> UdpTransport::parse(std::span<const std::byte> bytes,
 }
 
 std::string_view UdpTransport::name_of(const sockaddr_in& from) {
+  for (const Sender& sender : senders_) {
+    if (sender.size != 0 && same(sender.address, from)) return {sender.text.data(), sender.size};
+  }
+  Sender& sender = senders_[next_sender_];
+  next_sender_ = (next_sender_ + 1) % senders_.size();
+  sender.address = from;
   std::array<char, INET_ADDRSTRLEN> host{"localhost"};
   // What comes over a loopback route has no source address.
   if (from.sin_addr.s_addr != htonl(INADDR_ANY)) {
     inet_ntop(AF_INET, &from.sin_addr, host.data(), host.size());
   }
-  const auto written = fmt::format_to_n(sender_name_.data(), sender_name_.size(), "{}:{}",
-                                        host.data(), ntohs(from.sin_port));
-  return {sender_name_.data(), written.size};
+  sender.size = fmt::format_to_n(sender.text.data(), sender.text.size(), "{}:{}", host.data(),
+                                 ntohs(from.sin_port))
+                    .size;
+  return {sender.text.data(), sender.size};
 }
 
 std::uint64_t UdpTransport::socket_drops() const {

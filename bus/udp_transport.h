@@ -67,6 +67,12 @@ class UdpTransport final : public Transport {
   [[nodiscard]] int receive_buffer_bytes() const;
 
  private:
+  struct Sender {
+    sockaddr_in address{};
+    std::array<char, 32> text{};
+    std::size_t size = 0;
+  };
+
   /// Room for what one call of the kernel yields.
   static constexpr int batch = 16;
   struct Held {
@@ -95,7 +101,8 @@ class UdpTransport final : public Transport {
   int num_held_ = 0;
   int next_held_ = 0;
   std::chrono::nanoseconds pause_{0};
-  std::array<char, 32> sender_name_{};  ///< of the last one handed out, in words
+  std::array<Sender, 8> senders_{};
+  std::size_t next_sender_ = 0;
   BusStatistics statistics_;
   std::uint64_t drops_before_ = 0;
 };
