@@ -221,13 +221,14 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     run.verdict = {};
     run.verdict.reason = "a dry run, the robot was sent nothing";
   }
+  run.outcome = read_outcome(run);
+  if (run.outcome.is_object() && run.outcome_of("fault").is_null()) ended_well = true;
   const std::int64_t ticks = run.summary.last_tick + 1;
   if (ticks < run.info.num_ticks && !ended_well) {
     run.verdict.outcome = study::Outcome::stopped;
     run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);
   }
   run.damage = log.damage();
-  run.outcome = read_outcome(run);
   return run;
 }
 

@@ -92,7 +92,7 @@ using Certify =
 
 /// Reads `log` from its start to its end. `run` chooses among several; without `certify` the cross
 /// terms of V have no weight. A log that ends early is of a run that was stopped, unless that
-/// `ended_well`: then it lacks its last ticks.
+/// `ended_well`, as its summary.json may say too: then it lacks its last ticks.
 /// @throw diagnostics::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
 /// log cannot be made.
 RecordedRun read_recorded_run(const std::filesystem::path& log,

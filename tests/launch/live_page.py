@@ -2,7 +2,7 @@
 """`tachless watch --web` in a real browser: curves and robot of a run that goes on move, the page follows
 and pauses, joins late and leaves without a trace in the run's log, and answers nobody else.
 
-live_page.py TACHLESS SCENARIO [PICTURE]    in a network of its own (unshare -rn)
+live_page.py TACHLESS SCENARIO [PICTURE]    in a network of its own (tests/support/private_network.sh)
 """
 import base64
 import contextlib

@@ -200,6 +200,10 @@ TEST_F(Report, OfALogThatEndsEarlyJudgesARunThatIsKnownToHaveEndedWell) {
   const auto log = write_log("a", messages);
   EXPECT_EQ(read_recorded_run(log).verdict.reason, "ended after 150 of 200 ticks");
   EXPECT_FALSE(bad(read_recorded_run(log, {}, {}, true).verdict.outcome));
+  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": null})";
+  EXPECT_FALSE(bad(read_recorded_run(log).verdict.outcome));
+  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": "it fell"})";
+  EXPECT_TRUE(bad(read_recorded_run(log).verdict.outcome));
 }
 
 TEST_F(Report, PlacesAFaultAtTheLastTickThatAMessageCanName) {
