@@ -155,9 +155,7 @@ Axis parse_axis(const std::string& text, bool drawn) {
 
 std::int64_t SweepPlan::cases_per_law() const {
   double cases = drawn > 0 ? static_cast<double>(drawn) : 1;
-  for (const Axis& axis : axes) {
-    if (drawn == 0) cases *= static_cast<double>(axis.values.size());
-  }
+  for (const Axis& axis : axes) cases *= drawn > 0 ? 1 : static_cast<double>(axis.values.size());
   const double of_all_laws = cases * static_cast<double>(laws.size());
   if (of_all_laws > most_cases) {
     throw diagnostics::bad_usage("a sweep of {:.3g} runs; allowed: at most {:.3g}", of_all_laws,
