@@ -164,8 +164,7 @@ struct Replay {
     if (changed.empty() && !out.empty()) {
       throw diagnostics::bad_usage(
           "--out {}: a replay of what was recorded writes no table; name what is to be changed "
-          "with "
-          "--law or --set",
+          "with --law or --set",
           out.string());
     }
     return changed.empty() ? verify(opened, joints) : compare(changed, opened, joints);
