@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <optional>
 #include <string_view>
 
 #include "diagnostics/failure.h"
@@ -38,7 +39,7 @@ class PythonLaw final : public controller::AnyLaw {
     for (const auto& [gain, value] : scenario.controller.gains) {
       gains[gain.c_str()] = array_of(value);
     }
-    in_python("in set_gains", ExitCode::bad_usage, [&] { f_.attr("set_gains")(gains); });
+    in_python({}, [&] { f_.attr("set_gains")(gains); });
   }
   ~PythonLaw() override {
     const py::gil_scoped_acquire locked;
@@ -79,7 +80,7 @@ class PythonLaw final : public controller::AnyLaw {
 
   void call(std::int64_t tick, const loop::AnyMeasurement& measurement,
             const loop::ReferencePoint& reference, bool anew = false) {
-    in_python(fmt::format("at tick {}", tick), ExitCode::protective_stop, [&] {
+    in_python(tick, [&] {
       if (anew && py::hasattr(f_, "reset")) f_.attr("reset")();
       const py::object tau = f_(
           tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
@@ -90,13 +91,15 @@ class PythonLaw final : public controller::AnyLaw {
   }
 
   /// Under the lock. What `action` raises becomes the run's end; its traceback goes to stderr.
+  /// @param tick nothing: before the run, in set_gains
   template <class Action>
-  void in_python(const std::string& where, ExitCode code, const Action& action) const {
+  void in_python(std::optional<std::int64_t> tick, const Action& action) const {
     const py::gil_scoped_acquire locked;
+    const auto where = [&] { return tick ? fmt::format("at tick {}", *tick) : "in set_gains"; };
     try {
       action();
     } catch (const Failure& failure) {
-      throw Failure(failure.code(), "{}, {}", failure.what(), where);
+      throw Failure(failure.code(), "{}, {}", failure.what(), where());
     } catch (const py::error_already_set& raised) {
       if (interrupt_ == Interrupt::passed_on && raised.matches(PyExc_KeyboardInterrupt)) throw;
       const std::string what =
@@ -106,7 +109,8 @@ class PythonLaw final : public controller::AnyLaw {
       const py::object trace = raised.trace() ? raised.trace() : py::object(py::none());
       py::module_::import("traceback")
           .attr("print_exception")(raised.type(), raised.value(), trace);
-      throw Failure(code, "the law {} raised {}, {}", name_, what, where);
+      throw Failure(tick ? ExitCode::protective_stop : ExitCode::bad_usage,
+                    "the law {} raised {}, {}", name_, what, where());
     }
   }
 

@@ -77,8 +77,7 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
   const VelocityInUse velocity_in_use(controller::law_facts(scenario.controller.law));
   Tracking tracking(scenario.num_joints);
   Yardsticks judged_by = yardsticks(scenario);
-  std::vector<double>& saturated = judged_by.saturated_share;  // ticks, until all are counted
-  saturated.resize(static_cast<std::size_t>(scenario.num_joints));
+  std::vector<double> saturated(static_cast<std::size_t>(scenario.num_joints));  // ticks
   robot::Vector last_tau;
   Measures measures;  // sums, of squares where they become roots of means
   const auto add = [&](const TickRecord& record) {
@@ -114,7 +113,8 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
   }
   if (!whole) return {};
   const std::int64_t ticks = measures.ticks = tracking.num_ticks();
-  for (double& share : saturated) share /= static_cast<double>(ticks);
+  const auto share = [ticks](double of) { return of / static_cast<double>(ticks); };
+  std::ranges::transform(saturated, std::back_inserter(judged_by.saturated_share), share);
   measures.verdict = judge(tracking, judged_by);
   if (stopped) {
     measures.verdict.outcome = Outcome::stopped;

@@ -76,11 +76,8 @@ std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
       index >= plan.num_cases() || !schema::value_of<Outcome>(fields[2 + values])) {
     return {};
   }
-  SweepRow row{line,
-               plan.at(index),
-               *schema::value_of<Outcome>(fields[2 + values]),
-               {},
-               unquoted(fields.back())};
+  SweepRow row{line, plan.at(index), *schema::value_of<Outcome>(fields[2 + values]), {}, {}};
+  row.stopped = unquoted(fields.back());
   for (std::size_t i = 0; i < columns; ++i) {
     row.measures.push_back(diagnostics::number_in(fields[3 + values + i]).value_or(NAN));
   }

@@ -284,7 +284,7 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
   result.settled_s = std::max(0.0, above_s - result.counted_from_s);
   const std::vector<double>& saturated = yardsticks.saturated_share;
   const auto most = std::ranges::max_element(saturated);
-  if (most != saturated.end()) result.saturated_share = *most;
+  if (most != saturated.end() && *most > 0) result.saturated_share = *most;
   if (result.saturated_share > 0.5 && result.outcome < Outcome::saturated) {
     result.outcome = Outcome::saturated;
     result.joint = static_cast<std::size_t>(most - saturated.begin());

@@ -206,6 +206,7 @@ TEST(Verdict, OfAnErrorBeyondTheMotionAndItsStartIsNeverThatTheMotionMakesIt) {
 TEST(Verdict, OfAJointAtItsLimitForMostOfTheRunIsSaturated) {
   const Tracking tracking = run({decay(0.2, 10)}, still);
   EXPECT_EQ(judge(tracking, {.saturated_share = {0.45}}).word(), "converged");
+  EXPECT_EQ(judge(tracking, {.saturated_share = {NAN}}).saturated_share, 0) << "of no tick";
   const Verdict seen = judge(tracking, {.saturated_share = {0.91}});
   EXPECT_EQ(seen.word(), "saturated");
   EXPECT_THAT(text(seen, rotary), HasSubstr("in 91 % of ticks"));
