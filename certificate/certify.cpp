@@ -101,7 +101,7 @@ Group loop_group(const Prediction& p) {
             list_text(p.rest_error));
   group.add("count_torque_Nm", p.count_Nm ? "torque per encoder count" : "",
             p.count_Nm ? json_of(*p.count_Nm) : Json(),
-            p.count_Nm ? list_text(*p.count_Nm) + " N m" : "");
+            p.count_Nm ? fmt::format("{} {}", list_text(*p.count_Nm), p.torque_unit) : "");
   return group;
 }
 
@@ -140,9 +140,8 @@ std::string share_text(const CertifiedStart& start, std::string_view before) {
 /// Where torque limits end the region.
 std::string torque_text(const CertifiedRegion& c) {
   if (c.torque->level >= c.region.level) return "no limit is reached in the region";
-  const double part = std::sqrt(c.torque->level / c.region.level);
   return fmt::format("without saturation from rest up to |e_i| = {} (joint {} is first)",
-                     list_text(part * c.region.e_at_rest), c.torque->joint + 1);
+                     list_text(c.torque->e_at_rest), c.torque->joint + 1);
 }
 
 void add(Group& group, std::string_view key, std::string_view name,

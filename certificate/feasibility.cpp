@@ -25,33 +25,26 @@ constexpr double fastest_cycles_per_tick = 0.1;
 struct Pace {
   std::string key;
   std::string_view question;  ///< the likely mistake in its value
-  /// Per joint the highest frequency that the key gives [Hz]; nothing: it gives times. Read, not
-  /// sampled: the instants looked at may lie at the same phase of each period.
+  /// Per joint the highest frequency that the key gives [Hz], of whatever amplitude; nothing: it
+  /// gives times.
   std::optional<Vector> frequency_hz;
 };
 
 Pace pace_of(const experiment::Scenario& scenario) {
   Pace pace;
-  const auto take = [&](const auto& sine) {
-    pace.question = "frequencies are in Hz, was rad/s given?";
-    if (!pace.frequency_hz) pace.frequency_hz = Vector::Zero(scenario.num_joints);
-    for (Eigen::Index i = 0; i < scenario.num_joints; ++i) {
-      if (sine.amplitude_rad[i] == 0) continue;
-      (*pace.frequency_hz)[i] = std::max((*pace.frequency_hz)[i], sine.frequency_hz[i]);
-    }
-  };
   const auto look_at = [&]<class Kind>(const Kind& kind) {
     pace.key = fmt::format("reference.{}", Kind::name);
     pace.question = "times are in s, was another unit given?";
-    if constexpr (requires { kind.frequency_hz; }) {
-      pace.key += ".frequency_hz";
-      take(kind);
-    } else if constexpr (requires { kind.terms; }) {
-      pace.key += ".terms";
-      for (const auto& term : kind.terms) take(term);
-    }
+    if constexpr (requires { kind.frequency_hz; }) pace.key += ".frequency_hz";
+    if constexpr (requires { kind.terms; }) pace.key += ".terms";
   };
   std::visit(look_at, scenario.reference);
+  for (const auto& sine : reference::sines_of(scenario.reference)) {
+    pace.question = "frequencies are in Hz, was rad/s given?";
+    if (!pace.frequency_hz) pace.frequency_hz = Vector::Zero(scenario.num_joints);
+    const Vector moving = (sine.amplitude_rad.array() == 0).select(0.0, sine.frequency_hz);
+    pace.frequency_hz = pace.frequency_hz->cwiseMax(moving).eval();
+  }
   return pace;
 }
 
@@ -124,9 +117,8 @@ Feasibility feasibility(const experiment::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   Vector at_rest = Vector::Zero(model.num_joints), moving = at_rest, speed = at_rest,
          acceleration = at_rest;
-  const int last = reference::last_instant(scenario.loop.duration_s);
-  for (int k = 0; k <= last; ++k) {
-    const ReferencePoint r = trajectory.at(scenario.loop.duration_s * k / last);
+  for (const double t_s : reference::Motion(scenario, trajectory).closely()) {
+    const ReferencePoint r = trajectory.at(t_s);
     at_rest = at_rest.cwiseMax(robot::gravity_torque(model, r.q_ref).cwiseAbs());
     moving = moving.cwiseMax(drive_torque(scenario, model, r).cwiseAbs());
     speed = speed.cwiseMax(r.v_ref.cwiseAbs());

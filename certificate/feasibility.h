@@ -29,7 +29,7 @@ struct Feasibility {
   std::vector<std::string> doubtful;
 };
 
-/// With the plant's own inertia, payload, friction and rotors, at 2000 instants of the run.
+/// With the plant's own inertia, payload, friction and rotors, at `reference::Motion::closely`.
 /// @throw diagnostics::Failure(bad_usage) when reference or robot cannot be made of it.
 Feasibility feasibility(const experiment::Scenario& scenario);
 

@@ -48,20 +48,27 @@ Eigen::MatrixXcd FrequencyResponse::at(const std::complex<double>& z) const {
   return C_ * state;
 }
 
-std::vector<double> frequencies(const VectorXcd& poles, double period_s, int num_points) {
+std::vector<double> frequencies(const VectorXcd& poles, double period_s, int num_points,
+                                const VectorXcd& peaks) {
   const double highest = std::numbers::pi / period_s;
   double slowest = highest;
   for (const auto& p : poles) {
     const double w = std::abs(std::log(p)) / period_s;
     if (w > 0) slowest = std::min(slowest, w);
   }
-  const double lowest = std::max(1e-2 * slowest, 1e-6 * highest);
+  const double lowest = std::min(0.1 * slowest, std::max(1e-2 * slowest, 1e-6 * highest));
   const double ratio = std::pow(highest / lowest, 1.0 / num_points);
   std::vector<double> w;
   for (int k = 0; k <= num_points; ++k) w.push_back(lowest * std::pow(ratio, k));
-  for (const auto& p : poles) {
-    const double at = std::arg(p) / period_s;
+  const auto add = [&](double at) {
     if (at > lowest && at < highest) w.push_back(at);
+  };
+  for (const auto& p : poles) add(std::arg(p) / period_s);
+  for (double beside = 1e-6; beside < 0.01; beside *= 4) {
+    for (const auto& p : peaks) {
+      add((1 - beside) * std::arg(p) / period_s);
+      add((1 + beside) * std::arg(p) / period_s);
+    }
   }
   std::ranges::sort(w);
   return w;

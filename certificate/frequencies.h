@@ -34,8 +34,10 @@ class FrequencyResponse {
 };
 
 /// From well below the slowest mode to half the sampling rate, and those of the closed loop's
-/// poles: a resonance may be narrower than any grid [rad/s], rising.
-std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points);
+/// poles: a resonance may be narrower than any grid [rad/s], rising. @param peaks poles of the
+/// response, beside which there are more frequencies: at one without damping it has no value
+std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points,
+                                const Eigen::VectorXcd& peaks = {});
 
 /// The least f over the frequencies, refined between the neighbours of the lowest minima.
 template <class F>

@@ -1,9 +1,17 @@
 #include "certificate/law_loop.h"
 
-#include <initializer_list>
-#include <type_traits>
+#include <fmt/format.h>
 
-#include "certificate/scenario_loop.h"
+#include <algorithm>
+#include <initializer_list>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "certificate/stability_certificate.h"
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
@@ -19,7 +27,7 @@ using Eigen::VectorXd;
 using robot::Vector;
 
 /// Instants of the reference at which gains that follow it are looked at.
-constexpr int instants_of_scheduled = 24;
+constexpr int instants_of_scheduled = 25;
 
 VectorXd joined(std::initializer_list<Vector> parts) {
   std::vector<double> all;
@@ -59,14 +67,11 @@ LawLoop rigid_loop(const experiment::Scenario& scenario) {
   LawLoop result;
   result.initial = joined({signals.value[0], signals.value[1],
                            scenario.plant.initial.velocity_rad_per_s - reference.v_ref});
-  const ScenarioLoop::Motion motion = ScenarioLoop(scenario).motion();
-  const int instants = motion.end_s > motion.begin_s ? instants_of_scheduled : 1;
   bool constant = true;
-  for (int k = 0; k < instants; ++k) {
-    const double t_s = motion.begin_s + k * (motion.end_s - motion.begin_s) / instants;
+  for (const double t_s : reference::Motion(scenario, trajectory).instants(instants_of_scheduled)) {
     result.systems.push_back(
         system_at(law, trajectory.at(t_s), scenario.plant.drive.viscous_friction_Nms_per_rad));
-    constant = constant && result.systems[k].kp == result.systems[0].kp;
+    constant = constant && result.systems.back().kp == result.systems[0].kp;
   }
   if (constant) {
     result.systems.resize(1);
@@ -92,14 +97,24 @@ std::optional<LawLoop> law_loop(const experiment::Scenario& scenario) {
   return result;
 }
 
-bool certifiable(std::string_view name) {
-  bool result = false;
-  controller::with_law(name, [&]<class L>(std::type_identity<L> /*law*/) {
-    result = std::is_same_v<L, LoriaOrtegaFlexible> || requires(const L& law) {
-      law.filter_pole();
+std::string no_certificate(const experiment::Scenario& scenario) {
+  const std::string& law = scenario.controller.law;
+  bool certifiable = false;
+  controller::with_law(law, [&]<class L>(std::type_identity<L> /*law*/) {
+    certifiable = std::is_same_v<L, LoriaOrtegaFlexible> || requires(const L& made) {
+      made.filter_pole();
     };
   });
-  return result;
+  if (!certifiable) return fmt::format("no stability certificate is available for {}", law);
+  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
+  if (file != nullptr && file->motion == nullptr) {
+    return fmt::format("the table {} of the reference was not loaded", file->path);
+  }
+  if (!controller::law_facts(law).needs_flexible_joints && scenario.robot.flexible) {
+    return fmt::format(
+        "{} assumes rigid joints, but this robot's are flexible: its proof does not hold", law);
+  }
+  return {};
 }
 
 robot::Model error_model(const experiment::Scenario& scenario) {
@@ -114,21 +129,37 @@ double lyapunov_value(const ErrorSystem& system, const Weights& weights, const r
 
 VelocityBound velocity_bound(const experiment::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  constexpr int instants = 20000;
-  const double dt = scenario.loop.duration_s / instants;
-  MatrixXd v(scenario.num_joints, instants + 1), jerk = v;
-  for (int k = 0; k <= instants; ++k) {
-    const loop::ReferencePoint r = trajectory.at(k * dt);
-    v.col(k) = r.v_ref;
-    jerk.col(k) = r.jerk_ref;
+  const std::vector<double> instants = reference::Motion(scenario, trajectory).closely(20001);
+  MatrixXd v(scenario.num_joints, static_cast<Eigen::Index>(instants.size())), jerk = v;
+  double dt = 0;
+  for (std::size_t k = 0; k < instants.size(); ++k) {
+    const loop::ReferencePoint r = trajectory.at(instants[k]);
+    v.col(static_cast<Eigen::Index>(k)) = r.v_ref;
+    jerk.col(static_cast<Eigen::Index>(k)) = r.jerk_ref;
+    if (k > 0) dt = std::max(dt, instants[k] - instants[k - 1]);
   }
-  // Between two instants v_ref is off its chord by at most dt^2/8 sup |jerk|, in either norm.
+  VectorXd most_jerk = jerk.cwiseAbs().rowwise().maxCoeff();
+  VectorXd most_v = VectorXd::Constant(v.rows(), std::numeric_limits<double>::max());
+  // Of sinusoids the sum of their amplitudes bounds each joint at all times.
+  const auto sines = reference::sines_of(scenario.reference);
+  if (!sines.empty()) most_v = most_jerk = VectorXd::Zero(v.rows());
+  for (const auto& sine : sines) {
+    const VectorXd w = 2 * std::numbers::pi * sine.frequency_hz;
+    const VectorXd each = VectorXd(sine.amplitude_rad).cwiseAbs().cwiseProduct(w);
+    most_v += each;
+    most_jerk += each.cwiseProduct(w.cwiseAbs2());
+  }
+  // Between two instants v_ref is off its chord by at most dt^2/8 sup |jerk|, in any norm.
   const auto most = [&](const MatrixXd& norm) {
     const double size = (norm * v).colwise().norm().maxCoeff();
-    return size == 0 ? 0 : size + dt * dt / 8 * (norm * jerk).colwise().norm().maxCoeff();
+    const VectorXd of_joints = norm.colwise().norm();
+    return size == 0
+               ? 0
+               : std::min(size + dt * dt / 8 * of_joints.dot(most_jerk), of_joints.dot(most_v));
   };
-  VelocityBound bound{
-      most(MatrixXd::Identity(v.rows(), v.rows())), v.cwiseAbs().rowwise().maxCoeff(), {}};
+  const MatrixXd one = MatrixXd::Identity(v.rows(), v.rows());
+  VelocityBound bound{most(one), VectorXd(v.rows()), {}};
+  for (Eigen::Index i = 0; i < v.rows(); ++i) bound.each[i] = most(one.row(i));
   if (bound.speed == 0) return bound;
   const auto [values, vectors] = robot::symmetric_eigen(v * v.transpose());
   const VectorXd axes = values.cwiseMax(1e-6 * values.maxCoeff()).cwiseSqrt();

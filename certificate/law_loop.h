@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <string_view>
 #include <vector>
 
 #include "certificate/error_system.h"
@@ -41,9 +40,6 @@ ErrorSystem system_at(const L& law, const loop::ReferencePoint& reference,
   return s;
 }
 
-/// Whether the certificate is about that law.
-bool certifiable(std::string_view law);
-
 /// Nothing for laws that it is not about. @throw diagnostics::Failure(bad_usage).
 std::optional<LawLoop> law_loop(const experiment::Scenario& scenario);
 
@@ -59,7 +55,7 @@ double lyapunov_value(const ErrorSystem& system, const Weights& weights, const r
 /// thousandth of the longest.
 struct VelocityBound {
   double speed = 0;
-  Eigen::VectorXd each;  ///< of 20,001 instants
+  Eigen::VectorXd each;
   Eigen::MatrixXd scale;
 };
 VelocityBound velocity_bound(const experiment::Scenario& scenario);

@@ -7,12 +7,12 @@
 #include <cstdint>
 #include <vector>
 
-#include "certificate/gain_rows.h"
 #include "certificate/law_answers.h"
 #include "certificate/law_loop.h"
 #include "controller/registry.h"
 #include "diagnostics/text.h"
 #include "process/parallel.h"
+#include "robot/decompositions.h"
 #include "robot/postures.h"
 
 namespace tachless::certificate {
@@ -26,7 +26,6 @@ using process::parallel_map;
 
 constexpr int motion_pieces = 96;
 constexpr int posture_evaluations = 16;
-constexpr double slowly = 1e-3;  // [rad/s]: the feedback at rest, without what an integral adds
 
 /// The posture of the motion with the largest f, searched from number `k` of those evenly over it.
 ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
@@ -39,12 +38,6 @@ ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
       },
       VectorXd::Constant(1, between * static_cast<double>(k)), between / 2, posture_evaluations);
   return loop.rest_at(worst.x[0]);
-}
-
-/// A posture that a search ended at: what it left beside 0 is 0.
-robot::Vector found_at(const ReferencePoint& rest) {
-  constexpr double beside = 1e-6;  // [rad; m]
-  return (rest.q_ref.array().abs() < beside).select(0.0, rest.q_ref);
 }
 
 /// The least limit over the motion and where: from the posture that is the least stable at the
@@ -63,7 +56,7 @@ void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
     bound_by = static_cast<std::size_t>(worst - radius.begin());
     result.limit_s = largest_stable_period(loops[bound_by], *result.limit_s);
   }
-  result.limit_q = found_at(rests[bound_by]);
+  result.limit_q = found_posture(rests[bound_by].q_ref);
   if (!result.limit_s) return;
   const auto radius = [&](const ReferencePoint& rest) {
     return radius_at(scenario_loop.at(rest), *result.limit_s);
@@ -71,7 +64,7 @@ void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
   const ReferencePoint worst = worst_near(scenario_loop, bound_by, radius);
   if (radius(worst) < 1) return;
   result.limit_s = largest_stable_period(scenario_loop.at(worst), *result.limit_s);
-  result.limit_q = found_at(worst);
+  result.limit_q = found_posture(worst.q_ref);
 }
 
 MatrixXd power(MatrixXd base, std::int64_t exponent) {
@@ -119,7 +112,7 @@ void find_margins(Prediction& result, const ScenarioLoop& scenario_loop,
       Margins{least(&Margins::modulus), least(&Margins::modulus_independent), least(&Margins::gain),
               least(&Margins::phase_deg), least(&Margins::delay_s)};
   const auto at = std::ranges::min_element(all, {}, &Margins::modulus) - all.begin();
-  result.margin_q = found_at(rests[static_cast<std::size_t>(at)]);
+  result.margin_q = found_posture(rests[static_cast<std::size_t>(at)].q_ref);
 }
 
 /// At the postures alone: the least of each number, and an unstable pattern where commands are it.
@@ -153,22 +146,26 @@ void find_settling(Prediction& result, const ScenarioLoop& scenario_loop,
   result.modes.settling_mean_s = longest.settling_mean_s;
 }
 
-VectorXd least_stiffness(const std::vector<SampledLoop>& loops, double period_s) {
-  const auto all = parallel_map(loops.size(), [&](std::size_t i) {
-    LinearLaw law = loops[i].law(period_s);
-    law.D -= law.compensation;
-    const MatrixXd K = at_frequency({law, {}, true}, slowly, period_s).K.real();
-    const Eigen::Index n = law.D.rows();
-    VectorXd own = VectorXd::Zero(n);
-    for (std::size_t part = 0; part < law.measured.size(); ++part) {
-      if (law.measured[part] != Part::q && law.measured[part] != Part::theta) continue;
-      own -= K.middleCols(static_cast<Eigen::Index>(part) * n, n).diagonal();
-    }
-    return own;
-  });
-  VectorXd least = all[0];
-  for (const VectorXd& each : all) least = least.cwiseMin(each);
-  return least;
+/// Gain, stiffness and rest error, of each the worst over the postures.
+void find_stiffness(Prediction& result, const experiment::Scenario& scenario,
+                    const std::vector<SampledLoop>& loops) {
+  const double h = result.settings.period_s;
+  const auto laws = parallel_map(loops.size(), [&](std::size_t i) { return loops[i].law(h); });
+  const VectorXd held = friction_torques(scenario, {}).on_delta;
+  const auto& drive = scenario.robot.flexible;
+  const VectorXd springs = drive ? VectorXd(drive->stiffness) : VectorXd();
+  VectorXd least = VectorXd::Constant(held.size(), infinity), error = 0 * held, gain = error;
+  for (const LinearLaw& law : laws) {
+    const MatrixXd K = stiffness_at_rest(law, springs, h);
+    gain = gain.cwiseMax(own_gain(law));
+    least = least.cwiseMin(K.diagonal());
+    const auto moved = robot::solution(K, held.asDiagonal());
+    error = error.cwiseMax(moved ? VectorXd(moved->cwiseAbs().rowwise().sum())
+                                 : VectorXd(held.cwiseQuotient(K.diagonal())));
+  }
+  result.gain_Nm_per_rad = gain;
+  result.stiffness = least;
+  if (!held.isZero(0)) result.rest_error = error;
 }
 
 std::vector<SampledLoop> loops_at(const ScenarioLoop& loop,
@@ -230,17 +227,16 @@ void examine(Prediction& result, const experiment::Scenario& scenario, Effort ef
   }
   result.stable = result.radius < 1;
 
-  result.gain_Nm_per_rad = own_gain(loops[0].law(h));
+  find_stiffness(result, scenario, loops);
   if (scenario.plant.encoder.resolution_bits) {
     result.count_Nm = result.gain_Nm_per_rad.cwiseProduct(
         VectorXd(experiment::encoder_count(scenario, *scenario.model)));
   }
-  result.stiffness = least_stiffness(loops, h);
   const auto& joints = scenario.model->joint_types;
-  if (std::ranges::find(joints, robot::JointType::prismatic) != joints.end())
+  if (std::ranges::find(joints, robot::JointType::prismatic) != joints.end()) {
     result.stiffness_unit = "N m/rad (N/m)";
-  const VectorXd held = friction_torques(scenario, {}).on_delta;
-  if (held.size() > 0 && !held.isZero(0)) result.rest_error = held.cwiseQuotient(result.stiffness);
+    result.torque_unit = "N m (N)";
+  }
   if (effort == Effort::quick || result.unstable_q.size() > 0) return;
   tell("sampled loop: margins");
   find_margins(result, scenario_loop, loops, rests);
@@ -260,6 +256,11 @@ VectorXd own_gain(const LinearLaw& law) {
     gain = gain.cwiseMax(block.diagonal().cwiseAbs());
   }
   return gain;
+}
+
+robot::Vector found_posture(const robot::Vector& q) {
+  constexpr double beside = 1e-6;  // [rad; m]
+  return (q.array().abs() < beside).select(0.0, q);
 }
 
 Prediction analyse(const experiment::Scenario& scenario, Effort effort, const OnProgress& tell,
@@ -284,8 +285,12 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
 robot::Vector stiffness(const experiment::Scenario& scenario) {
   if (!controller::law_facts(scenario.controller.law).no_linearisation.empty()) return {};
   const ScenarioLoop loop(scenario);
-  return least_stiffness(loops_at(loop, loop.rest_points(reference_postures)),
-                         loop.settings().period_s);
+  Prediction rest;
+  rest.settings = loop.settings();
+  find_stiffness(rest, scenario, loops_at(loop, loop.rest_points(reference_postures)));
+  if (rest.rest_error.size() == 0) return rest.stiffness;
+  const VectorXd held = friction_torques(scenario, {}).on_delta;
+  return (held.array() > 0).select(held.cwiseQuotient(rest.rest_error), rest.stiffness);
 }
 
 std::string limit_text(const std::optional<double>& limit_s) {
@@ -331,10 +336,8 @@ std::string friction_text(const Prediction& prediction) {
 }
 
 std::string list_text(const VectorXd& values) {
-  // Rounding, such as sin(pi) = 1e-16, and what a search leaves beside 0 are shown as 0.
-  const VectorXd finite = values.array().isFinite().select(values, 0.0);
-  const double least = std::max(1e-12, 1e-6 * finite.lpNorm<Eigen::Infinity>());
-  const VectorXd shown = (values.array().abs() < least).select(0.0, values);
+  // Rounding, such as sin(pi) = 1e-16, is shown as 0.
+  const VectorXd shown = (values.array().abs() < 1e-12).select(0.0, values);
   return fmt::format("[{:.4g}]", fmt::join(shown.begin(), shown.end(), ", "));
 }
 

@@ -46,12 +46,14 @@ struct Prediction {
   robot::Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
   /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
   std::optional<double> limit_s;
-  robot::Vector limit_q;                        ///< the posture that binds it
-  Modes modes;                                  ///< at the posture with the largest radius
-  Eigen::VectorXd gain_Nm_per_rad;              ///< torque per measured angle, each joint's own
-  robot::Vector stiffness;                      ///< as the function of that name
+  robot::Vector limit_q;            ///< the posture that binds it
+  Modes modes;                      ///< at the posture with the largest radius
+  Eigen::VectorXd gain_Nm_per_rad;  ///< torque per measured angle, each joint's own: the largest
+  robot::Vector stiffness;          ///< torque on the link per position error at rest, the least
   std::string_view stiffness_unit = "N m/rad";  ///< of both; where joints slide "N m/rad (N/m)"
-  /// F_c/stiffness: where dry friction may hold a joint at rest [rad; m]; empty without friction.
+  std::string_view torque_unit = "N m";         ///< of count_Nm; where joints slide "N m (N)"
+  /// |K^-1| F_c, K the stiffness of all joints together, the largest over the postures: where dry
+  /// friction may hold a joint at rest [rad; m]; empty without friction.
   robot::Vector rest_error;
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
   /// Of each the least over the postures; nothing with quick effort or where one is unstable.
@@ -65,13 +67,17 @@ struct Prediction {
 Prediction analyse(const experiment::Scenario& scenario, Effort effort,
                    const OnProgress& on_progress = no_progress, const LawAnswers& answers = {});
 
+/// A posture that a search ended at: what it left beside 0 is 0.
+robot::Vector found_posture(const robot::Vector& q);
+
 /// Torque per measured angle of each joint's own position [N m/rad]; the larger one where link and
 /// motor are both measured.
 Eigen::VectorXd own_gain(const LinearLaw& law);
 
 /// Torque per position error at rest, of each joint alone: the least over postures of the reference
-/// [N m/rad; N/m]. What an integral adds with time is not in it. Empty for a law that cannot be
-/// linearised. @throw as `analyse`.
+/// [N m/rad; N/m]; of a joint with dry friction F_c over Prediction::rest_error, which is less
+/// where gains couple joints. What an integral adds with time is not in it. Empty for a law that
+/// cannot be linearised. @throw as `analyse`.
 robot::Vector stiffness(const experiment::Scenario& scenario);
 
 /// "errors grow by e each 12 ms", of an unstable loop.

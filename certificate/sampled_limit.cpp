@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "certificate/gain_rows.h"
 #include "robot/decompositions.h"
 
 namespace tachless::certificate {
@@ -26,8 +27,9 @@ class Response {
     const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
     poles_ = robot::eigenvalues(closed);
     // Of the balanced loop, or the rounding of a law's large states hides its small ones.
-    response_ = {robot::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal()),
-                 inverse.asDiagonal() * open.B, open.C * scale.asDiagonal()};
+    const robot::Schur A = robot::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
+    peaks_ = A.T.diagonal();
+    response_ = {A, inverse.asDiagonal() * open.B, open.C * scale.asDiagonal()};
   }
 
   [[nodiscard]] MatrixXcd at(double w) const {
@@ -42,23 +44,15 @@ class Response {
     one_plus.diagonal().array() += 1;
     return robot::smallest_singular_value(one_plus);
   }
-  [[nodiscard]] std::vector<double> frequencies(int num_points) const {
-    return certificate::frequencies(poles_, period_s_, num_points);
+  [[nodiscard]] std::vector<double> frequencies(bool with_peaks = false) const {
+    return certificate::frequencies(poles_, period_s_, 500, with_peaks ? peaks_ : VectorXcd());
   }
 
  private:
   double period_s_;
   FrequencyResponse response_;
-  VectorXcd poles_;  ///< of the closed loop
+  VectorXcd poles_, peaks_;  ///< of the closed loop; poles of L
 };
-
-std::complex<double> nearest(const VectorXcd& values, const std::complex<double>& value) {
-  std::complex<double> best = values[0];
-  for (const auto& candidate : values) {
-    if (std::abs(candidate - value) < std::abs(best - value)) best = candidate;
-  }
-  return best;
-}
 
 /// States of the loop (plant, memory, torques under way), one for each joint displaced alone by 1,
 /// its rotor with it, the law's memory as a run begins there, and no torque under way.
@@ -105,26 +99,25 @@ void crossings(const Response& response, const std::vector<double>& w, Margins& 
   constexpr int halvings = 40;
   margins.phase_deg = 180;
   margins.delay_s = infinity;
-  VectorXcd before = response.eigenvalues(w[0]);
+  const auto by_size = [&](double x) {
+    VectorXcd all = response.eigenvalues(x);
+    std::sort(all.begin(), all.end(),
+              [](const auto& a, const auto& b) { return std::abs(a) < std::abs(b); });
+    return all;
+  };
+  VectorXcd before = by_size(w[0]);
   for (std::size_t k = 1; k < w.size(); ++k) {
-    const VectorXcd now = response.eigenvalues(w[k]);
-    for (const std::complex<double>& start : before) {
-      std::complex<double> low = start, high = nearest(now, start);
-      if ((std::abs(low) > 1) == (std::abs(high) > 1)) continue;
-      double w_low = w[k - 1], w_high = w[k];
-      for (int i = 0; i < halvings; ++i) {
-        const double middle = (w_low + w_high) / 2;
-        const std::complex<double> value =
-            nearest(response.eigenvalues(middle), (low + high) / 2.0);
-        const bool as_low = (std::abs(value) > 1) == (std::abs(low) > 1);
-        (as_low ? w_low : w_high) = middle;
-        (as_low ? low : high) = value;
-      }
+    const VectorXcd now = by_size(w[k]);
+    for (Index i = 0; i < now.size(); ++i) {
+      const bool outside = std::abs(before[i]) > 1;
+      if (outside == (std::abs(now[i]) > 1)) continue;
+      const double at = edge(w[k - 1], w[k], halvings,
+                             [&](double x) { return (std::abs(by_size(x)[i]) > 1) == outside; });
       // A lag turns -1's predecessor into it: the angle from -1 up to the eigenvalue.
-      double lag = std::arg(-low);
+      double lag = std::arg(-by_size(at)[i]);
       margins.phase_deg = std::min(margins.phase_deg, std::abs(lag) * 180 / std::numbers::pi);
       if (lag < 0) lag += 2 * std::numbers::pi;
-      margins.delay_s = std::min(margins.delay_s, lag / w_low);
+      margins.delay_s = std::min(margins.delay_s, lag / at);
     }
     before = now;
   }
@@ -189,7 +182,7 @@ double modulus_margin(const SampledLoop& loop, double period_s) {
   const CutLoop open = cut(loop, period_s);
   if (spectral_radius(open.closed()) >= 1) return 0;
   const Response response(open, period_s);
-  return least_over(response.frequencies(500), [&](double w) { return response.modulus(w); });
+  return least_over(response.frequencies(), [&](double w) { return response.modulus(w); });
 }
 
 Margins margins(const SampledLoop& loop, double period_s) {
@@ -205,12 +198,29 @@ Margins margins(const SampledLoop& loop, double period_s) {
     break;
   }
   const Response response(open, period_s);
-  const std::vector<double> w = response.frequencies(500);
+  const std::vector<double> w = response.frequencies();
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
-  crossings(response, w, result);
+  crossings(response, response.frequencies(true), result);
   return result;
+}
+
+MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& springs, double period_s) {
+  constexpr double slowly = 1e-3;  // [rad/s]
+  law.D -= law.compensation;
+  const MatrixXd feedback = at_frequency({law, {}, true}, slowly, period_s).K.real();
+  const Index n = law.D.rows();
+  MatrixXd K = MatrixXd::Zero(n, n), by_theta = K;
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    const auto block = feedback.middleCols(static_cast<Index>(i) * n, n);
+    if (law.measured[i] == Part::q || law.measured[i] == Part::theta) K -= block;
+    if (law.measured[i] == Part::theta) by_theta -= block;
+  }
+  if (springs.size() == 0) return K;
+  // A torque d on the links leaves theta = q - d / springs, and the motors' torque is -d.
+  by_theta *= springs.cwiseInverse().asDiagonal();
+  return robot::inverse(MatrixXd::Identity(n, n) + by_theta) * K;
 }
 
 double radius_along(const std::function<MatrixXd(int)>& map_at, int ticks) {

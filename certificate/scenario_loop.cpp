@@ -2,14 +2,12 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <array>
 #include <map>
 #include <mutex>
 #include <numbers>
 #include <optional>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "certificate/law_answers.h"
@@ -65,34 +63,6 @@ MatrixXd gravity_part(const LinearLaw& law, const experiment::Scenario& scenario
   model.gravity.setZero();
   weightless.model = std::make_shared<const robot::Model>(model);
   return law.D - linear_law(weightless, reference, state_on(reference, model, weightless)).D;
-}
-
-/// The period of a sinusoid whose joints all move at one frequency [s]; nothing for other motions
-/// and where the run is shorter.
-std::optional<double> period_of(const experiment::Scenario& scenario) {
-  const auto* sine = std::get_if<reference::trajectory::Sinusoid>(&scenario.reference);
-  if (sine == nullptr || sine->frequency_hz.size() == 0) return {};
-  const double f = sine->frequency_hz[0];
-  const bool common = f > 0 && (sine->frequency_hz.array() == f).all();
-  return common && 1 / f < scenario.loop.duration_s ? std::optional(1 / f) : std::nullopt;
-}
-
-/// Instants between which |v_ref| > 0, to a thousandth of the run.
-ScenarioLoop::Motion motion_of(const experiment::Scenario& scenario,
-                               const reference::Trajectory& trajectory) {
-  constexpr int instants = 1000;
-  const auto period_s = period_of(scenario);
-  const double span_s = period_s.value_or(scenario.loop.duration_s);
-  int first = instants, last = 0;
-  for (int k = 0; k <= instants; ++k) {
-    if (trajectory.at(span_s * k / instants).v_ref.isZero(0)) continue;
-    first = std::min(first, k);
-    last = k;
-  }
-  if (first > last) return {};
-  if (period_s) return {0, span_s, true};
-  return {span_s * std::max(first - 1, 0) / instants,
-          span_s * std::min(last + 1, instants) / instants, false};
 }
 
 /// Behind the drives' torque scale and current loops, whose torques are further states then.
@@ -172,7 +142,7 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario, const LawAnswer
     : scenario_(std::make_shared<const experiment::Scenario>(scenario)),
       model_(plant_of(scenario)),
       trajectory_(reference::make_trajectory(scenario)),
-      motion_(motion_of(scenario, trajectory_)) {
+      motion_(scenario, trajectory_) {
   if (answers) {
     asked_ = std::make_shared<AskedLaw>();
     asked_->answers = answers;
@@ -233,14 +203,14 @@ MatrixXd ScenarioLoop::map_at(double t_s) const {
 }
 
 ReferencePoint ScenarioLoop::rest_at(double share) const {
-  const double t_s = motion_.begin_s + share * (motion_.end_s - motion_.begin_s);
-  return constant_reference(trajectory_.at(t_s).q_ref);
+  return constant_reference(trajectory_.at(motion_.at(share)).q_ref);
 }
 
 std::vector<ReferencePoint> ScenarioLoop::rest_points(int count) const {
-  if (!moves() || count < 2) return {rest_at(0)};
   std::vector<ReferencePoint> result;
-  for (int k = 0; k < count; ++k) result.push_back(rest_at(static_cast<double>(k) / (count - 1)));
+  for (const double t_s : motion_.instants(count)) {
+    result.push_back(constant_reference(trajectory_.at(t_s).q_ref));
+  }
   return result;
 }
 

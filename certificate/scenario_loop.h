@@ -53,18 +53,12 @@ class ScenarioLoop {
   /// period later. Precondition: no answers, whose states at two times need not be the same.
   [[nodiscard]] Eigen::MatrixXd map_at(double t_s) const;
 
-  /// When the reference moves [s]: one period of a sinusoid, otherwise from its first motion to its
-  /// last, pauses between them included. Of length 0 where it is constant.
-  struct Motion {
-    double begin_s = 0, end_s = 0;
-    bool repeats = false;  ///< within the run
-  };
+  using Motion = reference::Motion;
   [[nodiscard]] const Motion& motion() const { return motion_; }
-  [[nodiscard]] bool moves() const { return motion_.end_s > motion_.begin_s; }
+  [[nodiscard]] bool moves() const { return motion_.moves(); }
   /// At rest at the posture after that share of the motion, 0 … 1.
   [[nodiscard]] loop::ReferencePoint rest_at(double share) const;
-  /// At rest at postures of the reference, evenly over its motion, the first and the last included;
-  /// one when it does not move.
+  /// At rest at the postures of `Motion::instants`.
   [[nodiscard]] std::vector<loop::ReferencePoint> rest_points(int count) const;
 
   [[nodiscard]] const controller::law::Settings& settings() const { return settings_; }

@@ -7,11 +7,9 @@
 #include <numbers>
 #include <random>
 #include <utility>
-#include <variant>
 
 #include "certificate/law_loop.h"
 #include "certificate/scenario_loop.h"
-#include "controller/registry.h"
 #include "reference/make_trajectory.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
@@ -24,9 +22,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
 
-/// @param disturbed whether friction disturbs. @param region of the weights chosen, if any
+/// @param disturbed whether friction disturbs. @param region of the weights chosen, if any; how
+/// far its errors go is said of that of full effort, where it is finite
 std::vector<std::string> provisos(const experiment::Scenario& scenario, bool disturbed,
-                                  const std::optional<CertifiedRegion>& region) {
+                                  const std::optional<CertifiedRegion>& region, Effort effort) {
   std::vector<std::string> result;
   const auto add = [&](bool there, std::string what) {
     if (there) result.push_back(std::move(what));
@@ -57,11 +56,13 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, bool dis
   const robot::Model& model = *scenario.model;
   for (int i = 0; region && region->tube.size() == 0 && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
-    result.push_back(
-        fmt::format("{} is prismatic and its range was sampled: it holds while |e_{}| stays in "
-                    "that range; from the whole level set it may reach {:g} m",
-                    robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
-                    region->region.e_reached[i]));
+    const double most = region->region.e_reached[i];
+    result.push_back(fmt::format(
+        "{} is prismatic and its range was sampled: it holds while |e_{}| stays in that range{}",
+        robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
+        effort == Effort::full && std::isfinite(most)
+            ? fmt::format("; from the whole level set it may reach {:g} m", most)
+            : ""));
   }
   return result;
 }
@@ -94,13 +95,10 @@ class ErrorLoop {
   }
   /// At a constant reference V without cross terms does not rise, from wherever it starts.
   [[nodiscard]] CertifiedStart held_start() const {
-    Region of_1_J;
-    of_1_J.level = 1;
-    of_1_J.e_reached = (2 * robot::inverse(system().kp).diagonal()).cwiseSqrt();
-    of_1_J.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
-    CertifiedStart start{true, true, true, {}};
-    if (torque_limited()) start.torque_share = torque_share(of_1_J, V0({})).maxCoeff();
-    return start;
+    Region region;
+    region.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
+    if (!torque_limited()) return {true, true, true, {}};
+    return {true, true, true, torque_share(of_1_J(region, {}), V0({})).maxCoeff()};
   }
   /// Whether what is certified holds for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
@@ -220,17 +218,32 @@ class ErrorLoop {
     return robot::Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
   }
 
+  /// At a level of 1 J, of weights 0 or an inertia that is the same at all postures.
+  [[nodiscard]] Region of_1_J(Region region, const Weights& weights) const {
+    const MatrixXd M = robot::mass_matrix(model_, q_);
+    region.level = 1;
+    region.e_at_rest = (2 * system().kp.diagonal().cwiseInverse()).cwiseSqrt();
+    region.e_reached = VectorXd::Zero(q_.size());
+    for (const ErrorSystem& each : loop_.systems) {
+      const MatrixXd inverse = 2 * robot::inverse(lyapunov_matrix(each, weights, M));
+      region.e_reached = region.e_reached.cwiseMax(inverse.diagonal().head(q_.size()).cwiseSqrt());
+    }
+    return region;
+  }
+
   /// Of each joint's limit what the torque may take where V <= level.
   [[nodiscard]] VectorXd torque_share(const Region& region, double level) const {
     const VectorXd reach =
         (region.e_reached * std::sqrt(level / region.level)).cwiseMin(std::numbers::pi);
     const reference::Trajectory trajectory = reference::make_trajectory(scenario_);
+    constexpr int instants = 64, looks = 1024;  // from 16 errors at each instant on
+    const auto way = reference::Motion(scenario_, trajectory).closely(instants, looks);
     std::mt19937_64 random(1);
     std::uniform_real_distribution<double> part(-1, 1);
     VectorXd torque = VectorXd::Zero(reach.size());
-    constexpr int instants = 64, errors = 16;
-    for (int k = 0; k < instants * errors; ++k) {
-      const auto r = trajectory.at(scenario_.loop.duration_s * (k / errors) / (instants - 1));
+    const std::size_t errors = looks / way.size();
+    for (std::size_t k = 0; k < way.size() * errors; ++k) {
+      const loop::ReferencePoint r = trajectory.at(way[k / errors]);
       Vector q = r.q_ref;
       for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += reach[i] * part(random);
       VectorXd each = robot::inverse_dynamics(model_, q, r.v_ref, r.a_ref).cwiseAbs();
@@ -249,15 +262,22 @@ class ErrorLoop {
     return !scenario_.robot.flexible && limit && limit->array().isFinite().any();
   }
   [[nodiscard]] std::optional<CertifiedRegion::Torque> torque(const CertifiedRegion& c) const {
-    if (!torque_limited() || !std::isfinite(c.region.level)) return {};
-    CertifiedRegion::Torque result{c.region.level, 0, {}};
-    if (c.holds_initial_state()) result.share = torque_share(c.region, c.V0).maxCoeff();
-    if (torque_share(c.region, result.level).maxCoeff(&result.joint) <= 1) return result;
+    if (!torque_limited()) return {};
+    Region region = c.region;
+    const auto most = [&](double level) { return torque_share(region, level).maxCoeff(); };
+    if (!std::isfinite(region.level)) {
+      region = of_1_J(region, c.weights);
+      while (most(region.level) <= 1) region = scaled(region, 2);
+    }
+    CertifiedRegion::Torque result{region.level, region.e_at_rest, 0, {}};
+    if (c.holds_initial_state()) result.share = most(c.V0);
+    if (torque_share(region, result.level).maxCoeff(&result.joint) <= 1) return result;
     const double root = edge(0, 1, 30, [&](double part) {  // of the level's square root
-      return torque_share(c.region, c.region.level * part * part).maxCoeff() <= 1;
+      return most(region.level * part * part) <= 1;
     });
     result.level *= root * root;
-    torque_share(c.region, result.level).maxCoeff(&result.joint);
+    result.e_at_rest *= root;
+    torque_share(region, result.level).maxCoeff(&result.joint);
     return result;
   }
 
@@ -312,20 +332,6 @@ class ErrorLoop {
 
 }  // namespace
 
-std::string no_certificate(const experiment::Scenario& scenario) {
-  const std::string& law = scenario.controller.law;
-  if (!certifiable(law)) return fmt::format("no stability certificate is available for {}", law);
-  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
-  if (file != nullptr && file->motion == nullptr) {
-    return fmt::format("the table {} of the reference was not loaded", file->path);
-  }
-  if (!controller::law_facts(law).needs_flexible_joints && scenario.robot.flexible) {
-    return fmt::format(
-        "{} assumes rigid joints, but this robot's are flexible: its proof does not hold", law);
-  }
-  return {};
-}
-
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
                                                           Effort effort, std::string& why_not,
                                                           const OnProgress& tell) {
@@ -360,8 +366,8 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
     }
   }
   if (result.constant) result.start = loop.held_start();
-  result.provisos =
-      provisos(scenario, loop.disturbed(), result.largest ? result.largest : result.fastest);
+  result.provisos = provisos(scenario, loop.disturbed(),
+                             result.largest ? result.largest : result.fastest, effort);
   return result;
 }
 

@@ -46,6 +46,7 @@ struct CertifiedRegion : Certified {
   /// instants and errors.
   struct Torque {
     double level = 0;
+    Eigen::VectorXd e_at_rest;  ///< alone, of that level [rad; m]
     Eigen::Index joint = 0;
     std::optional<double> share;
   };

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "diagnostics/logging.h"
+#include "diagnostics/time.h"
 #include "experiment/gains.h"
 #include "node/run_info.h"
 #include "process/child.h"
@@ -29,10 +30,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages, on a busy machine
 constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
-
-Clock::duration duration_of(double seconds) {
-  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-}
 
 /// Of the four messages of a tick.
 struct Codecs {
@@ -190,26 +187,25 @@ class Program {
 
   static void print_line(const std::string& line) { diagnostics::pass_on(line); }
 
-  /// Closes the socket, which ends the program, and waits for that. @return its exit code
-  int end() {
-    if (!child_.running) return 0;
+  /// Closes the socket, which ends the program, and waits for that. @return how it ended
+  process::End end() {
+    if (!child_.running) return {};
     socket_.close();
-    const process::End end = process::end_within(child_, end_limit, print_line);
-    return end.signal == 0 ? end.exit_code : 128 + end.signal;
+    return process::end_within(child_, end_limit, print_line);
   }
 
   Failure ended(std::int64_t tick) {
-    const int code = end();
+    const process::End end = this->end();
+    const int code = end.exit_code;
     const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
                       code <= static_cast<int>(ExitCode::protective_stop);
+    const char* const remedy = end.well() ? "; does its main call run_controller?" : "";
     return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
-            "--controller '{}': ended {} with exit code {}{}",
+            "--controller '{}': {} {}{}",
             command_,
+            process::text(end),
             when(tick),
-            code,
-            code == 0 ? "; does its main call tachless::run_controller (Python: "
-                        "tachless.run_controller)?"
-                      : "; its own message is above"};
+            remedy};
   }
 
   std::string command_;
@@ -228,7 +224,7 @@ class ExternalLaw final : public AnyLaw {
         info_(std::move(info)),
         signals_(loop::parse_signals(info_.signals).value()),
         period_s_(scenario.loop.period_s),
-        limit_(duration_of(scenario.loop.give_up_s)),
+        limit_(diagnostics::nanoseconds_of(scenario.loop.give_up_s)),
         codecs_(info_.measurement, law_layout(scenario, *this)) {}
 
   [[nodiscard]] std::string_view name() const override { return info_.law; }
@@ -337,7 +333,7 @@ std::vector<robot::Vector> LawProgram::answers(double period_s, bool weightless,
       info_ = program_->begin(scenario);
       begun_ = std::move(other);
     }
-    const auto limit = duration_of(scenario_.loop.give_up_s);
+    const auto limit = diagnostics::nanoseconds_of(scenario_.loop.give_up_s);
     const auto signals = loop::parse_signals(info_.signals).value();
     Codecs codecs(info_.measurement,
                   loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),

@@ -262,8 +262,8 @@ ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
   if (scenario.controller.law == experiment::external_law) {
     throw scenario.complaint(
         "controller.law",
-        "external: the law is in a program of yours; run and replay take it with --controller "
-        "'PROGRAM', everything else needs one of tachless's laws");
+        "external: the law is in a program of yours; run, replay, certify and design take it with "
+        "--controller 'PROGRAM'; compare and sweep need one of tachless's laws");
   }
   ScenarioLaw chosen;
   const bool found = with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*law*/) {

@@ -132,6 +132,15 @@ std::string printable(std::string_view text) {
   return result;
 }
 
+std::string shell_word(std::string_view name) {
+  constexpr std::string_view special = " \"'\\`$&|;<>()[]{}*?!#~";
+  const std::string word = (name.starts_with('-') ? "./" : "") + printable(name);
+  if (!word.empty() && word.find_first_of(special) == std::string::npos) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
+  return quoted + "'";
+}
+
 void split_row(std::string_view row, std::vector<std::string_view>& fields) {
   constexpr std::string_view separators = ",; \t\r";
   fields.clear();

@@ -36,6 +36,9 @@ std::size_t utf8_length(std::string_view text);
 /// line for people passes through it.
 std::string printable(std::string_view text);
 
+/// A file's name as one word for a shell: in '…' where it has to be, ./ before a leading dash.
+std::string shell_word(std::string_view name);
+
 /// `text` in parts, of which only the last, when they are so many, may hold the separator.
 std::vector<std::string_view> split(std::string_view text, char separator,
                                     std::size_t most = std::string_view::npos);

@@ -84,6 +84,11 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   const auto ticks = static_cast<long long>(std::ceil((duration + 3) / of.period_s));
   const std::string start =  // a given one as it is: it may be at a limit
       of.from.size() > 0 ? fmt::format("[{}]", fmt::join(from, ", ")) : list(from);
+  const char* bits = "20";  // null: a joint that slides needs a range to count over
+  for (int i = 0; i < model.num_joints; ++i) {
+    const robot::JointType type = model.joint_types[static_cast<std::size_t>(i)];
+    if (type == robot::JointType::prismatic && !bounded(model, i)) bits = "null";
+  }
   std::string friction;
   if (model.damping.any() || model.friction.any()) {
     friction = fmt::format("  friction: {{viscous: {}, coulomb: {}}}\n", list(model.damping),
@@ -92,13 +97,13 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   return fmt::format(
       "name: {}\n"
       "robot:\n  name: arm\n  urdf: {}  joints: rigid\n"
-      "plant:\n  initial: {{position_rad: {}, torque: hold}}\n  encoder: {{resolution_bits: 20}}\n"
+      "plant:\n  initial: {{position_rad: {}, torque: hold}}\n  encoder: {{resolution_bits: {}}}\n"
       "reference:\n  point_to_point:\n    from_rad: {}\n    to_rad: {}\n"
       "    start_s: 0.2\n    duration_s: {:g}\n"
       "controller:\n  law: loria_ortega_rigid\n  gains: {{kp: 1, kd: 1, a: 1, b: 1}}\n"
       "  filter: tustin\n  feedforward_lead: half_tick_plus_delay\n{}"
       "loop: {{mode: lockstep, period_s: {:g}, duration_s: {:.12g}, command_delay: 1}}\n",
-      of.name, emit_yaml({YamlNode::Kind::scalar, of.urdf}), start, start, list(to), duration,
+      of.name, emit_yaml({YamlNode::Kind::scalar, of.urdf}), start, bits, start, list(to), duration,
       friction, of.period_s, static_cast<double>(ticks) * of.period_s);
 }
 

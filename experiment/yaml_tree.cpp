@@ -50,7 +50,10 @@ class Builder : public YAML::EventHandler {
       if (refused_) throw *refused_;
     } catch (const YAML::Exception& error) {
       open_.clear();
-      throw complaint(error.mark.line + 1, "not YAML: {}", error.msg);
+      const auto line = text.substr(text.rfind('\n', static_cast<std::size_t>(error.mark.pos)) + 1);
+      const bool tab = line.substr(0, line.find_first_not_of(" \t")).find('\t') != line.npos;
+      throw complaint(error.mark.line + 1, "not YAML: {}{}", error.msg,
+                      tab ? "; indent by blanks, not tabs" : "");
     }
   }
 

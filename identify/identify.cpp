@@ -27,26 +27,20 @@ constexpr double most_open = 0.05;
 /// Why the parameter, number i, is not identifiable: its interval reaches zero and leaves open a
 /// good part of the joint's torque, or the joint hardly moves. A parameter that is zero within a
 /// narrow interval is identified.
-std::string doubt_about(const Parameters::Entry& entry, Eigen::Index i, double value,
-                        double half_width, const std::vector<Recording>& recordings,
+std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
+                        const std::vector<Recording>& recordings,
                         const std::vector<Regression>& regressions) {
   double range = 0, open = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    const Regression& torque = regressions[r];
-    const VectorXd column = torque.columns.col(i).cwiseAbs();
-    double share = 0;
-    for (Eigen::Index row = 0; row < column.size(); ++row) {
-      share = std::max(share, column[row] / std::max(1e-300, torque.peak[torque.joint[row]]));
-    }
-    open = std::min(open, half_width * share);
-    if (entry.joint < 0) continue;
-    const auto q = recordings[r].q.col(entry.joint);
+    open = std::min(open, of.half_width * regressions[r].share[i]);
+    if (of.entry.joint < 0) continue;
+    const auto q = recordings[r].q.col(of.entry.joint);
     range = std::max(range, q.maxCoeff() - q.minCoeff());
   }
-  if (entry.joint >= 0 && range < least_motion) {
+  if (of.entry.joint >= 0 && range < least_motion) {
     return fmt::format("the joint moves by {:.2g} only", range);
   }
-  if (open < most_open || half_width < std::abs(value)) return "";
+  if (open < most_open || of.half_width < std::abs(of.value)) return "";
   return fmt::format("its interval reaches zero and is {:.0f} % of the joint's torque", 100 * open);
 }
 
@@ -134,8 +128,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
                        ? "it has no part in any torque"
                        : "the joint hardly moves, or it has no part in any torque";
     } else if (entry.kind != Kind::inertia) {
-      each.doubt =
-          doubt_about(entry, i, answer.values[i], answer.half_width[i], recordings, regressions);
+      each.doubt = doubt_about(each, i, recordings, regressions);
     }
     result.parameters.push_back(std::move(each));
   }
@@ -175,8 +168,7 @@ std::string text(const Identified& found, const std::string& name) {
     });
     text += fmt::format(
         "  links: of {} numbers {} combinations are determined, {} of the links' alone; the rest "
-        "is "
-        "near the URDF's\n",
+        "is near the URDF's\n",
         found.parameters.size(), found.rank, alone);
     for (const Identified::Link& each : found.links) {
       text += fmt::format("  {:<24} {:.4g} -> {:.4g} kg, centre [{:.3g}] -> [{:.3g}] m\n",

@@ -91,7 +91,13 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
                     VectorXd(instants * n),
                     VectorXd(instants * n),
                     Eigen::VectorXi(instants * n),
-                    whole.cwiseAbs().colwise().maxCoeff().transpose()};
+                    whole.cwiseAbs().colwise().maxCoeff().transpose(),
+                    VectorXd(std::ssize(columns))};
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const VectorXd largest = columns[i].cwiseAbs().colwise().maxCoeff().transpose();
+    result.share[static_cast<Eigen::Index>(i)] =
+        largest.cwiseQuotient(result.peak.cwiseMax(1e-300)).maxCoeff();
+  }
   Eigen::Index row = 0;
   for (Eigen::Index instant = 0; instant < instants; ++instant) {
     const Eigen::Index k = edge + instant * step;

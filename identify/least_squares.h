@@ -19,6 +19,7 @@ struct Regression {
   Eigen::VectorXd time_s;   ///< of the row, from the recording's start
   Eigen::VectorXi joint;    ///< likewise
   Eigen::VectorXd peak;     ///< largest filtered torque of each joint [N m; N]
+  Eigen::VectorXd share;    ///< of each parameter: largest torque of a unit, at any tick, over peak
 
   /// Root mean square of what `values` leave of the torque, per joint [N m; N].
   [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values) const;

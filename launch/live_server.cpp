@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <httplib.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <chrono>
@@ -31,6 +32,11 @@ std::string waiting_page(const report::Html& text) {
 
 LiveServer::LiveServer(int port) : server_(std::make_unique<httplib::Server>()) {
   server_->new_task_queue = [] { return new httplib::ThreadPool(most_browsers); };
+  // In place of SO_REUSEPORT, the library's default, with which two may listen on one port.
+  server_->set_socket_options([](socket_t socket) {
+    const int on = 1;
+    setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  });
   server_->set_payload_max_length(0);
   server_->set_default_headers({{"Cross-Origin-Resource-Policy", "same-origin"},
                                 {"X-Content-Type-Options", "nosniff"},
@@ -61,7 +67,7 @@ LiveServer::LiveServer(int port) : server_(std::make_unique<httplib::Server>()) 
   port_ = port == 0 ? server_->bind_to_any_port(address)
                     : (server_->bind_to_port(address, port) ? port : -1);
   if (port_ < 0) {
-    throw diagnostics::bad_usage("--port {}: cannot be listened on; choose another, or 0 for any",
+    throw diagnostics::bad_usage("--port {}: in use or not allowed; choose another, or 0 for any",
                                  port);
   }
   thread_ = std::thread([this] {

@@ -2,10 +2,13 @@
 // on stderr and its exit code.
 
 #include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <exception>
 #include <iostream>
 #include <string>
@@ -17,6 +20,7 @@
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "launch/verb.h"
+#include "node/options.h"
 #include "process/this_process.h"
 
 namespace tachless::launch {
@@ -24,6 +28,11 @@ namespace tachless::launch {
 void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
 void add_quiet(CLI::App& command, bool& quiet) {
   command.add_flag("-q,--quiet", quiet, "No progress on stderr");
+}
+
+std::string above_zero(const std::string& text) {
+  const double number = diagnostics::number_in(text).value_or(0);
+  return number > 0 && std::isfinite(number) ? "" : text + "; allowed: a number above 0";
 }
 
 void print(bool json, nlohmann::ordered_json all, const std::string& text) {
@@ -43,7 +52,7 @@ constexpr std::array verbs = {
 constexpr const char* footer =
     "Examples:\n"
     "  tachless run scenarios/paper_rigid.yaml\n"
-    "  tachless info out/paper_rigid/lcmlog\n"
+    "  tachless info out/paper_rigid\n"
     "  tachless doctor\n"
     "`tachless help VERB` explains a verb.\n"
     "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 a peer is lost,\n"
@@ -75,6 +84,7 @@ diagnostics::ExitCode run(std::vector<const char*> words) {
     CLI::App* command = cli.add_subcommand(std::string(verb->name), std::string(verb->does));
     command->footer(fmt::format("Examples:\n{}", verb->examples));
     command->callback([action = verb->declare(*command), &result] { result = action(); });
+    node::take_whole_words(*command);
   }
   if (words.size() < 2) {
     std::cerr << cli.help();
@@ -82,15 +92,22 @@ diagnostics::ExitCode run(std::vector<const char*> words) {
   }
   const std::string verb = words[1][0] == '-' ? "" : words[1];
   if (!verb.empty()) require_verb(verb);
+  const auto refuse = [&](std::string_view why) {
+    return diagnostics::bad_usage("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ",
+                                  why, verb, verb.empty() ? "" : " ");
+  };
   try {
     cli.parse(static_cast<int>(words.size()), words.data());
+  } catch (const diagnostics::Failure&) {
+    // A mistyped option's value may have been taken for a file's name, which is refused first.
+    if (cli.remaining_size(true) == 0) throw;
+    throw refuse(CLI::ExtrasError(cli.remaining(true)).what());
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) {
       cli.exit(error, std::cout, std::cerr);
       return diagnostics::ExitCode::done;
     }
-    throw diagnostics::bad_usage("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ",
-                                 error.what(), verb, verb.empty() ? "" : " ");
+    throw refuse(error.what());
   }
   return result;
 }
@@ -103,7 +120,13 @@ int main(int argc, char** argv) {
   diagnostics::start_logging("tachless", diagnostics::Verbosity::normal);
   process::survive_file_size_limit();
   try {
-    return static_cast<int>(launch::run({argv, argv + argc}));
+    const diagnostics::ExitCode code = launch::run({argv, argv + argc});
+    pollfd closed{STDOUT_FILENO, 0, 0};  // or its reader has ended, as behind `| head -1`
+    if (!std::cout.flush() && code == diagnostics::ExitCode::done && poll(&closed, 1, 0) == 0) {
+      throw diagnostics::bad_usage(
+          "standard output: cannot be written; free some space, or send it elsewhere");
+    }
+    return static_cast<int>(code);
   } catch (const std::exception&) {
     return diagnostics::told_exception("the command line");
   }

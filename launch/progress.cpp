@@ -86,10 +86,7 @@ std::string Screen::erasing() {
 
 void Screen::pass_on(std::string_view before, std::string_view name, std::string_view line) {
   clear();
-  const bool named = line.starts_with("tachless-");
-  std::cerr << fmt::format("{}{}{}{}\n", before, named ? "" : name, named ? "" : ": ",
-                           diagnostics::printable(line))
-            << std::flush;
+  std::cerr << fmt::format("{}{}: {}\n", before, name, diagnostics::printable(line)) << std::flush;
 }
 
 }  // namespace tachless::launch

@@ -40,7 +40,7 @@ void append_fault(logger::LogWriter& log, const PlannedRun& run, std::int64_t ti
 }
 
 /// Runs to the end, a fault or an interruption by the user.
-RunEnd log_in_this_process(const PlannedRun& run, const RunDirectory& out, Screen& screen) {
+RunEnd log_in_this_process(const PlannedRun& run, RunDirectory& out, Screen& screen) {
   constexpr std::int64_t looks = 64;  // ticks from one look at clock and user to the next
   const std::atomic<bool>& interrupted = process::catch_interruptions();
   const auto joints = static_cast<std::size_t>(run.scenario.num_joints);
@@ -69,6 +69,7 @@ RunEnd log_in_this_process(const PlannedRun& run, const RunDirectory& out, Scree
           const double error = (record.truth.q - record.reference.q_ref).norm();
           progress.note(record.tick, error, Clock::now());
           screen.show({&progress, 1});
+          out.look();
           return !interrupted;
         });
     log.close();

@@ -106,7 +106,7 @@ inline constexpr std::array roles = {loop::Role::logger, loop::Role::controller,
 
 /// The directory of a run's results, locked against a second run until destruction: --out, or
 /// out/NAME/DATE-TIME with the link out/NAME/latest once the run has begun. That of a run that does
-/// not begin is removed.
+/// not begin is removed, or left with the results of the earlier run that it would have replaced.
 class RunDirectory {
  public:
   /// @throw diagnostics::Failure(bad_usage) naming the directory: it cannot be used, or, without
@@ -118,8 +118,8 @@ class RunDirectory {
 
   /// Whether something of this run was recorded when last looked.
   [[nodiscard]] bool begun() const { return begun_; }
-  /// Looks, and sets the link once something is. Cheap, for a loop.
-  void look();
+  /// Looks; once something is, sets the link and removes an earlier run's results. Cheap.
+  bool look();
 
   [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
     return path_ / file;
@@ -137,6 +137,7 @@ class RunDirectory {
   void make(const std::filesystem::path& directory);
   void make_by_time();
   void clear(bool overwrite);
+  void put_back() const;
 
   std::filesystem::path path_;
   std::filesystem::path runs_;  ///< out/NAME; empty: --out was given

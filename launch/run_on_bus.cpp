@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <deque>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -56,15 +57,17 @@ class Heartbeats {
     }
   }
 
-  /// Listens for an announcement, until `until` at the latest.
+  /// Listens for an announcement, until `until` at the latest. @return whether one has come yet
   /// @throw diagnostics::Failure(protocol_violated) when a robot of this name has its processes
-  /// here
-  void require_free_bus(loop::Clock::time_point until) {
+  /// here: two announcements of one of them. A single one may be recorded and sent repeatedly.
+  bool require_free_bus(loop::Clock::time_point until) {
     const auto sender = receive(until);
     if (!sender || !announced_ || participant_.state == loop::ParticipantState::finished ||
         participant_.state == loop::ParticipantState::fault) {
-      return;
+      return !heard_.empty();
     }
+    const auto [known, first] = heard_.try_emplace(participant_.instance, stamp_.utime);
+    if (first || stamp_.utime <= known->second) return true;
     throw Failure(ExitCode::protocol_violated,
                   "another run is on this bus: there is already the {} (process {} on {}, {}); run "
                   "beside it with --isolate, or end it first",
@@ -88,6 +91,7 @@ class Heartbeats {
   bool announced_ = false;
   loop::Stamp stamp_;
   loop::Participant participant_;
+  std::map<std::int64_t, std::int64_t> heard_;  ///< when each instance announced itself [us]
 };
 
 /// A run whose four processes are on the bus.
@@ -145,14 +149,16 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
   return all;
 }
 
-/// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
+/// Listens for longer than a process on the bus is silent (each announces itself every 100 ms), and
+/// once one has, for its next announcement.
 /// @throw diagnostics::Failure as Heartbeats::require_free_bus
 void require_free_bus(std::deque<OnTheBus>& robots) {
-  const auto until = loop::Clock::now() + std::chrono::milliseconds(250);
-  while (loop::Clock::now() < until) {
+  constexpr std::chrono::milliseconds silence{250};
+  const auto begin = loop::Clock::now();
+  for (auto until = begin + silence; loop::Clock::now() < until;) {
     for (OnTheBus& each : robots) {
-      each.heartbeats.require_free_bus(
-          std::min(until, loop::Clock::now() + std::chrono::milliseconds(5)));
+      const auto turn_ends = loop::Clock::now() + std::chrono::milliseconds(5);
+      if (each.heartbeats.require_free_bus(turn_ends)) until = begin + 2 * silence;
     }
   }
 }
@@ -171,6 +177,7 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
   options.on_line = [&](std::string_view name, std::string_view line) {
     screen.pass_on(robot.options.named(""), name, line);
   };
+  options.begun = [&] { return robot.out->look(); };
   options.on_wake = [&, own] {
     robot.heartbeats.read_into(progress[own]);
     screen.show(progress);

@@ -36,6 +36,9 @@ using diagnostics::ExitCode;
 
 constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
 
+/// Before the name of a file of an earlier run until this one has begun.
+constexpr const char* earlier = ".earlier-";
+
 /// Reads the log, once, into `facts` and `recorded`. @return why it cannot be read, or what is
 /// wrong with it if every program ended well, `done`; empty: nothing. In realtime ticks may be
 /// missing, at the end too, which the logger has reported by then.
@@ -164,7 +167,8 @@ RunDirectory::~RunDirectory() {
   if (begun_) return;
   std::error_code ignored;
   fs::remove(path_ / "lcmlog", ignored);  // empty
-  fs::remove(path_, ignored);             // unless it holds other files
+  put_back();
+  fs::remove(path_, ignored);  // unless it holds other files
 }
 
 void RunDirectory::make(const fs::path& directory) {
@@ -189,33 +193,47 @@ void RunDirectory::make_by_time() {
   if (error) refuse("cannot be made: " + error.message());
 }
 
-/// Makes room for the results.
+/// Makes room for the results: those of an earlier run are put aside.
 void RunDirectory::clear(bool overwrite) {
   std::error_code error;
+  put_back();  // what a run that was killed has put aside
   if (fs::exists(path_ / "latest", error)) refuse("holds the runs of a scenario");
   for (const char* file : our_files) {
     if (fs::is_directory(path_ / file, error)) refuse(fmt::format("{} there is a directory", file));
-    if (!fs::exists(path_ / file, error)) continue;
-    if (!overwrite) {
+    if (!overwrite && fs::exists(path_ / file, error)) {
       refuse(fmt::format("the {} of an earlier run is there", file),
              "choose another directory, or replace it with --overwrite");
     }
-    fs::remove(path_ / file, error);
-    if (error) refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
+  }
+  for (const fs::path& file : files()) {
+    fs::rename(file, path_ / (earlier + file.filename().string()), error);
+    if (!error) continue;
+    put_back();
+    refuse(fmt::format("a file there cannot be replaced: {}", error.message()));
   }
   for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
 }
 
-void RunDirectory::look() {
-  if (begun_) return;
+void RunDirectory::put_back() const {
+  for (const std::string file : our_files) {
+    std::error_code ignored;
+    if (fs::exists(path_ / file, ignored)) continue;
+    fs::rename(path_ / (earlier + file), path_ / file, ignored);
+  }
+}
+
+bool RunDirectory::look() {
+  if (begun_) return true;
   std::error_code ignored;
   const auto size = fs::file_size(path_ / "lcmlog", ignored);
-  if (ignored || size == 0) return;
+  if (ignored || size == 0) return false;
   begun_ = true;
-  if (runs_.empty()) return;
+  for (const std::string file : our_files) fs::remove(path_ / (earlier + file), ignored);
+  if (runs_.empty()) return true;
   const fs::path link = runs_ / fmt::format(".latest-{}", getpid());
   fs::create_symlink(path_.filename(), link, ignored);
   fs::rename(link, runs_ / "latest", ignored);
+  return true;
 }
 
 fs::path RunDirectory::statistics_path(loop::Role role) const {
@@ -273,7 +291,8 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
       recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};
   summary.predicted = run.predicted;
   if (recorded) summary.verdict = recorded->verdict;
-  if (end.facts.fault && summary.ticks() < run.scenario.loop.num_ticks) {
+  if (end.facts.fault && (end.code >= ExitCode::peer_lost ||  // perhaps stopped in the last ticks
+                          summary.ticks() < run.scenario.loop.num_ticks)) {
     summary.verdict.outcome =
         end.code == ExitCode::interrupted ? study::Outcome::interrupted : study::Outcome::stopped;
     summary.verdict.reason = *end.facts.fault;

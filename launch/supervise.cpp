@@ -44,10 +44,11 @@ bool ended_with(const ProcessEnd& end, ExitCode code) {
   return end.signal == 0 && end.exit_code == static_cast<int>(code);
 }
 
-/// A process that ended because of a peer, by its exit code.
-bool lost_its_peer(const ProcessEnd& end) {
-  return ended_with(end, ExitCode::peer_lost) ||
-         (end.signal == 0 && end.cause.starts_with("ended because of "));
+/// How far from the first cause it ended: by itself, because it missed a peer, because of what a
+/// peer announced.
+int distance_from_cause(const ProcessEnd& end) {
+  if (end.signal == 0 && end.cause.starts_with("ended because of ")) return 2;
+  return ended_with(end, ExitCode::peer_lost) ? 1 : 0;
 }
 
 /// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
@@ -153,11 +154,11 @@ class Run {
         end.cause = without_program(line.substr(diagnostics::error_mark.size()));
         return;
       }
-      if (has_mark(line, diagnostics::warning_mark)) {
-        line.erase(0, diagnostics::warning_mark.size());
-      }
+      const bool detail = has_mark(line, "<info> ") || has_mark(line, "<debug> ");
+      if (detail || has_mark(line, diagnostics::warning_mark)) line.erase(0, line.find(' ') + 1);
+      line = without_program(line);
       if (options_.on_line) options_.on_line(end.name, line);
-      end.last_line = std::move(line);
+      if (!detail) end.last_line = std::move(line);
     });
   }
 
@@ -176,17 +177,19 @@ class Run {
     if (sent_ != 0) return;
     const ProcessEnd& end = result_.ends[i];
     const Clock::time_point now = Clock::now();
+    const bool first = !result_.culprit.has_value();
+    if (first && !clean_end_) result_.begun = !options_.begun || options_.begun();
     if (end.well()) {
-      if (!clean_end_) stragglers_at_ = now + options_.end_together;
+      const auto time = result_.begun ? options_.end_together : options_.grace;
+      if (!clean_end_) stragglers_at_ = now + time;
       clean_end_ = true;
       return;
     }
-    const bool first = !result_.culprit.has_value();
-    if (first || (lost_its_peer(result_.ends[*result_.culprit]) && !lost_its_peer(end))) {
+    if (first || distance_from_cause(end) < distance_from_cause(result_.ends[*result_.culprit])) {
       result_.culprit = i;
     }
     // A plant that missed deadlines came to its end, as the others will; a user's program did not.
-    if (first && end.name == "plant" && ended_with(end, ExitCode::check_said_no)) {
+    if (first && result_.begun && end.name == "plant" && ended_with(end, ExitCode::check_said_no)) {
       stragglers_at_ = now + options_.end_together;
     } else {
       escalate_at_ = std::min(escalate_at_, now + options_.grace);
@@ -293,6 +296,7 @@ ExitCode exit_code(const Supervision& supervision) {
   for (const ExitCode own :
        {ExitCode::check_said_no, ExitCode::bad_usage, ExitCode::protocol_violated,
         ExitCode::protective_stop, ExitCode::interrupted}) {
+    if (own == ExitCode::check_said_no && !supervision.begun) continue;  // there was none
     if (ended_with(supervision.ends[*supervision.culprit], own)) return own;
   }
   // That the robot was stopped matters more than which process was lost.

@@ -27,7 +27,7 @@ struct ProcessEnd : process::End {
   std::string name;
   bool on_order = false;  ///< it ended after it was signalled
   bool overdue = false;   ///< it was still running long after another had ended well
-  std::string last_line;  ///< the last line it wrote
+  std::string last_line;  ///< the last it wrote that may tell why it ended, without program's name
   std::string cause;      ///< why it ended, from its error line, without mark and program's name
 };
 
@@ -35,6 +35,7 @@ struct ProcessEnd : process::End {
 struct SuperviseOptions {
   std::function<void(std::string_view name, std::string_view line)> on_line;
   std::function<void()> on_wake;             ///< called at least every 50 ms
+  std::function<bool()> begun;               ///< whether tick 0 was reached; empty: yes
   std::chrono::milliseconds grace{300};      ///< from the first failure to SIGTERM for the others
   std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL
   std::chrono::milliseconds interrupt_grace{3000};  ///< from the forwarded SIGINT to SIGTERM
@@ -44,6 +45,7 @@ struct SuperviseOptions {
 struct Supervision {
   std::vector<ProcessEnd> ends;        ///< in the order of the processes given
   std::optional<std::size_t> culprit;  ///< index of the process because of which the run ended
+  bool begun = true;                   ///< when the first process ended
   bool interrupted = false;            ///< by a signal to this process, or by another run's failure
   std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
 
@@ -75,7 +77,8 @@ std::string describe(const ProcessEnd& end);
 std::string others_that_failed(const Supervision& supervision);
 
 /// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal
-/// killed it, say) 5 if another brought the robot to a protective stop, else 3.
+/// killed it, say, or it ended with 1 before the run) 5 if another brought the robot to a
+/// protective stop, else 3.
 diagnostics::ExitCode exit_code(const Supervision& supervision);
 
 }  // namespace tachless::launch

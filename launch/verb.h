@@ -48,6 +48,9 @@ constexpr Verb verb_of(std::string_view name, std::string_view does, std::string
 void add_json(CLI::App& command, bool& json);
 void add_quiet(CLI::App& command, bool& quiet);
 
+/// A check of an option: a number above 0.
+std::string above_zero(const std::string& text);
+
 /// On stdout: `text`, or, with --json, `all` with `text` in it.
 void print(bool json, nlohmann::ordered_json all, const std::string& text);
 
@@ -57,7 +60,7 @@ bool is_yaml(const std::filesystem::path& file);
 inline constexpr std::string_view write_remedy = "name another file with --write";
 /// For verbs that write a scenario: refuse, before the work, a name that is none, and a file that
 /// could not or should not be written after it.
-void require_scenario_name(const std::filesystem::path& file);
+void require_scenario_writable(const std::filesystem::path& file, bool force);
 void require_writable(const std::filesystem::path& file, bool force);
 /// A scenario's name after its file: each character that is not allowed in one is _.
 std::string scenario_name(const std::filesystem::path& file);

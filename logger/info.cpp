@@ -78,6 +78,7 @@ class ChannelTally {
     }
     channel->longest_silence_us =
         std::max(channel->longest_silence_us, difference(event.utime, channel->last_utime));
+    if (event.utime < channel->last_utime) channel->went_back = true;
     channel->last_utime = event.utime;
   }
 
@@ -90,7 +91,7 @@ class ChannelTally {
     for (const auto& [name, channel] : channels_) {
       const double span_s =
           1e-6 * static_cast<double>(difference(channel.last_utime, channel.first_utime));
-      const bool has_rate = channel.messages >= 2 && span_s > 0;
+      const bool has_rate = channel.messages >= 2 && span_s > 0 && !channel.went_back;
       channels.push_back(
           {{"channel", printable(name)},
            {"messages", channel.messages},
@@ -115,6 +116,7 @@ class ChannelTally {
     std::uint64_t bytes = 0;              ///< of data
     std::uint64_t other_type = 0;         ///< messages of another type than the first one
     std::int64_t longest_silence_us = 0;  ///< between two messages that follow each other
+    bool went_back = false;               ///< a time stamp is before the one before it
   };
   using Channels = std::map<std::string, Channel, std::less<>>;
 
@@ -213,11 +215,13 @@ std::string no_log_text(const std::filesystem::path& path) {
   text.resize(static_cast<std::size_t>(file.gcount()));
   const std::string name = path.string();
   if (text.find("<robot") != std::string::npos) {
-    return fmt::format("{}: this is a robot description: tachless robot {}", name, name);
+    return fmt::format("{}: this is a robot description: tachless robot {}", name,
+                       diagnostics::shell_word(name));
   }
   if (text.find("\nrobot:") != std::string::npos &&
       text.find("\ncontroller:") != std::string::npos) {
-    return fmt::format("{}: this is a scenario: tachless run {}", name, name);
+    return fmt::format("{}: this is a scenario: tachless run {}", name,
+                       diagnostics::shell_word(name));
   }
   return fmt::format("{}: not one message of an LCM log is in it; name an LCM log", name);
 }
@@ -274,7 +278,9 @@ std::string run_text(const json& run) {
   };
   line(run["wrong_tick"], "with a tick outside of the run or at odds with its time");
   line(run["too_late"], "too far out of order to be used");
-  line(run["foreign_messages"], "of other runs");
+  std::vector<std::string> ids;
+  for (const auto& [id, count] : run["foreign_runs"].items()) ids.push_back(id);
+  line(run["foreign_messages"], "of other runs: " + diagnostics::joined(ids));
   for (const json& change : run["gains"]) {
     text += fmt::format("gains     from tick {}: {}\n", change["tick"], change["gains"]);
   }

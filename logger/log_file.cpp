@@ -84,9 +84,8 @@ LogWriter::LogWriter(std::filesystem::path path)
 }
 
 LogWriter::~LogWriter() {
-  if (file_ < 0) return;
   try {
-    flush();
+    close();
   } catch (const std::exception&) {
     // The error was thrown before, or the caller has not called close(), which would throw it.
   }
@@ -156,6 +155,7 @@ void LogWriter::close() {
   if (failure_.empty() && file_ < 0) return;
   sync();
   require_own_file();
+  if (num_events_ == 0) unlink(path_.c_str());
   if (::close(std::exchange(file_, -1)) != 0) fail(errno);
 }
 

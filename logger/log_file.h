@@ -35,7 +35,7 @@ class LogWriter {
   explicit LogWriter(std::filesystem::path path);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
-  /// Flushes, silently; call `close` to have errors thrown.
+  /// Closes, silently; call `close` to have errors thrown.
   ~LogWriter();
 
   /// @param utime time stamp [us]
@@ -55,8 +55,8 @@ class LogWriter {
   /// runs.
   void sync(const Wait& meanwhile = {});
 
-  /// The same, and closes. @throw diagnostics::Failure(bad_usage) also when the file was removed or
-  /// replaced meanwhile
+  /// The same, and closes; a log without events is removed. @throw diagnostics::Failure(bad_usage)
+  /// also when the file was removed or replaced meanwhile
   void close();
 
   [[nodiscard]] std::int64_t num_events() const { return num_events_; }

@@ -47,6 +47,7 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
     if (wrong.empty()) return found;
     if (problem.empty()) problem = wrong;
   }
+  if (events == 0) problem = "not one message of an LCM log is in it; name an LCM log";
   if (problem.empty()) {
     problem = fmt::format(
         "none of its {} messages is a RUN_INFO, which says what was run; record from before the "

@@ -152,7 +152,10 @@ void Link::poll(Time now) {
     if (!membership_->failure()) announce(now);
     if (!membership_->running() && now >= next_notice_) name_missing(now);
   }
-  if (membership_->failure()) throw Failure(*membership_->failure());
+  const auto& failure = membership_->failure();
+  if (!failure) return;
+  throw Failure(failure->code(),
+                failure->what() + (membership_->joined() ? "" : key_check_.hint()));
 }
 
 void Link::run_until(const std::function<bool()>& done, const Turn& turn) {
@@ -313,7 +316,8 @@ void Link::name_missing(Time now) {
   next_notice_ = now + notice_period;
   const auto roles = membership_->missing();
   if (roles.empty()) return;
-  diagnostics::log_info("waiting for {} on {}", diagnostics::joined(roles), channel_);
+  diagnostics::log_info("waiting for {} on {}{}", diagnostics::joined(roles), channel_,
+                        key_check_.hint());
 }
 
 std::string Link::silent_among(std::initializer_list<Role> roles) const {

@@ -52,6 +52,11 @@ class KeyCheck {
     first_ = fmt::format("{} {}", protocol::describe(stranger.who, stranger.sender), difference);
   }
 
+  /// For those who wait, after what they wait for: the first foreign one; empty if none has come.
+  [[nodiscard]] std::string hint() const {
+    return first_.empty() ? "" : "; " + first_ + " (--key-file)";
+  }
+
   /// @throw Failure(protocol_violated) when only foreign ones have come for 1.5 s.
   void poll(Time now) const {
     // No announcement that verifies among so many for so long: the keys differ.

@@ -48,8 +48,8 @@ std::string examples(const Program& program) {
       "{1}"
       "The four programs tachless-plant, tachless-reference, tachless-controller and\n"
       "tachless-logger may start in any order and must be given the same scenario.\n"
-      "Exit codes: 0 done, 2 bad usage or scenario, 3 a peer is lost, 4 protocol violated,\n"
-      "5 protective stop, 130 interrupted.",
+      "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 a peer is lost,\n"
+      "4 protocol violated, 5 protective stop, 130 interrupted.",
       program.name, fmt::format(fmt::runtime(program.examples), program.name));
 }
 
@@ -102,19 +102,6 @@ fs::path default_log_path() {
 
 }  // namespace
 
-bool parse(CLI::App& program, int argc, const char* const* argv) {
-  try {
-    program.parse(argc, argv);
-    return true;
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) {
-      program.exit(error, std::cout, std::cerr);
-      return false;
-    }
-    throw bad_usage("{}; see {} --help", error.what(), program.get_name());
-  }
-}
-
 std::string find_scenario(const std::string& given) {
   std::error_code error;
   if (given.empty() || fs::exists(given, error)) return given;
@@ -133,7 +120,7 @@ CLI::Option* with_installed_scenarios(CLI::Option* files) {
 
 void add_overrides(CLI::App& command, std::vector<std::string>& overrides,
                    const std::string& does) {
-  command.add_option("--set", overrides, does)->allow_extra_args(false);
+  command.add_option("--set", overrides, does);
 }
 
 CLI::Option* add_scenario(CLI::App& command, fs::path& path, std::vector<std::string>& overrides) {
@@ -160,11 +147,17 @@ void add_key_file(CLI::App& command, std::string& path) {
       .add_option("--key-file", path,
                   "Key of the bus, the same for all: 32 random bytes or 64 hexadecimal digits; "
                   "messages without it are ignored")
-      ->envname("TACHLESS_KEY_FILE")
-      ->check([](const std::string& value) {
-        return value.empty() ? "empty; name the key's file, or leave --key-file out"
-                             : std::string();
-      });
+      ->envname("TACHLESS_KEY_FILE");
+}
+
+void take_whole_words(CLI::App& command) {
+  for (CLI::Option* option : command.get_options()) {
+    if (option->get_items_expected_max() == 0) continue;  // a flag
+    if (!option->get_positional()) option->allow_extra_args(false);
+    option->check([](const std::string& word) {
+      return word.empty() ? "empty; give a value, or leave the option out" : std::string();
+    });
+  }
 }
 
 CLI::Option* as_run_id(CLI::Option* option) {
@@ -185,9 +178,14 @@ std::optional<ProcessOptions> parse_process_options(Role role, int argc, const c
   options.lcm_url = default_lcm_url;
   CLI::App cli(program_of(role).task, program_name(role));
   add_options(cli, role, options);
-  if (!parse(cli, argc, argv)) return std::nullopt;
-  if (options.scenario_path.empty()) {
-    throw bad_usage("SCENARIO: empty; name a YAML file; see {} --help", program_name(role));
+  take_whole_words(cli);
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() != 0)
+      throw bad_usage("{}; see {} --help", error.what(), cli.get_name());
+    cli.exit(error, std::cout, std::cerr);
+    return std::nullopt;
   }
   if (!std::isfinite(options.wait_s)) {  // CLI::Range lets NaN through
     throw bad_usage("--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");

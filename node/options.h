@@ -24,11 +24,6 @@ namespace tachless::node {
 
 inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0";
 
-/// Reads a program's command line. False when --help or --version was asked for, which has then
-/// been answered on stdout.
-/// @throw Failure(bad_usage), one line
-bool parse(CLI::App& program, int argc, const char* const* argv);
-
 /// The scenario or URDF file that is meant: `given` where there is one; else one of the
 /// installation, by its path in scenarios/, with or without this word and .yaml.
 /// @throw Failure(bad_usage) naming both places, when there is none
@@ -51,6 +46,9 @@ bus::LcmUrl parse_lcm_url(const std::string& url);
 
 /// --key-file, else TACHLESS_KEY_FILE; empty when there is none.
 void add_key_file(CLI::App& command, std::string& path);
+
+/// For a command that has all its options: each takes one word, and no word may be empty.
+void take_whole_words(CLI::App& command);
 
 /// For an option that is a run's id: a positive number. @return the same option
 CLI::Option* as_run_id(CLI::Option* option);

@@ -25,6 +25,9 @@ std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
 }
 
+/// By more than rounding.
+bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
+
 /// A real robot's readings have noise, latency and resolution already.
 experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
   const EncoderSide side = scenario.plant.encoder.side;
@@ -236,8 +239,9 @@ void GuardedRobot::watch_limits(std::int64_t tick) {
   const bool warns = emulated() && scenario_.plant.on_limit == OnLimit::warn;
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
-    const bool outside = state_.q[i] < model_.lower[i] || state_.q[i] > model_.upper[i];
-    const bool fast = std::abs(speed_[i]) > model_.velocity_limit[i];
+    const double q = state_.q[i];
+    const bool outside = above(q, model_.upper[i]) || above(-q, -model_.lower[i]);
+    const bool fast = above(std::abs(speed_[i]), model_.velocity_limit[i]);
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;

@@ -8,6 +8,7 @@
 
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
+#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "python/python_law.h"
 
@@ -55,6 +56,7 @@ py::dict linear(const std::filesystem::path& path, const Names& overrides,
   const int n = scenario.num_joints;
   const robot::Vector q =
       posture.is_none() ? loop.rest_at(0).q_ref : vector_of(posture, n, "posture");
+  if (!q.allFinite()) throw diagnostics::bad_usage("posture: not finite; give finite numbers");
   const double h = scenario.loop.period_s;
   const auto& [A, B, C] = certificate::cut(loop.at(certificate::constant_reference(q)), h);
   const Eigen::MatrixXd positions = Eigen::MatrixXd::Identity(n, A.rows());

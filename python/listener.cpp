@@ -55,7 +55,11 @@ std::string take(UdpTransport& transport, double seconds) {
     if (seen.type.empty() || seen.rejection != bus::Rejection::none) continue;
     const auto& [utime, run, tick] = seen.stamp;
     json.update({{"type", seen.type}, {"utime", utime}, {"run", run}, {"tick", tick}});
-    for (const auto& [name, unit, value] : fields) json[name] = value;
+    for (const auto& [name, unit, value] : fields) {
+      nlohmann::ordered_json& field = json[name.substr(0, name.find('['))];
+      if (!name.ends_with(']')) field = value;
+      if (name.ends_with(']')) field.push_back(value);  // "value[0]", ...: rows of one list
+    }
     return diagnostics::json_text(json);
   } while (Clock::now() < end);
   return "";

@@ -34,6 +34,9 @@ using robot::Model;
 Model read_robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides,
                  double gravity) {
   const auto [text, options] = experiment::robot_file(urdf, overrides);
+  if (urdf.extension() == ".yaml" || urdf.extension() == ".yml") {
+    throw diagnostics::bad_usage("{}: a scenario; give the file of its robot.urdf", urdf.string());
+  }
   try {
     Model model = robot::model_from_urdf(text, urdf.string(), options);
     if (!std::isfinite(gravity)) {

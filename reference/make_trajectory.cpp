@@ -1,10 +1,95 @@
 #include "reference/make_trajectory.h"
-#include "diagnostics/text.h"
-#include "robot/model.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "diagnostics/text.h"
+#include "robot/model.h"
+
 namespace tachless::reference {
+namespace {
+
+constexpr int per_cycle = 50, per_piece = 4;
+
+/// The highest frequency of which both are multiples, to a billionth of them.
+double common_frequency(double a, double b) {
+  const double least = 1e-9 * std::max(a, b);
+  while (b > least) a = std::exchange(b, std::fmod(a, b));
+  return a;
+}
+
+}  // namespace
+
+std::vector<trajectory::Sine> sines_of(const Spec& spec) {
+  if (const auto* sum = std::get_if<trajectory::MultiSine>(&spec)) return sum->terms;
+  const trajectory::Sine* one = std::get_if<trajectory::Sinusoid>(&spec);
+  return one == nullptr ? std::vector<trajectory::Sine>() : std::vector{*one};
+}
+
+Motion::Motion(const experiment::Scenario& scenario, const Trajectory& trajectory) {
+  const double run_s = scenario.loop.duration_s;
+  double fastest_hz = 0, common_hz = 0;
+  for (const trajectory::Sine& sine : sines_of(scenario.reference)) {
+    for (Eigen::Index i = 0; i < sine.amplitude_rad.size(); ++i) {
+      if (sine.amplitude_rad[i] == 0 || sine.frequency_hz[i] == 0) continue;
+      fastest_hz = std::max(fastest_hz, sine.frequency_hz[i]);
+      common_hz = common_frequency(common_hz, sine.frequency_hz[i]);
+    }
+  }
+  if (common_hz > 0) time_s_ = {0, 1 / common_hz};
+  if (const auto* move = std::get_if<trajectory::PointToPoint>(&scenario.reference)) {
+    time_s_ = {move->start_s, move->start_s + move->duration_s};
+  } else if (const auto* points = std::get_if<trajectory::Waypoints>(&scenario.reference)) {
+    time_s_ = points->time_s;
+  } else if (const auto* file = std::get_if<trajectory::MotionFile>(&scenario.reference)) {
+    time_s_ = file->motion->time_s();
+  }
+  const bool in_run = std::erase_if(time_s_, [&](double t_s) { return t_s >= run_s; }) == 0;
+  if (time_s_.empty()) return;
+  if (!in_run) time_s_.push_back(run_s);
+
+  begin_s = time_s_.front();
+  end_s = time_s_.back();
+  const double least_s = (end_s - begin_s) / (4 * static_cast<double>(time_s_.size() - 1));
+  share_ = {0};
+  for (std::size_t k = 1; k < time_s_.size(); ++k) {
+    share_.push_back(share_.back() + std::max(time_s_[k] - time_s_[k - 1], least_s));
+  }
+  for (const double total = share_.back(); double& share : share_) share /= total;
+  cycles_ = fastest_hz * (end_s - begin_s);
+  repeats = common_hz > 0 && in_run;
+  const auto at_rest = [&](double t_s) { return trajectory.at(t_s).v_ref.isZero(0); };
+  if (std::ranges::all_of(closely(), at_rest)) end_s = begin_s;
+}
+
+double Motion::at(double share) const {
+  if (!moves()) return begin_s;
+  const auto k = static_cast<std::size_t>(
+      std::upper_bound(share_.begin() + 1, share_.end() - 1, share) - share_.begin());
+  const double part = (share - share_[k - 1]) / (share_[k] - share_[k - 1]);
+  return time_s_[k - 1] + part * (time_s_[k] - time_s_[k - 1]);
+}
+
+std::vector<double> Motion::instants(int count) const {
+  if (!moves() || count < 2) return {begin_s};
+  const bool irregular = cycles_ > 1.5 && count < per_cycle * cycles_;
+  std::vector<double> result;
+  for (int k = 0; k < count; ++k) {
+    // The golden ratio's multiples are spread evenly between 0 and 1, of whatever k.
+    const double beyond = irregular && k + 1 < count ? std::fmod(k * 0.6180339887498949, 1) : 0;
+    result.push_back(at((k + beyond) / (count - 1)));
+  }
+  return result;
+}
+
+std::vector<double> Motion::closely(int at_least, int at_most) const {
+  const double pieces = static_cast<double>(time_s_.size());
+  const double wanted = 1 + std::max(per_cycle * cycles_, per_piece * pieces);
+  return instants(std::max(at_least, static_cast<int>(std::min<double>(wanted, at_most))));
+}
 
 Trajectory make_trajectory(const experiment::Scenario& scenario) {
   const auto* const file = std::get_if<trajectory::MotionFile>(&scenario.reference);
@@ -15,9 +100,7 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
   Trajectory made(scenario.reference);
   const robot::Model& model = *scenario.model;
   const robot::JointLabels joints = robot::joint_labels(model);
-  const int last = last_instant(scenario.loop.duration_s);
-  for (int k = 0; k <= last; ++k) {
-    const double t_s = scenario.loop.duration_s * k / last;
+  for (const double t_s : Motion(scenario, made).closely()) {
     const robot::Vector q_ref = made.at(t_s).q_ref;
     for (Eigen::Index i = 0; i < q_ref.size(); ++i) {
       if (model.lower[i] <= q_ref[i] && q_ref[i] <= model.upper[i]) continue;

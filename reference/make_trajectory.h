@@ -1,8 +1,8 @@
 #pragma once
 
-#include <algorithm>
 #include <functional>
 #include <variant>
+#include <vector>
 
 #include "experiment/scenario.h"
 #include "loop/signals.h"
@@ -39,10 +39,34 @@ class Trajectory {
 /// for a reference that leaves the joint limits of the URDF during the run.
 Trajectory make_trajectory(const experiment::Scenario& scenario);
 
-/// The last of the instants 0, 1, ... at which a run's reference is checked: at most 10 ms apart up
-/// to 2000 s, so that a sinusoid of 2 Hz is between two beyond both by 0.2 % of its amplitude.
-inline int last_instant(double duration_s) {
-  return static_cast<int>(std::clamp(duration_s / 0.01, 2e3, 2e5));
-}
+/// The sinusoids of a reference; empty: it is not made of them.
+std::vector<trajectory::Sine> sines_of(const Spec& spec);
+
+/// When a reference moves within its run [s], and when to look at it: one common period of
+/// sinusoids, otherwise from its first motion to its last, pauses between them included. Of length
+/// 0 where it is constant.
+class Motion {
+ public:
+  /// Precondition: the table of a `MotionFile` was read.
+  Motion(const experiment::Scenario& scenario, const Trajectory& trajectory);
+
+  double begin_s = 0, end_s = 0;
+  bool repeats = false;  ///< within the run
+
+  [[nodiscard]] bool moves() const { return end_s > begin_s; }
+  /// The time after that share of it, 0 … 1: even in time, but that no piece between waypoints has
+  /// less than about a quarter of the mean.
+  [[nodiscard]] double at(double share) const;
+  /// As many, the first and the last included, increasing; one where it does not move. Even in
+  /// `at`, but irregular where even ones may lie at the same phase of each period.
+  [[nodiscard]] std::vector<double> instants(int count) const;
+  /// 50 for each period of the fastest sinusoid, so that it is between two beyond both by 0.2 % of
+  /// its amplitude, and 4 for each piece between waypoints.
+  [[nodiscard]] std::vector<double> closely(int at_least = 2000, int at_most = 200000) const;
+
+ private:
+  std::vector<double> time_s_, share_;  ///< of the waypoints
+  double cycles_ = 0;                   ///< of the fastest sinusoid
+};
 
 }  // namespace tachless::reference

@@ -235,7 +235,7 @@ std::string verified_text(const Replay& replay, const logger::RunLog& log, doubl
   if (log.summary().last_tick + 1 != log.info().num_ticks) {
     text += fmt::format(" (the run ended early: it was to have {} ticks)", log.info().num_ticks);
   }
-  return text + fmt::format("\n{:.4g} s of the robot's time in {:.3g} s: {:.0f} times as fast\n",
+  return text + fmt::format("\n{:.4g} s of the robot's time in {:.3g} s: {:.4g} times as fast\n",
                             recorded_s, wall_s, recorded_s / wall_s);
 }
 

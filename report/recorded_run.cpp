@@ -7,7 +7,7 @@
 #include <cmath>
 #include <fstream>
 #include <set>
-#include <string_view>
+#include <variant>
 #include <vector>
 
 #include "controller/registry.h"
@@ -209,8 +209,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   }
   run.summary = log.summary();
   study::Yardsticks yardsticks = study::yardsticks(run.scenario);
-  const std::vector<std::string_view> laws = controller::law_names();
-  if (std::ranges::find(laws, run.scenario.controller.law) != laws.end()) {
+  // A log does not hold the table of a reference.
+  if (!std::holds_alternative<reference::trajectory::MotionFile>(run.scenario.reference) &&
+      std::ranges::count(controller::law_names(), run.scenario.controller.law) > 0) {
     yardsticks.stiffness = certificate::stiffness(run.scenario);
   }
   for (const Stretches& ticks : run.saturated) {
@@ -224,9 +225,11 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   run.outcome = read_outcome(run);
   if (run.outcome.is_object() && run.outcome_of("fault").is_null()) ended_well = true;
   const std::int64_t ticks = run.summary.last_tick + 1;
-  if (ticks < run.info.num_ticks && !ended_well) {
+  const bool all = ticks >= run.info.num_ticks;
+  if ((!all || !run.summary.faults.empty()) && !ended_well) {
     run.verdict.outcome = study::Outcome::stopped;
     run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);
+    if (all) run.verdict.reason = run.summary.faults.front().text;
   }
   run.damage = log.damage();
   return run;

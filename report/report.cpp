@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr std::string_view remedy = "name another place with -o";
+constexpr std::string_view remedy = "free some space, or name another place";
 
 std::string base64(const std::vector<float>& values) {
   static_assert(std::endian::native == std::endian::little);

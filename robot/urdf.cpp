@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -174,11 +175,7 @@ class Loader {
   }
 
   void add_links() {
-    Frame ground;
-    ground.R_BF = rotation_of(options_.base_rpy);
-    ground.p_BF = options_.base_xyz;
-    ground.leaf = true;
-    add_link(urdf_.root, ground);
+    add_link(urdf_.root, {-1, rotation_of(options_.base_rpy), options_.base_xyz, true});
     for (const std::string& name : urdf_.order) {
       const UrdfJoint& joint = urdf_.joints.at(name);
       Frame& parent = model_.frames.at(joint.parent);
@@ -241,12 +238,8 @@ class Loader {
     model_.joint_names.resize(n);
     model_.joint_types.resize(n);
     model_.lower = Vector::Constant(n, -Model::unlimited);
-    for (Vector* limit : {&model_.upper, &model_.effort_limit, &model_.velocity_limit}) {
-      *limit = Vector::Constant(n, Model::unlimited);
-    }
-    for (Vector* each : {&model_.rotor_inertia, &model_.damping, &model_.friction}) {
-      *each = Vector::Zero(n);
-    }
+    model_.upper = model_.effort_limit = model_.velocity_limit = -model_.lower;
+    model_.rotor_inertia = model_.damping = model_.friction = Vector::Zero(n);
     for (Body& body : model_.bodies) {
       const UrdfJoint& joint = urdf_.joints.at(body.joint);
       const MimicRelation& drive = relations_.at(joint.name);
@@ -256,19 +249,39 @@ class Loader {
       body.offset = drive.offset;
       // Of a joint whose velocity is m v, damping d and friction f have the power d m^2 v^2 and
       // f |m| |v|.
-      model_.damping[j] +=
-          drive.multiplier * drive.multiplier * loss(joint, "damping", joint.damping);
-      model_.friction[j] += std::abs(drive.multiplier) * loss(joint, "friction", joint.friction);
+      const double m = drive.multiplier;
+      model_.damping[j] += m * m * loss(joint, "damping", joint.damping);
+      model_.friction[j] += std::abs(m) * loss(joint, "friction", joint.friction);
       if (!independent(joint)) continue;
       model_.joint_names[j] = joint.name;
       model_.joint_types[j] = body.type;
-      if (joint.has_range) {
-        model_.lower[j] = joint.lower;
-        model_.upper[j] = joint.upper;
-      }
       model_.effort_limit[j] = limit_or_none(joint, "effort", joint.effort);
-      model_.velocity_limit[j] = limit_or_none(joint, "velocity", joint.velocity);
+      narrow(body);
     }
+    for (const Body& body : model_.bodies) {
+      if (urdf_.joints.at(body.joint).mimic) narrow(body);
+    }
+  }
+
+  /// Narrows the limits of the joint that drives a body to what its own joint's leave.
+  void narrow(const Body& body) {
+    const UrdfJoint& joint = urdf_.joints.at(body.joint);
+    const int j = body.coordinate;
+    const double m = body.multiplier;
+    if (m == 0) return;
+    // By more than rounding: an equal limit keeps the digits of the driver's.
+    const auto less = [](double a, double b) { return a < b - 1e-6 * std::abs(a) - 1e-9; };
+    const double speed = limit_or_none(joint, "velocity", joint.velocity) / std::abs(m);
+    if (less(speed, model_.velocity_limit[j])) model_.velocity_limit[j] = speed;
+    if (!joint.has_range || joint.lower >= joint.upper) return;
+    const auto [low, high] =
+        std::minmax({(joint.lower - body.offset) / m, (joint.upper - body.offset) / m});
+    if (std::max(low, model_.lower[j]) >= std::min(high, model_.upper[j])) {
+      return warn("joint '{}': its limits leave joint '{}' no room; they are not used", joint.name,
+                  model_.joint_names[j]);
+    }
+    if (less(-low, -model_.lower[j])) model_.lower[j] = low;
+    if (less(high, model_.upper[j])) model_.upper[j] = high;
   }
 
   double limit_or_none(const UrdfJoint& joint, const char* what, double value) {

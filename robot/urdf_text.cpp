@@ -112,9 +112,10 @@ std::string xml_kind(std::string_view text, const std::string& source) {
   if (!has("<robot")) return "not a robot's description";
   if (!has("xmlns:xacro") || !source.ends_with(".xacro")) {
     return fmt::format("a URDF; `tachless design {} --write SCENARIO.yaml` makes a scenario of it",
-                       source);
+                       diagnostics::shell_word(source));
   }
-  return fmt::format("a file for xacro; run `xacro {} > robot.urdf` and give robot.urdf", source);
+  return fmt::format("a file for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
+                     diagnostics::shell_word(source));
 }
 
 }  // namespace tachless::robot

@@ -35,10 +35,13 @@ class Reader {
   Reader(const std::string& text, const std::string& source) : source_(source) {
     if (const std::string why = why_too_large(text); !why.empty()) refuse("{}", why);
     document_.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
+    if (document_.ErrorId() == TiXmlBase::TIXML_ERROR_DOCUMENT_EMPTY && !trimmed(text).empty()) {
+      refuse("not XML text (UTF-8); give a URDF file");
+    }
     if (document_.Error()) {
-      std::string why = document_.ErrorDesc();
-      if (!why.empty() && why.back() == '.') why.pop_back();
-      refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(), why);
+      const std::string_view why = document_.ErrorDesc();
+      refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(),
+             why.substr(0, why.find_last_not_of('.') + 1));
     }
     robot_ = document_.FirstChildElement("robot");
     if (robot_ == nullptr) {

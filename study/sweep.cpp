@@ -224,9 +224,9 @@ std::vector<SweepRow> Sweep::rows() const {
   const auto missing =
       std::ranges::count_if(rows, [](const SweepRow& row) { return row.line.empty(); });
   if (missing > 0) {
-    throw Failure(ExitCode::check_said_no,
-                  "{}: {} of {} runs are not finished; to resume: tachless sweep {}",
-                  directory_.string(), missing, rows.size(), directory_.string());
+    throw Failure(
+        ExitCode::check_said_no, "{}: {} of {} runs are not finished; to resume: tachless sweep {}",
+        directory_.string(), missing, rows.size(), diagnostics::shell_word(directory_.string()));
   }
   return rows;
 }

@@ -170,7 +170,11 @@ struct Joint {
     if (friction > 0 && sticks()) return Outcome::stuck;
     // On a motion that is slower than the run an error is nearly constant too.
     if (last.extent() < constant * last.peak() && position.extent() < last.peak()) {
-      return Outcome::rests_beside;
+      // It is not to be seen where an error will rest that falls nearly as fast as before.
+      const double before = in[2].extent();
+      const bool falls = in[2].peak() - last.peak() > 0.9 * before &&
+                         last.extent() > std::max(noise, 0.5 * before);
+      return falls ? Outcome::slow : Outcome::rests_beside;
     }
     return !within(1) || last.peak() < 0.95 * in[2].peak() ? Outcome::slow : Outcome::lags;
   }
@@ -245,9 +249,8 @@ std::string held_text(const Verdict& verdict, std::string_view length, std::stri
 Yardsticks yardsticks(const experiment::Scenario& scenario) {
   Yardsticks result;
   const plant::DriveSpec& drive = scenario.plant.drive;
-  result.friction = drive.coulomb_friction_Nm;
-  if (drive.static_friction_Nm)
-    result.friction = result.friction.cwiseMax(*drive.static_friction_Nm);
+  result.friction = drive.coulomb_friction_Nm.cwiseMax(
+      drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm));
   result.resolution = experiment::encoder_count(scenario, *scenario.model)
                           .cwiseMax(scenario.plant.encoder.noise_std_rad);
   result.realtime = scenario.loop.mode == experiment::Mode::realtime;
@@ -257,7 +260,7 @@ Yardsticks yardsticks(const experiment::Scenario& scenario) {
 double rests_from_s(const std::vector<Point>& q_ref) {
   if (q_ref.empty()) return 0;
   const double end = q_ref.back().x;
-  const double tolerance = 1e-6 * span(q_ref, 0, end).extent();
+  const double tolerance = 1e-12 * span(q_ref, 0, end).extent();  // the rounding of a polynomial
   double moved_s = 0;
   for (const Point& point : q_ref) {
     if (std::abs(point.y - q_ref.back().y) > tolerance) moved_s = point.x;
@@ -279,6 +282,7 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
     joint.outcome = joint.judged();
     above_s = std::max(above_s, joint.above_s());
     result.counted_from_s = std::max(result.counted_from_s, rests_from_s(joint.q_ref));
+    result.moves = result.moves || span(joint.q_ref, 0, joint.end).extent() > 0;
   }
   judge_worst(joints, yardsticks, result);
   result.settled_s = std::max(0.0, above_s - result.counted_from_s);
@@ -301,8 +305,10 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
   const std::string& length = joints.length[verdict.joint];
   const auto up_to = [&](std::string_view word, std::string_view why) {
     return fmt::format(
-        "{}: error up to {:.2g} {} in the last quarter at {}, {:.2g} % of its scale{}", word,
-        verdict.error, length, joint, 100 * verdict.share, why);
+        "{}: error up to {:.2g} {} in the last quarter at {}, {} % of its scale{}", word,
+        verdict.error, length, joint,
+        fmt::format(fmt::runtime(verdict.share < 0.1 ? "{:.2g}" : "{:.0f}"), 100 * verdict.share),
+        why);
   };
   switch (verdict.outcome) {
     case Outcome::converged:
@@ -314,8 +320,9 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
     case Outcome::followed:
       return up_to("followed", "");
     case Outcome::lags:
-      return up_to("lags", verdict.friction > 0 ? "; the motion, or dry friction, makes it"
-                                                : "; the motion makes it");
+      return up_to("lags",
+                   fmt::format("; {}{} makes it", verdict.moves ? "the motion" : "a disturbance",
+                               verdict.friction > 0 ? ", or dry friction," : ""));
     case Outcome::slow:
       return up_to("slow", ", decaying; a longer run would show more");
     case Outcome::rests_beside:
@@ -335,8 +342,7 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
                          length);
     case Outcome::outside:
       return fmt::format(
-          "outside: it starts {:.3g} {} beside its reference, where a run is broken "
-          "off",
+          "outside: it starts {:.3g} {} beside its reference, where a run is broken off",
           verdict.error, length);
     case Outcome::interrupted:
     case Outcome::stopped:

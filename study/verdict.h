@@ -20,7 +20,7 @@ namespace tachless::study {
 enum class Outcome {
   converged,     ///< the last quarter's error is at most 1 % of the joint's scale, or 3 counts
   followed,      ///< at most 5 %
-  lags,          ///< more, and the motion makes it, or dry friction against it
+  lags,          ///< more, and the motion or a disturbance makes it, or dry friction
   slow,          ///< more, and it decays
   not_judged,    ///< too few ticks, or a dry run
   rests_beside,  ///< more, and it is constant
@@ -64,6 +64,7 @@ struct Verdict {
   double frequency_hz = 0;     ///< of a limit cycle, at least
   double settled_s = 0;        ///< when every joint's error was within 1 % of its scale for good
   double counted_from_s = 0;   ///< that is counted from the motion's end; 0: from the start
+  bool moves = false;          ///< the reference does
   double saturated_share = 0;  ///< largest of the joints' shares of ticks
   double friction = 0, stiffness = 0;  ///< of the joint that decides, where known
   std::string reason;                  ///< why it was stopped, interrupted, not judged

@@ -24,13 +24,14 @@ namespace tachless::tuning {
 constexpr double range_share = 0.9, asked_share = 0.93;
 
 struct DesignGoal {
-  std::optional<double> bandwidth_hz;     ///< at most: kp no larger than the rule's for it
-  std::optional<double> settling_s;       ///< to 1 % of an error; what is left over becomes margin
-  std::optional<robot::Vector> least_kp;  ///< stiffness, of each joint [N m/rad]
-  std::optional<double> count_Nm;         ///< largest torque of one encoder count
-  std::optional<double> start_error;      ///< kp times that within the torque limit [rad; m]
-  double modulus = 0.5;                   ///< least modulus margin, along the motion
-  double count_share = 0.01;              ///< of the torque limit, by one encoder count
+  std::optional<double> bandwidth_hz;  ///< at most: kp no larger than the rule's for it
+  std::optional<double> settling_s;    ///< to 1 % of an error; what is left over becomes margin
+  std::optional<robot::Vector>
+      least_kp;                       ///< stiffness, of each joint, its spring included [N m/rad]
+  std::optional<double> count_Nm;     ///< largest torque of one encoder count
+  std::optional<double> start_error;  ///< kp times that within the torque limit [rad; m]
+  double modulus = 0.5;               ///< least modulus margin, along the motion
+  std::optional<double> count_share;  ///< of the torque limit, by one encoder count; 0.01
 };
 
 struct Design {

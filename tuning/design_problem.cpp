@@ -324,11 +324,19 @@ void DesignProblem::set_bounds() {
   problem_.upper = VectorXd::Constant(variables, entries_.empty() ? 100 : std::log(most_factor));
   problem_.lower = -problem_.upper;
   const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+  const auto& bits = scenario_.plant.encoder.resolution_bits;
+  const auto need = [](const auto& goal, const auto& key, const char* what) {
+    if (goal && !key) throw Failure(ExitCode::bad_usage, "{}, which the scenario lacks", what);
+  };
+  need(goal_.start_error, limit, "--start-error needs plant.drive.torque_limit_Nm");
+  need(goal_.count_share, limit, "--count-share needs plant.drive.torque_limit_Nm");
+  need(goal_.count_share, bits, "--count-share needs plant.encoder.resolution_bits");
+  need(goal_.count_Nm, bits, "--noise needs plant.encoder.resolution_bits");
   const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
   problem_.most_gain = VectorXd::Constant(n, infinity);
   for (Index j = 0; j < n; ++j) {
     double torque = goal_.count_Nm.value_or(infinity);
-    if (limit) torque = std::min(torque, goal_.count_share * (*limit)[j]);
+    if (limit) torque = std::min(torque, goal_.count_share.value_or(0.01) * (*limit)[j]);
     if (count[j] > 0) problem_.most_gain[j] = torque / count[j];
   }
   if (!entries_.empty()) return bound_poles();
@@ -345,7 +353,7 @@ void DesignProblem::set_bounds() {
   }
   if (!by_joint_ || law_.parameters.front().unit != "N m/rad") {  // then not of a kp
     if (!goal_.start_error && !goal_.least_kp) return;
-    throw Failure(ExitCode::check_said_no,
+    throw Failure(ExitCode::bad_usage,
                   "--stiffness, --rest-error and --start-error are about a kp of each joint "
                   "[N m/rad], and {} has none: take loria_ortega_rigid",
                   law_.name);

@@ -98,8 +98,19 @@ double GainPoint::least_modulus() const {
 
 double GainPoint::lack() const {
   const double of_margin = problem_->margin + margin_kept - least_modulus();
-  const VectorXd gain = own_gain(feedback_[0].law);
+  const VectorXd gain = largest_gain();
   return std::max({0.0, of_margin, (gain.array() / problem_->most_gain.array()).log().maxCoeff()});
+}
+
+VectorXd GainPoint::largest_gain(double by, Index variable) const {
+  VectorXd largest = VectorXd::Zero(num_joints());
+  for (std::size_t i = 0; i < feedback_.size(); ++i) {
+    if (problem_->share[i] < 1) continue;
+    LinearLaw law = feedback_[i].law;
+    if (by != 0) law.D += by * feedback_[i].derivative(variable).D;
+    largest = largest.cwiseMax(own_gain(law));
+  }
+  return largest;
 }
 
 bool GainPoint::stable() const {
@@ -189,18 +200,17 @@ void GainPoint::add_error_rows(std::size_t loop, double T, double largest,
 
 /// -d log(gain) >= log(gain / most).
 void GainPoint::add_count_rows(std::vector<Row>& rows) const {
-  const Feedback& here = feedback(0);
-  const VectorXd gain = own_gain(here.law);
   constexpr double difference = 1e-5;
+  const VectorXd gain = largest_gain();
+  MatrixXd slope(gain.size(), theta_.size());
+  for (Index p = 0; p < theta_.size(); ++p) {
+    slope.col(p) = (largest_gain(difference, p).array() / gain.array()).log() / difference;
+  }
   for (Index j = 0; j < gain.size(); ++j) {
     Row row{VectorXd::Zero(theta_.size()), 0};
     if (std::isfinite(problem_->most_gain[j])) {
       row.least = std::log(gain[j] / problem_->most_gain[j]);
-      for (Index p = 0; p < theta_.size(); ++p) {
-        LinearLaw law = here.law;
-        law.D += difference * here.derivative(p).D;
-        row.gradient[p] = -std::log(own_gain(law)[j] / gain[j]) / difference;
-      }
+      row.gradient = -slope.row(j);
     }
     rows.push_back(std::move(row));
   }

@@ -50,6 +50,8 @@ class GainPoint {
  private:
   void make_feedback(bool derivatives);
   void make_grids();
+  /// Torque per measured angle, the largest at the postures of the motion; of gains moved that far.
+  [[nodiscard]] Eigen::VectorXd largest_gain(double by = 0, Eigen::Index variable = 0) const;
   [[nodiscard]] const Feedback& feedback(std::size_t loop) const {
     return feedback_[problem_->same_everywhere ? 0 : loop];
   }

@@ -23,6 +23,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "diagnostics/time.h"
 #include "launch/doctor.h"
 #include "launch/live_view.h"
@@ -111,13 +112,16 @@ struct Doctor {
     options.isolate = options.any_outcome = options.quiet = true;
     diagnostics::log_info("runs {} in realtime for {:g} s", scenario.string(), seconds);
     const ExitCode code = launch::run(options, {scenario});
+    if (code == ExitCode::interrupted)
+      throw diagnostics::Failure(code, "doctor: its run was interrupted");
     if (code != ExitCode::done) {
       return {"timing", fmt::format("the run ended with exit code {}", static_cast<int>(code)),
-              fmt::format("tachless run {} --mode realtime", scenario.string())};
+              fmt::format("tachless run {} --mode realtime",
+                          diagnostics::shell_word(scenario.string()))};
     }
     return judge_timing(
         Json::parse(diagnostics::file_text(options.out / "summary.json").value_or("null")), loop,
-        scenario.string());
+        diagnostics::shell_word(scenario.string()));
   }
 };
 
@@ -136,6 +140,7 @@ struct Watch {
     command.add_flag("--json", json, "As JSON; without --once one line per second");
     auto* const on_page =
         command.add_flag("--web", web, "As a page for a browser on this computer: curves, robot");
+    on_page->excludes("--once")->excludes("--json");
     command.add_option("--port", port, "Of the page; 0: any that is free")
         ->needs(on_page)
         ->check(CLI::Range(0, 65535))

@@ -64,8 +64,7 @@ struct Commission {
   }
 
   [[nodiscard]] ExitCode run() const {
-    require_scenario_name(output);
-    require_writable(output, replace);
+    require_scenario_writable(output, replace);
     const experiment::Scenario scenario =
         experiment::load_scenario(options.scenario, options.overrides);
     Screen screen(options.quiet);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "bus/authenticated.h"
@@ -194,7 +195,7 @@ struct GainsVerb {
  private:
   /// The scenario of the run with the gains that are to be.
   [[nodiscard]] experiment::Scenario changed_scenario(const experiment::Scenario& recorded,
-                                                      const std::string& in_force) const {
+                                                      const std::string& in_force) const try {
     if (!recorded.controller.gains_may_change) {
       throw diagnostics::bad_usage(
           "{}: its gains may not change in a run; start it with --set "
@@ -210,9 +211,15 @@ struct GainsVerb {
       const std::string name = change.substr(0, change.find_first_of("=[."));
       changed.controller.gains[name] = given.controller.gains.at(name);
     }
+    changed.where = given.where;
     controller::scenario_law(changed);  // refuses what the law cannot work with
     controller::require_same_counts(recorded, changed, controller::law_facts(changed));
     return changed;
+  } catch (const diagnostics::Failure& failure) {
+    std::string_view why = failure.what();
+    constexpr std::string_view not_typed = "--set controller.gains.";
+    if (why.starts_with(not_typed)) why.remove_prefix(not_typed.size());
+    throw diagnostics::bad_usage(why);
   }
 };
 

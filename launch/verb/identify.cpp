@@ -33,18 +33,18 @@ namespace tachless::launch {
 void require_writable(const std::filesystem::path& file, bool force) {
   if (file.empty()) return;
   if (!force && std::filesystem::exists(file)) {
-    throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
-                                 file.string(), write_remedy);
+    throw diagnostics::bad_usage(
+        "{}: exists already; name another file, or replace it with --force", file.string());
   }
-  diagnostics::UnfinishedFile(file, write_remedy);
+  diagnostics::UnfinishedFile(file, "name another file");
 }
 
 bool is_yaml(const std::filesystem::path& file) {
   return file.extension() == ".yaml" || file.extension() == ".yml";
 }
 
-void require_scenario_name(const std::filesystem::path& file) {
-  if (file.empty() || is_yaml(file)) return;
+void require_scenario_writable(const std::filesystem::path& file, bool force) {
+  if (file.empty() || is_yaml(file)) return require_writable(file, force);
   throw diagnostics::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
                                file.string());
 }
@@ -141,8 +141,7 @@ struct Excite {
   }
 
   [[nodiscard]] ExitCode run() const {
-    require_scenario_name(output);
-    require_writable(output, force);
+    require_scenario_writable(output, force);
     const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
     Screen screen(quiet);
     const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
@@ -155,7 +154,7 @@ struct Excite {
         certificate::objections(certificate::certify(moving, false, show));
     screen.clear();
     std::cout << fmt::format(
-        "{}: condition {:.3g}; within [{:.2g}] rad, [{:.2g}] rad/s, [{:.3g}] N m\n",
+        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n",
         output.string(), found.condition, fmt::join(found.reach, ", "),
         fmt::join(found.speed, ", "), fmt::join(found.torque, ", "));
     for (const std::string& objection : objections) {
@@ -163,7 +162,7 @@ struct Excite {
     }
     if (!objections.empty()) return ExitCode::check_said_no;
     write_scenario(input, overrides, found.overrides, output);
-    std::cout << fmt::format("  type: tachless run {}\n", diagnostics::printable(output.string()));
+    std::cout << fmt::format("  type: tachless run {}\n", diagnostics::shell_word(output.string()));
     return ExitCode::done;
   }
 };
@@ -195,8 +194,7 @@ struct Identify {
 
   [[nodiscard]] ExitCode run() const {
     const fs::path urdf = fs::path(output).replace_extension(".urdf");
-    require_scenario_name(output);
-    require_writable(output, force);
+    require_scenario_writable(output, force);
     if (!output.empty()) require_writable(urdf, force);
     std::vector<Recording> recordings;
     for (const fs::path& log : logs) recordings.push_back(read(log));
@@ -245,7 +243,7 @@ struct Identify {
     diagnostics::UnfinishedFile(output, write_remedy).write(text);
     if (json) return;
     std::cout << fmt::format("  type: tachless design {}\n",
-                             diagnostics::printable(output.string()));
+                             diagnostics::shell_word(output.string()));
   }
 };
 

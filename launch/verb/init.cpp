@@ -8,6 +8,7 @@
 #include <string>
 #include <system_error>
 
+#include "diagnostics/text.h"
 #include "launch/verb.h"
 #include "process/this_process.h"
 
@@ -35,11 +36,15 @@ struct Init {
     if (!empty) refuse("is not empty");
     for (const auto& file : fs::directory_iterator(process::shared_directory() / "project")) {
       const fs::path copy = directory / file.path().filename();
-      fs::copy_file(file.path(), copy, error);
-      if (error) refuse(fmt::format("{}: {}", copy.string(), error.message()));
+      if (!fs::copy_file(file.path(), copy, error)) {
+        const std::string why = fmt::format("{}: {}", copy.string(), error.message());
+        for (const auto& made : fs::directory_iterator(directory)) fs::remove(made, error);
+        refuse(why);
+      }
       std::cout << copy.string() << '\n';
     }
-    std::cout << fmt::format("To begin: cd {} && tachless run arm.yaml\n", directory.string());
+    std::cout << fmt::format("To begin: cd {} && tachless run arm.yaml\n",
+                             diagnostics::shell_word(directory.string()));
     return ExitCode::done;
   }
 

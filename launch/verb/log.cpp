@@ -48,6 +48,12 @@ void add_run_id(CLI::App& command, std::optional<std::int64_t>& run_id, const st
       command.add_option("--run-id", run_id, fmt::format("Which run, where {} several", where)));
 }
 
+void require_other(const fs::path& output, const fs::path& log) {
+  std::error_code error;
+  if (!fs::equivalent(output, log, error)) return;
+  throw diagnostics::bad_usage("{}: is the log that is read; name another file", output.string());
+}
+
 struct Info {
   fs::path log;
   bool json = false;
@@ -78,6 +84,7 @@ struct Export {
   }
 
   [[nodiscard]] ExitCode run() const {
+    require_other(out, log);
     logger::RunLog opened = logger::RunLog::open(log, run_id);
     const logger::ExportResult result = logger::export_run(opened, out, force);
     // Standard output has the table.
@@ -118,6 +125,7 @@ struct Report {
   [[nodiscard]] fs::path page_path() const {
     std::error_code error;
     if (!out.empty()) {
+      for (const fs::path& log : logs) require_other(out, log);
       if (fs::is_regular_file(out, error) && !force) {
         throw diagnostics::bad_usage(
             "{}: exists already; name another file, or overwrite it with --force", out.string());
@@ -252,18 +260,17 @@ const Verb export_verb =
     verb_of<Export>("export", "A run for other programs: as a table, one row per tick, or as MCAP",
                     "  tachless export out/paper_rigid -o run.csv\n"
                     "  tachless export out/paper_rigid -o run.mcap\n"
-                    "  tachless export out/paper_rigid -o - | cut -d, -f 2-4\n"
-                    "  tachless export out/paper_rigid/lcmlog -o run.csv --force");
+                    "  tachless export out/paper_rigid -o - | cut -d, -f 2-4");
 
 const Verb report_verb = verb_of<Report>(
     "report", "One HTML page with plots and the moving robot; several logs are overlaid",
-    "  tachless report out/paper_rigid/lcmlog\n"
+    "  tachless report out/paper_rigid\n"
     "  tachless report out/a out/b -o compare.html");
 
 const Verb replay_verb = verb_of<Replay>(
     "replay", "Re-runs the controller on logged inputs and compares bit for bit",
-    "  tachless replay out/paper_rigid/lcmlog\n"
-    "  tachless replay out/paper_rigid/lcmlog --set 'controller.gains.kp=[400, 300]'\n"
+    "  tachless replay out/paper_rigid\n"
+    "  tachless replay out/paper_rigid --set 'controller.gains.kp=[400, 300]'\n"
     "  tachless replay out/paper_rigid --law numerical_difference --set 'controller.gains={kp: "
     "400, kd: 40, samples: 2}' --out out/what_if");
 

@@ -68,20 +68,20 @@ struct Certify {
   fs::path witness;
   std::vector<double> errors = {0.3};
   std::string law_program;
-  bool full = false, paper = false, json = false, quiet = false;
+  bool full = false, paper = false, force = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
     command.add_option("--witness", witness,
                        "Also writes what a region of the sampled loop of one or two joints is "
                        "proved with, for tests/certificate/check_witness.py");
-    command
-        .add_option("--witness-error", errors,
-                    "That it is to hold, one alone from rest [rad]: one number, or one for each "
-                    "joint; default: 0.3")
-        ->delimiter(',')
-        ->check(CLI::PositiveNumber)
-        ->needs(command.get_option("--witness"));
+    auto* const error = command.add_option(
+        "--witness-error", errors,
+        "That it is to hold, one alone from rest [rad]: one number, or one for each "
+        "joint; default: 0.3");
+    error->delimiter(',')->check(above_zero)->needs("--witness");
+    command.add_flag("--force", force, "Replace the file of --witness if it exists")
+        ->needs("--witness");
     command.add_option(
         "--controller", law_program,
         "The law is that of this program, as typed in a shell: 'python3 law.py'; its "
@@ -95,11 +95,16 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
+    require_writable(witness, force);
     std::vector<std::string> all_overrides = of_program(input, overrides, law_program);
     all_overrides.insert(all_overrides.begin(), overrides.begin(), overrides.end());
     experiment::Scenario scenario = experiment::load_scenario(input, all_overrides);
     warn(scenario);
-    write_witness(scenario);
+    if (!witness.empty()) {
+      const robot::Vector each = one_a_joint("--witness-error", errors, scenario.num_joints);
+      diagnostics::UnfinishedFile(witness, "name another file with --witness")
+          .write(certificate::witness(scenario, each));
+    }
     const certificate::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
@@ -117,14 +122,6 @@ struct Certify {
       diagnostics::log_error("{}: {}", input.string(), objection);
     }
     return objections.empty() ? ExitCode::done : ExitCode::check_said_no;
-  }
-
- private:
-  void write_witness(const experiment::Scenario& scenario) const {
-    if (witness.empty()) return;
-    const robot::Vector each = one_a_joint("--witness-error", errors, scenario.num_joints);
-    diagnostics::UnfinishedFile(witness, "name another file with --witness")
-        .write(certificate::witness(scenario, each));
   }
 };
 
@@ -150,7 +147,8 @@ std::string text(const tuning::Design& design, const experiment::Scenario& scena
   line(fmt::format("stiffness {} {}", certificate::list_text(loop.stiffness), loop.stiffness_unit));
   if (const std::string held = certificate::friction_text(loop); !held.empty()) line(held);
   if (loop.count_Nm) {
-    line(fmt::format("torque of one encoder count {} N m", certificate::list_text(*loop.count_Nm)));
+    line(fmt::format("torque of one encoder count {} {}", certificate::list_text(*loop.count_Nm),
+                     loop.torque_unit));
   }
   for (const std::string& each : design.binds) line("limited by " + each);
   return text;
@@ -188,40 +186,25 @@ struct Design {
         command.add_option("SCENARIO", input, "A scenario, or a URDF file"))
         ->required();
     node::add_overrides(command, overrides, "key.path=value; may be repeated");
-    command.add_option("--bandwidth", goal.bandwidth_hz, "At most [Hz]; default: no bound")
-        ->check(CLI::PositiveNumber);
-    command
-        .add_option("--settling", goal.settling_s,
-                    "To 1 % of an error [s]; default: as fast as possible")
-        ->check(CLI::PositiveNumber);
-    command
-        .add_option("--stiffness", stiffness,
-                    "At least [N m/rad]: one number, or one for each joint")
+    const auto add = [&](const char* name, auto& number, const char* does) {
+      return command.add_option(name, number, does)->check(above_zero);
+    };
+    add("--bandwidth", goal.bandwidth_hz, "At most [Hz]; default: no bound");
+    add("--settling", goal.settling_s, "To 1 % of an error [s]; default: as fast as possible");
+    add("--stiffness", stiffness, "At least [N m/rad]: one number, or one for each joint")
+        ->delimiter(',');
+    add("--rest-error", rest_error,
+        "TORQUE,ERROR: what a constant torque [N m] may displace at rest [rad]")
         ->delimiter(',')
-        ->check(CLI::PositiveNumber);
-    command
-        .add_option("--rest-error", rest_error,
-                    "TORQUE,ERROR: what a constant torque [N m] may displace at rest [rad]")
-        ->delimiter(',')
-        ->expected(2)
-        ->check(CLI::PositiveNumber);
-    command.add_option("--noise", goal.count_Nm, "Largest torque of one encoder count [N m]")
-        ->check(CLI::PositiveNumber);
-    command
-        .add_option("--start-error", goal.start_error,
-                    "Initial error [rad] whose torque is to stay within the limit")
-        ->check(CLI::PositiveNumber);
+        ->expected(2);
+    add("--noise", goal.count_Nm, "Largest torque of one encoder count [N m]");
+    add("--start-error", goal.start_error,
+        "Initial error [rad] whose torque is to stay within the limit");
     command.add_option("--margin", goal.modulus, "Least modulus margin; default: 0.5")
         ->check(CLI::Range(0.05, 0.95));
-    command
-        .add_option(
-            "--count-share", goal.count_share,
-            "Largest torque of one encoder count, as a part of the torque limit; default: 0.01")
-        ->check(CLI::PositiveNumber);
-    command
-        .add_option("--period", period_s,
-                    "Sampling period [s]; default: the scenario's, 1 ms for a URDF")
-        ->check(CLI::PositiveNumber);
+    add("--count-share", goal.count_share,
+        "Largest torque of one encoder count, as a part of the torque limit; default: 0.01");
+    add("--period", period_s, "Sampling period [s]; default: the scenario's, 1 ms for a URDF");
     command
         .add_option("--structure", structure,
                     "diagonal, matrix or scheduled: the law loria_ortega_rigid, _matrix, with one "
@@ -246,8 +229,7 @@ struct Design {
   [[nodiscard]] ExitCode run() const {
     experiment::Scenario scenario = load(of_program(input, overrides, law_program));
     warn(scenario);
-    require_scenario_name(output);
-    require_writable(output, force);
+    require_scenario_writable(output, force);
     const certificate::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
     const tuning::Design design = tuning::design(
@@ -268,8 +250,8 @@ struct Design {
       diagnostics::UnfinishedFile(output, write_remedy).write(designed_text(scenario, design));
       if (!json) {
         std::cout << fmt::format(
-            "  type: tachless run {}{}\n", diagnostics::printable(output.string()),
-            law_program.empty() ? "" : fmt::format(" --controller '{}'", law_program));
+            "  type: tachless run {}{}\n", diagnostics::shell_word(output.string()),
+            law_program.empty() ? "" : " --controller " + diagnostics::shell_word(law_program));
       }
     }
     return ExitCode::done;
@@ -301,7 +283,11 @@ struct Design {
                   {"controller.gains={}", fmt::format("controller.law=loria_ortega_{}", law)});
     }
     more.insert(more.begin(), overrides.begin(), overrides.end());
-    if (!bare_urdf()) return experiment::load_scenario(input, more);
+    if (!bare_urdf()) {
+      if (from.empty()) return experiment::load_scenario(input, more);
+      throw diagnostics::bad_usage(
+          "--from: of a URDF; in a scenario set plant.initial.position_rad and reference");
+    }
     for (const std::string& each : overrides) {
       if (!each.starts_with("robot.urdf=")) continue;
       throw diagnostics::bad_usage("--set {}: the URDF is {}; name another in its place", each,

@@ -15,6 +15,7 @@
 #include "certificate/prediction.h"
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
+#include "diagnostics/text.h"
 #include "launch/progress.h"
 #include "launch/sweep.h"
 #include "launch/verb.h"
@@ -77,15 +78,14 @@ struct Sweep {
         command.add_option("SCENARIO", input,
                            "A scenario's file, or the directory of a sweep to resume"))
         ->required();
-    command
-        .add_option("--vary", vary,
-                    "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. "
-                    "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone")
-        ->allow_extra_args(false);
+    command.add_option(
+        "--vary", vary,
+        "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. "
+        "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone");
     node::add_overrides(command, overrides, "key.path=value; may be repeated");
     command
         .add_option("--random", random, "That many runs with values drawn from KEY=from:to[:log]")
-        ->check(CLI::PositiveNumber);
+        ->check(above_zero);
     command.add_option("--seed", seed, "Of the draws; default: 1")
         ->needs(command.get_option("--random"));
     command
@@ -93,7 +93,7 @@ struct Sweep {
                     "Laws in place of the scenario's, each tuned to the bandwidth; all: every law "
                     "for these joints")
         ->delimiter(',');
-    add_bandwidth(command);
+    add_bandwidth(command)->needs("--laws");
     command.add_option("--colour", colour,
                        "What the map shows: outcome, or a measure by its name in results.csv");
     command.add_option("--out", out, "Default: out/sweep-<the scenario's name>");
@@ -107,11 +107,11 @@ struct Sweep {
     tasks->check(CLI::Range(1, 100000))->excludes(part);
     auto* only_merge = command.add_flag("--merge", merge, "Check that all is there, and write it");
     only_merge->excludes(part)->excludes(tasks);
-    command.add_flag("--status", status, "Print how many runs of each part are finished")
-        ->excludes(part)
-        ->excludes(tasks)
-        ->excludes(only_merge);
-    command.add_flag("--json", json, "Print the summary as JSON");
+    auto* count =
+        command.add_flag("--status", status, "Print how many runs of each part are finished");
+    count->excludes(part)->excludes(tasks)->excludes(only_merge);
+    auto* as_json = command.add_flag("--json", json, "Print the summary as JSON");
+    as_json->excludes(part)->excludes(tasks)->excludes(count);
     add_quiet(command, quiet);
   }
 
@@ -124,20 +124,16 @@ struct Sweep {
                     "Names, with commas between; default: all, every law for these joints")
         ->delimiter(',');
     auto* bandwidth = add_bandwidth(command);
-    auto* modulus =
-        command
-            .add_option("--margin", margin,
-                        "In its place: each law by design, with this modulus margin; without those "
-                        "for which design has no gains")
-            ->check(CLI::Range(0.05, 0.95))
-            ->excludes(bandwidth);
-    command
-        .add_option("--noise", noise_Nm,
-                    "Largest torque of one encoder count [N m], with commas between: each law is "
-                    "designed for each")
-        ->delimiter(',')
-        ->check(CLI::PositiveNumber)
-        ->needs(modulus);
+    auto* modulus = command.add_option(
+        "--margin", margin,
+        "In its place: each law by design, with this modulus margin; without those "
+        "for which design has no gains");
+    modulus->check(CLI::Range(0.05, 0.95))->excludes(bandwidth);
+    auto* noise = command.add_option(
+        "--noise", noise_Nm,
+        "Largest torque of one encoder count [N m], with commas between: each law is "
+        "designed for each");
+    noise->delimiter(',')->check(above_zero)->needs(modulus);
     command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
     add_json(command, json);
     add_quiet(command, quiet);
@@ -162,7 +158,7 @@ struct Sweep {
     return command
         .add_option("--bandwidth", bandwidth_hz,
                     "To which each law of --laws is tuned [Hz]; default: 5")
-        ->check(CLI::PositiveNumber);
+        ->check(above_zero);
   }
 
   [[nodiscard]] study::SweepPlan plan() const {
@@ -269,7 +265,7 @@ struct Sweep {
     if (!finished) {
       throw diagnostics::Failure(ExitCode::interrupted,
                                  "interrupted; to resume it: tachless sweep {}",
-                                 sweep.directory().string());
+                                 diagnostics::shell_word(sweep.directory().string()));
     }
   }
 };

@@ -16,6 +16,7 @@ them and computes nothing itself. Angles are in rad, lengths in m, torques in N 
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import json
@@ -72,7 +73,7 @@ class Robot(_tachless.Robot):
                  base_rpy: Sequence[float] = (0, 0, 0), base_xyz: Sequence[float] = (0, 0, 0),
                  check_inertia: str = "refuse") -> None:
         super().__init__(
-            os.fspath(urdf),
+            _found(urdf),
             _settings({"robot.check_inertia": check_inertia,
                        "robot.base": {"rpy": list(base_rpy), "xyz": list(base_xyz)},
                        **({"robot.locked": dict(locked)} if locked else {})}), gravity)
@@ -99,7 +100,7 @@ def simulate(scenario: Path, *, controller: Optional[Law] = None, name: Optional
     Other threads of Python run on meanwhile; several simulations may run at once. Between processes go the arrays of
     a Run, not the Run.
     """
-    return _tachless.simulate(os.fspath(scenario), _settings(overrides), controller,
+    return _tachless.simulate(_found(scenario), _settings(overrides), controller,
                               "" if controller is None else _name_of(controller, name))
 
 
@@ -135,7 +136,7 @@ def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[st
     Raises:
         SystemExit: the run did not end well; the code is that of the programs, and stderr says why.
     """
-    words = list(sys.argv if argv is None else argv)
+    words = list(sys.argv if argv is None else argv) or ["tachless-controller"]
     if scenario is not None and not any(not word.startswith("-") for word in words[1:2]):
         words.insert(1, os.fspath(scenario))
     code = _tachless.run_controller(words, f, _name_of(f, name))
@@ -185,13 +186,25 @@ def _program() -> str:
     return program
 
 
+def _found(file: Path) -> str:
+    """A scenario or URDF as the programs find it: here, else by its path in the installation's scenarios."""
+    name = os.fspath(file).removeprefix("scenarios/")
+    with contextlib.suppress(Error):  # no program: the message is about the file, which is not here
+        if not os.path.exists(file):
+            folder = pathlib.Path(_program()).resolve().parent.parent / "share/tachless/scenarios"
+            installed = folder / (name if pathlib.Path(name).suffix else name + ".yaml")
+            return os.fspath(installed if os.path.exists(installed) else file)
+    return os.fspath(file)
+
+
 def _result(verb: str, words: Sequence[Any], overrides: Mapping[str, Any]) -> Result:
     command = [_program(), verb, *map(str, words), "--json", "--quiet"]
     for setting in _settings(overrides):
         command += ["--set", setting]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1) or not done.stdout:
-        raise _error(done.stderr.strip().removeprefix("tachless: "), done.returncode)
+    if done.returncode not in (0, 1) or not done.stdout.startswith("{"):  # such as that of --help
+        raise _error(done.stderr.strip().removeprefix("tachless: ") or
+                     f"tachless {verb} has no result with these options; type them in a shell", done.returncode or 2)
     result = Result(json.loads(done.stdout))
     result.__dict__.update(messages=done.stderr, objection=done.returncode != 0)
     return result
@@ -232,14 +245,14 @@ def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Map
 
 
 def identify(*logs: Path, unknown: Union[str, Sequence[str]] = ("rotor", "viscous", "coulomb"),
-             validate: Optional[Path] = None, write: Optional[Path] = None) -> Result:
-    """Rotor inertia, friction and payload from logs of runs: tachless identify.
+             **options: Any) -> Result:
+    """Rotor inertia, friction and payload from logs of runs: tachless identify, options as its (validate, write, force, ...).
 
     Raises:
         Error: a log that does not show them (code 2).
     """
     names = [unknown] if isinstance(unknown, str) else list(unknown)
-    return _result("identify", [*logs, *_options({"unknown": names, "validate": validate, "write": write})], {})
+    return _result("identify", [*logs, *_options({"unknown": names, **options})], {})
 
 
 def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Optional[Path] = None,
@@ -272,9 +285,9 @@ def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Opti
 class Linear:
     """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], period h [s]: deviations from rest at a posture (n,).
 
-    states names the entries of x, with units: q and v of the n links; of flexible joints theta and thetadot; the law's
-    memory; of a delay of d ticks, encoder's latency included, the torques under way, tau[k-1] to tau[k-d], of which the last
-    acts now. u (n,) is a torque added to the law's, under way like it. inputs and outputs name the entries of u and y.
+    states names the entries of x, with units: q and v of the n links; theta and thetadot of flexible joints; a current loop's
+    torques; the law's memory; with a delay of d ticks, encoder's latency included, the torques under way, tau[k-1] to tau[k-d],
+    of which the last acts now. u (n,) is a torque added to the law's, under way like it. inputs and outputs name those of u, y.
     """
 
     A: np.ndarray
@@ -301,7 +314,7 @@ def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bo
     Raises:
         Error: the scenario is not valid, or its law cannot be linearised (code 2).
     """
-    return Linear(**_tachless.linear(os.fspath(scenario), _settings(overrides), posture, open_loop))
+    return Linear(**_tachless.linear(_found(scenario), _settings(overrides), posture, open_loop))
 
 
 def listen(*channels: str, lcm_url: Optional[str] = None, seconds: float = 1e9) -> Iterator[dict[str, Any]]:

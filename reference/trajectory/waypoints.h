@@ -31,6 +31,8 @@ class WaypointSpline {
   /// Position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] loop::ReferencePoint at(double t_s) const;
 
+  [[nodiscard]] const std::vector<double>& time_s() const { return time_s_; }
+
  private:
   std::vector<double> time_s_;
   Eigen::MatrixXd position_;

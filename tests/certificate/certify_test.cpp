@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "tests/certificate/scenarios.h"
@@ -13,6 +14,7 @@ namespace tachless::certificate {
 namespace {
 
 using namespace testing;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -106,6 +108,71 @@ TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
     EXPECT_TRUE(each["proved"].get<bool>());
   }
   EXPECT_GT(far["torque_share"].get<double>(), near["torque_share"].get<double>());
+}
+
+TEST(Certify, KnowsTheSpeedOfAReferenceThatALongRunMeetsAtRest) {
+  // 4000 s / 20000 is a period of the 5 Hz.
+  const experiment::Scenario scenario =
+      shipped("practical_rigid",
+              {"loop.duration_s=4000", "reference.sinusoid.phase_rad=1.5707963267948966"});
+  std::string why_not;
+  const auto found = stability_certificate(scenario, Effort::quick, why_not);
+  EXPECT_NEAR(found.value().B_d, std::sqrt(2), 1e-6);  // 20001 instants of one period
+}
+
+/// Each run of whole periods is sampled over one of them.
+TEST(Certify, TheTorqueOfAStartIsThatOfItsReferenceHoweverLongTheRun) {
+  const auto share = [](const char* duration) {
+    const auto result = certify(shipped("practical_rigid", {limits, duration}), false);
+    return result.stability.value().start.torque_share.value();
+  };
+  // The same numbers, but for rounding: 63 s / 63 is a multiple of the period.
+  EXPECT_NEAR(share("loop.duration_s=63"), share("loop.duration_s=5"), 1e-6);
+}
+
+/// One link on a joint of that type, from 2.5 rad or m beside a sinusoid: of a constant inertia, so
+/// that the region has no end.
+experiment::Scenario one_joint(const std::string& type) {
+  return experiment::parse_scenario(
+      "name: one\nrobot: {urdf: one.urdf}\n"
+      "plant: {drive: {torque_limit_Nm: 30}, initial: {position_rad: 2.5}}\n"
+      "reference: {sinusoid: {amplitude_rad: 0.1, frequency_hz: 0.5}}\n"
+      "controller: {law: loria_ortega_rigid, gains: {kp: 40, kd: 20, a: 100, b: 100}}\n"
+      "loop: {duration_s: 5}\n",
+      "<robot name=\"one\"><link name=\"ground\"/>"
+      "<link name=\"bob\"><inertial><origin xyz=\"0 0 -1\"/><mass value=\"1\"/>"
+      "<inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>"
+      "<joint name=\"swing\" type=\"" +
+          type +
+          "\"><parent link=\"ground\"/><child link=\"bob\"/><axis xyz=\"0 1 0\"/>"
+          "<limit lower=\"-3\" upper=\"3\" effort=\"30\" velocity=\"10\"/></joint></robot>",
+      "one.yaml");
+}
+
+TEST(Certify, ARegionWithoutEndHasABoundOfTheTorque) {
+  const experiment::Scenario scenario = one_joint("revolute");
+  const Certificate result = certify(scenario, false);
+  const auto region = to_json(result)["region"];
+  ASSERT_TRUE(region["largest"]["level"].is_null());  // infinite
+  // kp e alone is 100 N m.
+  EXPECT_GT(region["start"]["torque_share"].get<double>(), 100.0 / 30);
+  EXPECT_GT(region["largest"]["torque_level"].get<double>(), 0);
+  EXPECT_LT(region["largest"]["torque_level"].get<double>(),
+            region["largest"]["initial_state"]["V"].get<double>());
+  EXPECT_THAT(page(result, scenario, true),
+              AllOf(HasSubstr("without saturation from rest up to"), Not(HasSubstr("nan"))));
+}
+
+/// `run` searches quickly, so that its region may be another: the number is of the full effort's.
+TEST(Certify, SaysNoNumberOfAPrismaticJointsRangeThatIsInfiniteOrOfAQuickSearch) {
+  const experiment::Scenario scenario = one_joint("prismatic");
+  for (const Effort effort : {Effort::quick, Effort::full}) {
+    std::string why_not;
+    const auto found = stability_certificate(scenario, effort, why_not);
+    EXPECT_THAT(found.value().provisos,
+                ::testing::Contains(
+                    AllOf(HasSubstr("its range was sampled"), Not(HasSubstr("may reach")))));
+  }
 }
 
 /// docs/certificate.md: of paper_rigid no measurement may be missed.

@@ -28,7 +28,7 @@ TEST(Feasibility, KnowsSpeedFrequencyAndTorqueOfASinusoid) {
   const Feasibility result = feasibility(shipped("paper_rigid"));
   ASSERT_EQ(result.joints.size(), 2U);
   for (const JointDemand& joint : result.joints) {
-    EXPECT_NEAR(joint.speed, 1, 1e-4);  // 2000 instants of ten periods
+    EXPECT_NEAR(joint.speed, 1, 1e-4);  // 2000 instants of one period: cos(pi / 2000) off
     EXPECT_NEAR(joint.cycles_per_tick, 5 * 5e-5, 1e-3 * 5 * 5e-5);
     EXPECT_FALSE(joint.torque_limit);
     EXPECT_GT(joint.moving, joint.at_rest);
@@ -41,8 +41,18 @@ TEST(Feasibility, SeesTheSpeedOfALongRunsSinusoid) {
       feasibility(shipped("practical_rigid", {"loop.duration_s=1000",
                                               "reference={sinusoid: {amplitude_rad: 0.1, "
                                               "frequency_hz: 2, phase_rad: 1.5707963}}"}));
-  // 50 instants a period: the largest is at most cos(pi / 50) off.
+  // At 50 instants a period the largest would be at most cos(pi / 50) off.
   for (const JointDemand& joint : result.joints) EXPECT_NEAR(joint.speed, 1.2566, 0.003);
+}
+
+TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
+  // Of 25 Hz at pi/4 10 ms later is a quarter of a period later: |cos| is 0.7071 at each.
+  const Feasibility result =
+      feasibility(shipped("practical_rigid", {"loop.duration_s=20",
+                                              "reference={sinusoid: {amplitude_rad: 0.00636619772, "
+                                              "frequency_hz: 25, phase_rad: 0.78539816}}"}));
+  // 50 instants a period would be at most 0.2 % off.
+  for (const JointDemand& joint : result.joints) EXPECT_NEAR(joint.speed, 1, 0.002);
 }
 
 TEST(Feasibility, NamesTheJointThatCannotHoldItself) {
@@ -96,7 +106,6 @@ TEST(Feasibility, DoubtsDegreesAndRadiansPerSecondNamingKeyValueAndMistake) {
   EXPECT_THAT(degrees.doubtful,
               ElementsAre("plant.initial.position_rad: 30 rad for joint 1 (shoulder) is more than "
                           "a full turn; angles are in rad, were degrees given?"));
-  // The run's 2000 instants see 200 Hz at the turning points of its speed alone, where a_ref is 0.
   for (const char* hz : {"150", "200", "100.1"}) {
     const Feasibility fast = feasibility(
         shipped("practical_rigid", {fmt::format("reference.sinusoid.frequency_hz=[{}, 100]", hz),

@@ -119,14 +119,17 @@ TEST(Prediction, TextHasLimitAndSettlingTime) {
   EXPECT_THAT(line, HasSubstr(" ms, settles in 0.1"));
 }
 
-/// Postures that a search ended at, and rounding; not what is infinite beside it.
-TEST(Prediction, WhatIsFarBelowTheOthersIsPrintedAsZero) {
+/// Not what is small beside the others: 3.7e-6 N m/rad beside 5e7.
+TEST(Prediction, RoundingIsPrintedAsZero) {
   const auto of = [](double a, double b) { return list_text(Eigen::Vector2d(a, b)); };
-  EXPECT_EQ(of(1.072e-9, -0.5), "[0, -0.5]");
-  EXPECT_EQ(of(1.2246e-16, 0), "[0, 0]");
-  EXPECT_EQ(of(2e-5, 1.5), "[2e-05, 1.5]");
+  EXPECT_EQ(of(1.2246e-16, -0.5), "[0, -0.5]");
+  EXPECT_EQ(of(3.7e-6, 5e7), "[3.7e-06, 5e+07]");
   EXPECT_EQ(of(2e-5, infinity), "[2e-05, inf]");
   EXPECT_EQ(list_text({}), "[]");
+}
+
+TEST(Prediction, APostureThatASearchEndedAtIsZeroWhereItIsBesideZero) {
+  EXPECT_EQ(found_posture(Eigen::Vector3d(1.072e-9, -0.5, -9e-7)), Eigen::Vector3d(0, -0.5, 0));
 }
 
 TEST(Prediction, RefusalNamesLimitPeriodAndWhatToType) {
@@ -172,9 +175,74 @@ TEST(Prediction, TextOfMissedTicksSaysWhereNoneIsProved) {
   EXPECT_EQ(pattern_text(most_missed), "any pattern of 1000 in a row is stable");
 }
 
-TEST(Prediction, UnitOfAStiffnessIsAlsoThatOfJointsThatSlide) {
-  EXPECT_EQ(analyse(shipped("practical_rigid"), Effort::quick).stiffness_unit, "N m/rad");
-  EXPECT_EQ(analyse(shipped("panda"), Effort::quick).stiffness_unit, "N m/rad (N/m)");
+TEST(Prediction, UnitsAreAlsoThoseOfJointsThatSlide) {
+  const Prediction rotary = analyse(shipped("practical_rigid"), Effort::quick);
+  EXPECT_EQ(rotary.stiffness_unit, "N m/rad");
+  EXPECT_EQ(rotary.torque_unit, "N m");
+  const Prediction with_slide = analyse(shipped("panda"), Effort::quick);
+  EXPECT_EQ(with_slide.stiffness_unit, "N m/rad (N/m)");
+  EXPECT_EQ(with_slide.torque_unit, "N m (N)");
+}
+
+/// Friction of one joint displaces the others too.
+TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
+  const Prediction found = analyse(
+      shipped("practical_rigid",
+              {"controller.law=loria_ortega_matrix",
+               "controller.gains={kp: [[4000, 800], [800, 240]], kd: [[400, 80], [80, 24]], "
+               "a: 400, b: 400}",
+               "plant.drive.coulomb_friction_Nm=[6, 2]"}),
+      Effort::quick);
+  // K^-1 = [[240, -800], [-800, 4000]] / 320000. K is by differences of step 1e-6.
+  EXPECT_NEAR(found.stiffness[1], 240, 1e-3);
+  EXPECT_NEAR(found.rest_error[0], (240 * 6 + 800 * 2) / 320000.0, 1e-6);
+  EXPECT_NEAR(found.rest_error[1], (800 * 6 + 4000 * 2) / 320000.0, 1e-6);
+  EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = [0.0095, 0.04]"));
+}
+
+/// What a run's verdict divides friction by.
+TEST(Prediction, StiffnessOfAJointWithFrictionIsThatOfItsRestError) {
+  const experiment::Scenario scenario = shipped(
+      "practical_rigid",
+      {"controller.law=loria_ortega_matrix",
+       "controller.gains={kp: [[4000, 800], [800, 240]], kd: [[400, 80], [80, 24]], a: 400, "
+       "b: 400}",
+       "plant.drive.coulomb_friction_Nm=[0, 2]"});
+  const robot::Vector found = stiffness(scenario);
+  EXPECT_NEAR(found[0], 4000, 1e-2);  // by differences
+  EXPECT_NEAR(found[1], 320000.0 / 4000, 1e-3);
+}
+
+/// The motors' kp and the springs in series.
+TEST(Prediction, StiffnessOfFlexibleJointsIsThatOfTheLink) {
+  const experiment::Scenario scenario = shipped("flexible_regulation");
+  const Prediction found = analyse(scenario, Effort::quick);
+  const robot::Vector& kp = scenario.controller.gains.at("kp");
+  const robot::Vector& spring = scenario.robot.flexible->stiffness;
+  for (int j = 0; j < 2; ++j) {
+    const double series = 1 / (1 / kp[j] + 1 / spring[j]);
+    EXPECT_NEAR(found.stiffness[j], series, 1e-6 * series);  // by differences of step 1e-6
+  }
+}
+
+/// w^2 M(q_ref) and its damping are largest where the arm is stretched out, not at its start.
+TEST(Prediction, TorqueOfACountIsTheLargestOverThePostures) {
+  const auto at = [](const char* reference) {
+    return analyse(
+               shipped("practical_rigid", {"controller.law=loria_ortega_scheduled",
+                                           "controller.gains={w: 20, damping: 0.8, a: 400, b: 400}",
+                                           "plant.encoder.resolution_bits=16", "loop.duration_s=3",
+                                           "plant.initial={position_rad: [0, 3]}", reference}),
+               Effort::quick)
+        .count_Nm.value();
+  };
+  const Eigen::VectorXd folded = at("reference={hold: {position_rad: [0, 3]}}"),
+                        stretched = at("reference={hold: {position_rad: [0, 0]}}"),
+                        moving =
+                            at("reference={point_to_point: {from_rad: [0, 3], to_rad: [0, 0], "
+                               "duration_s: 2}}");
+  EXPECT_GT(stretched[0], 1.2 * folded[0]);
+  EXPECT_NEAR(moving[0], stretched[0], 1e-6 * stretched[0]);  // by differences of step 1e-6
 }
 
 }  // namespace

@@ -186,6 +186,35 @@ TEST_F(SampledLimit, MarginsAreThoseOfTheLoopItself) {
   EXPECT_GT(radius(whole + 1, 1), 1);
 }
 
+/// A motor's loop over a spring of 50,000 N m/rad that is hardly damped: |L| is above 1 between two
+/// frequencies of a grid alone.
+TEST_F(SampledLimit, DelayMarginIsThatOfANarrowResonance) {
+  const double M = 1, J = 0.1, K = 5e4, damping = 0.02, h = 5e-4;
+  Eigen::MatrixXd A(4, 4), B(4, 1);
+  A << 0, 1, 0, 0, -K / M, 0, K / M, 0, 0, 0, 0, 1, K / J, 0, -K / J, -damping / J;
+  B << 0, 0, 0, 1 / J;
+  const LinearPlant plant{A, B, 1};
+  const auto one = [](double x) { return VectorXd::Constant(1, x); };
+  const FilterGains g{one(30), one(0.5), one(50), one(50)};
+  const auto law = [=](double period_s) {
+    LinearLaw of_motor = linear_rigid_law(g, Eigen::MatrixXd::Zero(1, 1), {tustin, period_s});
+    of_motor.measured = {Part::theta};
+    return of_motor;
+  };
+  ASSERT_LT(radius_at({plant, law, 0}, h), 1);
+  ASSERT_GT(radius_at({plant, law, 1}, h), 1);
+  const Margins margin = margins({plant, law, 0}, h);
+  EXPECT_LT(margin.delay_s, h);  // that delay makes it unstable
+  EXPECT_GT(margin.delay_s, 0.1 * h);
+}
+
+/// A mode of 1 rad/s, sampled at 1 GHz.
+TEST_F(SampledLimit, FrequenciesBeginBelowTheSlowestMode) {
+  const double h = 1e-9;
+  const Eigen::VectorXcd pole = Eigen::VectorXcd::Constant(1, std::exp(-h));
+  EXPECT_LT(frequencies(pole, h, 100).front(), 1);
+}
+
 TEST_F(SampledLimit, TorqueOfAnEncoderCountIsTheLawsOwnGain) {
   const LinearLaw law = rigid(practical_rigid(), tustin, 0).law(1e-3);
   // Kp + Kd beta, less the gradient of gravity.

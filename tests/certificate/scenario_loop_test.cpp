@@ -158,11 +158,21 @@ TEST(ScenarioLoop, KnowsWhetherAndHowLongTheReferenceMoves) {
   EXPECT_FALSE(held.moves());
   EXPECT_EQ(held.rest_points(9).size(), 1U);
   const ScenarioLoop points(shipped("iiwa_point_to_point"));
-  // It starts at 0.2 s, and the run is of 4 s.
-  EXPECT_NEAR(points.motion().begin_s, 0.2, 0.005);
-  EXPECT_NEAR(points.motion().end_s, 3.2, 0.005);
+  // It starts at 0.2 s and takes 3 s, and the run is of 4 s.
+  EXPECT_DOUBLE_EQ(points.motion().begin_s, 0.2);
+  EXPECT_DOUBLE_EQ(points.motion().end_s, 3.2);
   EXPECT_FALSE(points.motion().repeats);
   EXPECT_DOUBLE_EQ(points.rest_points(5).back().q_ref[0], 0.6);
+}
+
+TEST(ScenarioLoop, IsOfTheSamePosturesHoweverLongTheRun) {
+  const auto points = [](const char* duration) {
+    return ScenarioLoop(shipped("iiwa_point_to_point", {duration})).rest_points(5);
+  };
+  const auto of_short = points("loop.duration_s=4"), of_long = points("loop.duration_s=3600");
+  for (std::size_t k = 0; k < of_short.size(); ++k) {
+    EXPECT_EQ(of_long[k].q_ref, of_short[k].q_ref) << k;
+  }
 }
 
 }  // namespace

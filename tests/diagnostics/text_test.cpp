@@ -69,6 +69,16 @@ TEST(Text, NearestIsNothingWhenNoNameIsSimilar) {
   EXPECT_EQ(nearest("kp", std::vector<std::string>{}), std::nullopt);
 }
 
+TEST(Text, ShellWordIsReadAsItselfByAShell) {
+  EXPECT_EQ(shell_word("out/arm-1.yaml"), "out/arm-1.yaml");
+  EXPECT_EQ(shell_word("my arm"), "'my arm'");
+  EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
+  EXPECT_EQ(shell_word("$(halt)"), "'$(halt)'");
+  EXPECT_EQ(shell_word("-arm.yaml"), "./-arm.yaml");
+  EXPECT_EQ(shell_word("- arm"), "'./- arm'");
+  EXPECT_EQ(shell_word(""), "''");
+}
+
 TEST(Text, CsvFieldIsQuotedOnlyWhereItHasToBe) {
   EXPECT_EQ(csv_field("q_elbow_rad"), "q_elbow_rad");
   EXPECT_EQ(csv_field(""), "");

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <ctime>
 #include <fstream>
+#include <limits>
 #include <random>
 #include <sstream>
 
@@ -744,6 +745,16 @@ TEST(UrdfScenario, MovesAQuarterOfTheRangeAwayFromTheLimits) {
     }
     EXPECT_NE(moves.from_rad[0], moves.to_rad[0]);
   }
+}
+
+TEST(UrdfScenario, HasIdealEncodersWhereAJointThatSlidesHasNoRange) {
+  robot::Model model = robot::model_from_urdf(urdf, "t");
+  model.joint_types[0] = robot::JointType::prismatic;
+  EXPECT_THAT(urdf_scenario(model, {"bare", "two.urdf"}), HasSubstr("resolution_bits: 20}"));
+  model.lower[0] = -std::numeric_limits<double>::infinity();
+  const std::string text = urdf_scenario(model, {"bare", "two.urdf"});
+  EXPECT_THAT(text, HasSubstr("resolution_bits: null}"));
+  EXPECT_FALSE(parsed(text).plant.encoder.resolution_bits);
 }
 
 TEST(UrdfScenario, BeginsWhereNoLinkIsBelowTheBaseAndFeedsTheFrictionForward) {

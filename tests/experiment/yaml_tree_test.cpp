@@ -70,6 +70,9 @@ TEST(YamlTree, RefusesWhatIsNotYaml) {
   EXPECT_THAT(refusal("a: 1\nb: [1, 2\nc: 3\n"), StartsWith("f.yaml:"));
   EXPECT_THAT(refusal("a: 1\n  b: 2\n"), AllOf(StartsWith("f.yaml:2: "), HasSubstr("not YAML")));
   EXPECT_THAT(refusal("a: {b: 1\n"), HasSubstr("not YAML"));
+  EXPECT_THAT(refusal("a:\n\tb: 1\n"),
+              AllOf(StartsWith("f.yaml:2: "), HasSubstr("; indent by blanks, not tabs")));
+  EXPECT_THAT(refusal("a: 1\n  b: \t2\n"), Not(HasSubstr("tabs")));
   EXPECT_THAT(refusal("a: *nowhere\n"), HasSubstr("not YAML"));
 }
 

@@ -105,6 +105,23 @@ TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
   EXPECT_LE(held[1], 0.99);
 }
 
+/// The arm goes to its place within 0.1 s, of which the filtered rows have nothing, and rests
+/// there.
+TEST(Identify, DoubtsAnAbsurdIntervalWhereTheMotionIsInTheFirstInstants) {
+  const experiment::Scenario scenario = experiment::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/regulation.yaml",
+      {"plant.mechanics=native", "plant.drive.viscous_friction_Nms_per_rad=5"});
+  const Identified found =
+      identify({record(scenario, scenario)}, {Kind::rotor, Kind::viscous}, {}, ignore);
+  for (const Identified::Parameter& each : found.parameters) {
+    // Half a newton metre second of 5 would be an answer.
+    if (each.half_width > 0.1 * 5) {
+      EXPECT_THAT(each.doubt, HasSubstr("its interval reaches zero and is")) << each.entry.name;
+    }
+  }
+  EXPECT_GT(found.parameters.back().half_width, 5);
+}
+
 TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
   const Recording run = hidden_run(2), other = hidden_run(2.5);
   const Identified found =

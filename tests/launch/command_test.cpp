@@ -54,7 +54,9 @@ TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
     EXPECT_EQ(of_verb.exit_code, 0);
     EXPECT_THAT(of_verb.output, HasSubstr("Examples:\n  tachless " + verb));
     EXPECT_EQ(tachless("help " + verb).output, of_verb.output);
+    EXPECT_THAT(of_verb.output, Not(HasSubstr("out/paper_rigid/lcmlog"))) << "out/NAME/DATE-TIME/";
   }
+  EXPECT_THAT(help.output, Not(HasSubstr("out/paper_rigid/lcmlog")));
   EXPECT_EQ(tachless("help").output, help.output);
   EXPECT_EQ(tachless("help nothing").exit_code, 2);
 }
@@ -151,6 +153,109 @@ TEST_F(Command, RefusesWhatItDoesNotKnowInOneLine) {
   }
 }
 
+TEST_F(Command, AnEmptyWordIsNotTakenForAnOptionThatIsNotGiven) {
+  for (const std::string& words : std::vector<std::string>{
+           "run " + scenario + " --plant ''", "run " + scenario + " --controller ''",
+           "run " + scenario + " --out ''", "commission " + scenario + " --plant ''",
+           "design " + scenario + " --write ''", "doctor --scenario ''", "report log -o ''",
+           "replay log --law ''", "sweep " + scenario + " --vary ''"}) {
+    const Outcome outcome = tachless(words);
+    EXPECT_EQ(outcome.exit_code, 2) << words << "\n" << outcome.output;
+    EXPECT_THAT(outcome.output, HasSubstr(": empty; give a value, or leave the option out; see "))
+        << words;
+  }
+  EXPECT_THAT(tachless("certify ''").output, HasSubstr("SCENARIO: empty; give a value"));
+}
+
+TEST_F(Command, AnOptionTakesOneWordAndLeavesTheScenarioToItsArgument) {
+  const std::string rest = " " + scenario + " -q";
+  const auto said = [&](const std::string& words) { return tachless(words + rest).output; };
+  EXPECT_THAT(said("compare --laws none"), HasSubstr("no law \"none\""));
+  EXPECT_THAT(said("sweep --laws none"), HasSubstr("no law \"none\""));
+  EXPECT_THAT(said("design --stiffness 1,2,3"), HasSubstr("--stiffness has 3 numbers"));
+  EXPECT_THAT(said("design --stiffness 1,2,3 --rest-error 1,0.1"),
+              HasSubstr("--stiffness has 3 numbers"));
+  EXPECT_THAT(said("design --from 0,0"), HasSubstr("--from: of a URDF; in a scenario set"));
+  EXPECT_THAT(said("compare --margin 0.5 --laws none --noise 1"), HasSubstr("no law \"none\""));
+  EXPECT_THAT(said("certify --witness " + (directory_ / "w").string() + " --witness-error 1,2,3"),
+              HasSubstr("--witness-error has 3 numbers"));
+  EXPECT_THAT(said("excite --write move --unknown rotor"), HasSubstr("--write makes a scenario"));
+  EXPECT_THAT(tachless("identify --unknown rotor /nowhere -q").output, HasSubstr("/nowhere"));
+  EXPECT_EQ(tachless("robot --position 0,0 " + scenario + " --json").exit_code, 0);
+}
+
+TEST_F(Command, AMistypedOptionIsNotReportedAsAMissingFile) {
+  const Outcome outcome = tachless("run " + scenario + " --outt o");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_EQ(outcome.output,
+            "tachless: run: The following argument was not expected: --outt; see tachless run "
+            "--help\n");
+  EXPECT_THAT(tachless("run /nowhere.yaml").output, HasSubstr("/nowhere.yaml: no such file"));
+}
+
+TEST_F(Command, ANumberThatIsNotAboveZeroIsRefusedInWordsAsShort) {
+  for (const std::string number : {"-1", "0", "nan", "inf", "x"}) {
+    EXPECT_EQ(tachless("design " + scenario + " --settling " + number).output,
+              "tachless: design: --settling: " + number +
+                  "; allowed: a number above 0; see tachless design --help\n");
+  }
+}
+
+TEST_F(Command, OptionsThatWouldBeIgnoredAreRefused) {
+  for (const std::string& words : std::vector<std::string>{
+           "sweep " + scenario + " --status --json", "sweep " + scenario + " --shard 1/2 --json",
+           "watch --web --once", "watch --web --json"}) {
+    const Outcome outcome = tachless(words);
+    EXPECT_EQ(outcome.exit_code, 2) << words;
+    EXPECT_THAT(outcome.output, HasSubstr(" excludes --")) << words;
+  }
+  const Outcome untuned = tachless("sweep " + scenario +
+                                   " --vary loop.period_s=1e-3,2e-3 "
+                                   "--bandwidth 8");
+  EXPECT_THAT(untuned.output, HasSubstr("--bandwidth requires --laws"));
+}
+
+TEST_F(Command, ResultsThatCannotBePrintedEndWithCode2UnlessNobodyReadsThem) {
+  const auto laws = [](const std::string& to) { return shell("(" + binary + " laws " + to + ")"); };
+  const Outcome full = laws("> /dev/full");
+  EXPECT_EQ(full.exit_code, 2);
+  EXPECT_THAT(full.output, StartsWith("tachless: standard output: cannot be written"));
+  EXPECT_EQ(lines(full.output), 1) << full.output;
+  EXPECT_EQ(laws(">&-").output, "");
+  // SIGPIPE is ignored there, so that the write fails; the pipe's reader has ended before it.
+  const Outcome unread =
+      shell("(trap '' PIPE; (sleep 0.3; " + binary + " laws; echo $? >&2) | true)");
+  EXPECT_EQ(unread.output, "0\n");
+}
+
+TEST_F(Command, InitLeavesNothingWhenACopyFailsAndQuotesWhatIsToBeTyped) {
+  const std::string arm = (directory_ / "my arm").string();
+  // Blocks of 512 bytes: one is less than every file of a project.
+  const Outcome full = shell("(ulimit -f 1; " + binary + " init '" + arm + "')");
+  EXPECT_EQ(full.exit_code, 2) << full.output;
+  EXPECT_THAT(full.output, HasSubstr("File too large"));
+  EXPECT_TRUE(fs::is_empty(arm));
+  EXPECT_THAT(tachless("init '" + arm + "'").output,
+              HasSubstr("cd '" + arm + "' && tachless run arm.yaml\n"));
+}
+
+TEST_F(Command, CertifyReplacesNoFileWithAWitnessUnlessForced) {
+  const std::string file = (directory_ / "scenario.yaml").string();
+  fs::copy_file(scenario, file);
+  const auto size = fs::file_size(file);
+  const std::string command = "certify " + scenario + " -q --witness " + file;
+  const Outcome refused = tachless(command);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.output,
+              HasSubstr(file + ": exists already; name another file, or replace it with --force"));
+  EXPECT_EQ(fs::file_size(file), size);
+  EXPECT_THAT(tachless(command + " --force --witness-error 1,2,3").output,
+              HasSubstr("--witness-error has 3 numbers"))
+      << "not refused for the file";
+  EXPECT_THAT(tachless("certify " + scenario + " --force").output,
+              HasSubstr("--force requires --witness"));
+}
+
 TEST_F(Command, WithoutAVerbShowsTheVerbs) {
   const Outcome outcome = tachless("");
   EXPECT_EQ(outcome.exit_code, 2);
@@ -243,6 +348,15 @@ TEST_F(Command, ADirectoryStandsForTheLogInIt) {
   EXPECT_THAT(tachless("report " + out).output, HasSubstr(out + "/report.html"));
   EXPECT_EQ(tachless("report " + out + " " + out + "/lcmlog").exit_code, 2) << "no name for it";
   EXPECT_EQ(tachless("report " + out + " -o " + out + "/lcmlog").exit_code, 2) << "exists";
+  const fs::path csv = directory_ / "log.csv";  // the log under a name that export takes
+  fs::create_hard_link(out + "/lcmlog", csv);
+  for (const std::string& words :
+       std::vector<std::string>{"report " + out + " -o " + out + "/lcmlog --force",
+                                "report " + out + " -o " + csv.string() + " --force",
+                                "export " + out + " -o " + csv.string() + " --force"}) {
+    EXPECT_THAT(tachless(words).output, HasSubstr("is the log that is read; name another file"));
+  }
+  EXPECT_EQ(tachless("info " + out).exit_code, 0) << "the log is as it was";
   EXPECT_EQ(tachless("export " + out + " -o " + out + "/run.csv").exit_code, 0);
   const std::string to_stdout = "(" + binary + " export " + out + " -o - ";
   EXPECT_EQ(shell(to_stdout + "| cmp - " + out + "/run.csv)").exit_code, 0);

@@ -171,7 +171,7 @@ TEST(MaxMissed, IsWhatTheLoopIsProvedToBear) {
   EXPECT_EQ(own.scenario.controller.law_text(), "own_law (external)");
 }
 
-/// F_c/kp of a law whose stiffness is no gain: w^2 M(q_ref), the least over the motion.
+/// F_c/kp of a law whose stiffness is no gain: |(w^2 M)^-1| F_c, the largest over the motion.
 TEST(RestError, IsThatOfTheStiffnessThatTheLawHas) {
   const Case scheduled = twenty()[18];
   const experiment::Scenario scenario = experiment::load_scenario(
@@ -179,7 +179,8 @@ TEST(RestError, IsThatOfTheStiffnessThatTheLawHas) {
   const auto found = certificate::analyse(scenario, certificate::Effort::quick);
   // M of the elbow is 0.62 kg m2 in every posture.
   EXPECT_NEAR(found.stiffness[1], 1e4 * 0.62, 1);
-  EXPECT_NEAR(found.rest_error[1], 2 / (1e4 * 0.62), 1e-7);
+  // M = [[9.79, 1.27], [1.27, 0.62]] at q = 0, in three digits; F_c = (20, 2).
+  EXPECT_NEAR(found.rest_error[1], (1.27 * 20 + 9.79 * 2) / (1e4 * 4.455), 5e-6);
   EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = ["));
 }
 

@@ -15,9 +15,12 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
+#include "bus/udp_transport.h"
+#include "bus/wire.h"
 #include "logger/run_log.h"
 #include "tests/support/program.h"
 
@@ -28,6 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::seconds;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using Clock = std::chrono::steady_clock;
 using Words = std::vector<std::string>;
@@ -139,6 +143,20 @@ TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
   }
 }
 
+TEST_F(Run, OfATableLeavesFigureAndPageAndReportReadsItsLog) {
+  const fs::path table = directory_ / "two.csv";
+  std::ofstream(table) << "0,0,0\n5,0,0\n";
+  scenario_ = "practical_rigid";
+  start_anywhere({"--out", out().string(), "--duration", "0.1", "--in-process", "--set",
+                  "reference={file: '" + table.string() + "'}"});
+  EXPECT_EQ(finish(), 0) << errors();
+  EXPECT_THAT(output(), HasSubstr("position error"));
+  EXPECT_TRUE(fs::exists(out() / "tracking.svg") && fs::exists(out() / "report.html"));
+  Program report("tachless", {"report", out().string(), "-o", (directory_ / "a.html").string()},
+                 directory_.path());
+  EXPECT_EQ(report.wait(), 0) << report.errors();
+}
+
 TEST_F(Run, LeavesTheSameLogWhereverItsProcessesExecute) {
   std::set<std::string> logs;
   for (const std::string placement : {"auto", "none"}) {
@@ -226,6 +244,7 @@ TEST_F(Run, ReplacesResultsOnlyWhenForcedAndLeavesOtherFilesAlone) {
   EXPECT_EQ(contents(out() / "notes.txt"), "mine");
   EXPECT_EQ(ticks_of(out() / "lcmlog"), 200);
   EXPECT_EQ(nlohmann::json::parse(output()), summary());
+  EXPECT_FALSE(fs::exists(out() / ".earlier-lcmlog"));
 
   fs::remove(out() / "report.html");
   fs::create_directories(out() / "report.html/mine");
@@ -257,6 +276,19 @@ TEST_F(Run, KeepsTheLogUpToItsLastFlushWhenTheLoggerIsKilled) {
   EXPECT_EQ(finish(), 3) << errors();
   EXPECT_THAT(errors(), HasSubstr("logger was killed by signal 9"));
   EXPECT_GT(summary()["ticks"].get<int>(), 100);
+}
+
+TEST_F(Run, ThatDoctorStartsPassesItsInterruptionOn) {
+  run_ = std::make_unique<Program>(
+      "tachless",
+      Words{"doctor", "--scenario", TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+            "--seconds", "1000"},
+      directory_.path());
+  wait_until("its programs to start", [&] { return child("tachless-plant") > 0; });
+  std::this_thread::sleep_for(seconds(2));  // so that the run goes on: before, SIGINT just kills
+  stop(SIGINT);
+  EXPECT_EQ(finish(), 130) << errors();
+  EXPECT_THAT(errors(), HasSubstr("its run was interrupted"));
 }
 
 TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
@@ -384,6 +416,40 @@ TEST_F(Run, ThatDoesNotBeginLeavesNothing) {
   EXPECT_EQ(output(), "");
 }
 
+TEST_F(Run, ThatDoesNotBeginLeavesTheResultsThatItWouldHaveReplaced) {
+  fs::create_directories(out());
+  for (const char* file : {"lcmlog", "summary.json", "notes.txt"})
+    std::ofstream(out() / file) << file;
+  start({"--duration", "0.01", "--quiet", "--overwrite", "--plant", "/nowhere/driver"});
+  EXPECT_EQ(finish(), 3) << errors();
+  std::set<std::string> files;
+  for (const auto& each : fs::directory_iterator(out())) files.insert(each.path().filename());
+  EXPECT_THAT(files, ElementsAre("lcmlog", "notes.txt", "summary.json"));
+  for (const std::string& file : files) EXPECT_EQ(contents(out() / file), file);
+}
+
+TEST_F(Run, FindsWhatARunThatWasKilledBeforeItBeganHasPutAside) {
+  fs::create_directories(out());
+  std::ofstream(out() / ".earlier-lcmlog") << "an earlier run";
+  start_anywhere({"--out", out().string(), "--in-process", "--duration", "0.01"});
+  EXPECT_EQ(finish(), 2);
+  EXPECT_THAT(errors(), HasSubstr("lcmlog of an earlier run"));
+  EXPECT_EQ(contents(out() / "lcmlog"), "an earlier run");
+}
+
+TEST_F(Run, IsNotKeptFromStartingByOneRecordedAnnouncement) {
+  bus::UdpTransport transport;
+  bus::Codec<loop::Participant> codec(loop::Layout{});
+  loop::Participant plant;
+  plant.instance = plant.counter = 5;
+  start_anywhere({"--duration", "0.01", "--quiet", "--out", out().string()});
+  while (run_->running()) {
+    transport.publish("ARM_PARTICIPANT", codec.encode({1'000'000, 7, -1}, plant));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_EQ(finish(), 0) << errors();
+}
+
 TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
   fs::create_directories(out() / "summary.json.partial");
   start({"--duration", "0.01", "--any-outcome"});
@@ -400,6 +466,7 @@ TEST_F(Run, IsNotEndedByItsFigureOrItsPage) {
   EXPECT_EQ(finish(), 0) << errors();
   EXPECT_EQ(count(errors(), "tracking.svg: cannot be written"), 1U) << errors();
   EXPECT_EQ(count(errors(), "report.html: cannot be written"), 1U) << errors();
+  EXPECT_EQ(count(errors(), "-o;"), 0U) << "an option of tachless report: " << errors();
   EXPECT_TRUE(fs::exists(out() / "summary.json"));
 }
 

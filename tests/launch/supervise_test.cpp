@@ -96,11 +96,22 @@ TEST(Supervise, KeepsTheCauseThatAProcessGivesAndPassesOtherLinesOn) {
              "5"),
        shell("logger",
              "sleep 0.1; echo '<error> tachless-logger: ended because of the plant'; exit 3")});
-  EXPECT_THAT(result.lines.at("plant"), ElementsAre("tachless-plant: late"));
+  EXPECT_THAT(result.lines.at("plant"), ElementsAre("late"));
   EXPECT_EQ(result.lines.count("logger"), 0U);
   ASSERT_EQ(result.supervision.culprit, 0U);
   EXPECT_EQ(describe(result.supervision.ends[0]), "plant: tau: nan");
   EXPECT_EQ(others_that_failed(result.supervision), "logger (exit code 3)");
+}
+
+TEST(Supervise, PassesDetailsOnWithoutTheirMarkAndTakesNoneForACause) {
+  const Result result =
+      watch({shell("logger",
+                   "echo '<warning> tachless-logger: a slow disk'; echo '<info> tachless-logger: "
+                   "waiting'; echo '<debug> tachless-logger: bus'; kill -9 $$"),
+             shell("plant", obedient)});
+  EXPECT_THAT(result.lines.at("logger"), ElementsAre("a slow disk", "waiting", "bus"));
+  EXPECT_EQ(describe(result.supervision.ends[0]),
+            "logger was killed by signal 9 (Killed): a slow disk");
 }
 
 TEST(Supervise, LetsTheOthersEndByThemselvesWhenACheckSaidNo) {
@@ -111,6 +122,28 @@ TEST(Supervise, LetsTheOthersEndByThemselvesWhenACheckSaidNo) {
   EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::check_said_no);
   EXPECT_THAT(result.lines.at("logger"), ElementsAre("whole"));
   EXPECT_FALSE(result.supervision.ends[1].on_order);
+}
+
+SuperviseOptions before_the_run() {
+  SuperviseOptions options;
+  options.grace = milliseconds(50);
+  options.begun = [] { return false; };
+  return options;
+}
+
+TEST(Supervise, DoesNotTakeTheCodeOfADriverThatEndsBeforeTheRunForACheck) {
+  const Result result =
+      watch({shell("plant", "exit 1"), shell("logger", obedient)}, {}, before_the_run());
+  EXPECT_EQ(result.supervision.culprit, 0U);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
+  EXPECT_TRUE(result.supervision.ends[1].on_order);
+}
+
+TEST(Supervise, DoesNotLetTheOthersWaitForADriverThatEndsWellBeforeTheRun) {
+  const SuperviseOptions options = before_the_run();
+  const Result result = watch({shell("plant", "exit 0"), shell("logger", obedient)}, {}, options);
+  EXPECT_LT(result.took, options.end_together) << "what the others get after a run";
+  EXPECT_TRUE(result.supervision.ends[1].on_order);
 }
 
 // A Python program that cannot be imported ends with code 1.
@@ -142,6 +175,19 @@ TEST(Supervise, BlamesTheCauseNotThePeerThatMissedIt) {
       watch({shell("plant", "exit 3"), shell("controller", "sleep 0.1; exit 4")}, {}, options);
   ASSERT_EQ(result.supervision.culprit, 1U);
   EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::protocol_violated);
+}
+
+TEST(Supervise, BlamesWhoMissedAPeerBeforeWhoHeardOfIt) {
+  SuperviseOptions options;
+  options.grace = seconds(2);
+  const Result result =
+      watch({shell("reference",
+                   "echo '<error> tachless-reference: ended because of the plant: silent'; exit 3"),
+             shell("plant", "sleep 0.1; echo '<error> tachless-plant: silent'; exit 3")},
+            {}, options);
+  ASSERT_EQ(result.supervision.culprit, 1U);
+  EXPECT_EQ(describe(result.supervision.ends[1]), "plant: silent");
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
 }
 
 TEST(Supervise, GivesTheOthersTimeToEndByThemselves) {

@@ -104,6 +104,25 @@ TEST(Watch, RefusesABusThatIsNone) {
   EXPECT_THAT(watch.errors(), HasSubstr("LCM URL 'udp://nowhere'"));
 }
 
+TEST(Watch, RefusesAPortThatAnotherPageHas) {
+  const TemporaryDirectory directory, other;
+  Program first("tachless", {"watch", "--web", "--port", "0"}, directory.path());
+  std::string url;
+  wait_until("the page", [&] {
+    url = first.output();
+    return url.ends_with('\n');
+  });
+  ASSERT_THAT(url, StartsWith("http://127.0.0.1:"));
+  const std::string port = std::to_string(std::stoi(url.substr(url.rfind("1:") + 2)));
+  Program second("tachless", {"watch", "--web", "--port", port, "--seconds", "1"}, other.path());
+  EXPECT_EQ(second.wait(), 2);
+  EXPECT_THAT(second.errors(), HasSubstr("--port " + port + ": in use"));
+  first.signal(SIGINT);
+  EXPECT_EQ(first.wait(), 0);
+  Program third("tachless", {"watch", "--web", "--port", port, "--seconds", "0.1"}, other.path());
+  EXPECT_EQ(third.wait(), 0) << third.errors();  // at once: the port is free again
+}
+
 /// A program on a terminal of 100 columns and 20 rows.
 class OnTerminal {
  public:

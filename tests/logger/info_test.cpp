@@ -100,6 +100,13 @@ TEST_F(Info, TellsGapsAndDamage) {
   EXPECT_EQ(info["damage"]["bytes_skipped"], 7);
 }
 
+TEST_F(Info, OfLogsThatWereAppendedGivesNoRateAndNamesTheOtherRun) {
+  const auto info = info_of(short_rigid_run().bytes() + short_rigid_run(99).bytes());
+  ASSERT_FALSE(info["run"].is_null());
+  for (const auto& channel : info["channels"]) EXPECT_TRUE(channel["rate_hz"].is_null()) << channel;
+  EXPECT_THAT(to_text(info), HasSubstr("of other runs: 99\n"));
+}
+
 TEST_F(Info, ReadsLogsThatAreNotOurs) {
   std::string bytes;
   for (int i = 0; i < 11; ++i) bytes += event_text(i, 1'000'000 + i * 20'000, "CAMERA", "data");

@@ -163,6 +163,14 @@ TEST_F(LogFile, EmptyFileHoldsNoEvents) {
   EXPECT_FALSE(reader.damage().any());
 }
 
+TEST_F(LogFile, IsNotLeftBehindWithoutEvents) {
+  { LogWriter writer(path_); }
+  EXPECT_FALSE(std::filesystem::exists(path_));
+  LogWriter again(path_);
+  again.close();
+  EXPECT_FALSE(std::filesystem::exists(path_));
+}
+
 TEST_F(LogFile, WriterRefusesAnExistingFile) {
   write_file(path_, "precious");
   EXPECT_THAT(failure_of([&] { LogWriter writer(path_); }),

@@ -73,6 +73,16 @@ TEST(KeyCheck, IsContentOnceAnAnnouncementHasVerified) {
   EXPECT_EQ(complaint(check, true, 100, start + 1h), "");
 }
 
+TEST(KeyCheck, HintsAtAForeignOneAlsoWhenOthersHaveVerified) {
+  KeyCheck check(loop::Role::controller, true);
+  EXPECT_EQ(check.hint(), "");
+  check.accepted();
+  check.foreign({true, the_plant(), "10.0.0.2:4123"}, start);
+  EXPECT_EQ(check.hint(),
+            "; the plant (process 42 on arm-1, 10.0.0.2:4123) has another key than this controller "
+            "(--key-file)");
+}
+
 /// A link that waits for the others, and another process on its channel.
 class ALink : public testing::Test {
  protected:
@@ -112,6 +122,25 @@ TEST_F(ALink, ShowsNothingThatDoesNotDecodeToTheHandlerOfAnnouncements) {
   send({});
   EXPECT_EQ(recorded_, 0);
   EXPECT_EQ(link_.statistics().rejected.total(), 2);
+}
+
+TEST_F(ALink, NamesAProcessWithAnotherKeyWhenItHasWaitedInVain) {
+  Link::Config hurried = config();
+  hurried.wait_s = 0.05;
+  const auto own = network_.connect("hurried");
+  Link link(scenario_, *own, hurried);
+  const auto bytes = codec_.encode({1, 7, -1}, the_plant());
+  std::vector<std::byte> tagged(bytes.begin(), bytes.end());
+  tagged.resize(tagged.size() + bus::tag_size);
+  other_->publish("ARM_PARTICIPANT", tagged);
+  try {
+    link.join({}, {});
+    FAIL() << "joined alone";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::peer_lost);
+    EXPECT_THAT(failure.what(), AllOf(HasSubstr("waited 0.05 s for plant, reference, controller"),
+                                      HasSubstr("has a key, this logger has none (--key-file)")));
+  }
 }
 
 TEST_F(ALink, ShowsNothingOfProcessesThatAreNoMembers) {

@@ -55,6 +55,14 @@ TEST(ProcessOptions, AKeyFileWithoutANameIsNotTakenForNoKey) {
               AllOf(HasSubstr("--key-file"), HasSubstr("empty")));
 }
 
+TEST(ProcessOptions, AnEmptyWordIsNotTakenForAnOptionThatIsNotGiven) {
+  EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--stats", ""}),
+              StartsWith("--stats: empty; give a value, or leave the option out"));
+  EXPECT_THAT(refusal(loop::Role::logger, {"a.yaml", "--out-log", ""}),
+              StartsWith("--out-log: empty"));
+  EXPECT_THAT(refusal(loop::Role::logger, {""}), StartsWith("SCENARIO: empty; give a value"));
+}
+
 TEST(ProcessOptions, AScenarioMayFollowAnOverride) {
   const auto options = parse(loop::Role::reference, {"--set", "name=x", "a.yaml"});
   ASSERT_TRUE(options);
@@ -125,7 +133,8 @@ TEST(ProcessOptions, HelpShowsExamplesAndVersionTheVersion) {
   ::testing::internal::CaptureStdout();
   EXPECT_FALSE(parse(loop::Role::logger, {"--help"}));
   EXPECT_THAT(::testing::internal::GetCapturedStdout(),
-              AllOf(HasSubstr("Examples:"), HasSubstr("--out-log"), Not(HasSubstr("--run-id"))));
+              AllOf(HasSubstr("Examples:"), HasSubstr("--out-log"), HasSubstr("1 a check failed"),
+                    Not(HasSubstr("--run-id"))));
   ::testing::internal::CaptureStdout();
   EXPECT_FALSE(parse(loop::Role::plant, {"--version"}));
   EXPECT_THAT(::testing::internal::GetCapturedStdout(), ::testing::MatchesRegex("[0-9.]+\n"));

@@ -81,6 +81,15 @@ TEST(GuardedRobot, StopsAnEmulatedJointThatIsTooFast) {
                                    "limit of 1.5 rad/s in robots/two_link.urdf"));
 }
 
+TEST(GuardedRobot, LetsAJointMoveAtItsLimitButForRounding) {
+  // The elbow starts at -2 rad/s, beyond its limit by 1e-12.
+  const char* almost = R"(lower="-3" upper="3" effort="100" velocity="1.999999999999")";
+  const experiment::Scenario s = moving("practical_rigid", almost);
+  GuardedRobot robot(s);
+  robot.start();
+  EXPECT_NO_THROW(robot.read(0));
+}
+
 TEST(GuardedRobot, LetsAJointGoThatHasNoLimit) {
   // A velocity of 0 is none, and a continuous joint has no range.
   const experiment::Scenario s =

@@ -80,6 +80,7 @@ class TheRobot(unittest.TestCase):
     def test_errors_name_the_thing_the_value_and_the_remedy(self):
         for action, words in [
             (lambda: tachless.Robot("nothing.urdf"), "nothing.urdf: no such file"),
+            (lambda: tachless.Robot(paper), "paper_rigid.yaml: a scenario; give the file of its robot.urdf"),
             (lambda: tachless.Robot(arm, locked={"nose": 0}), "nose"),
             (lambda: self.robot.M([1, 2, 3]), "q has the shape (3); needed: (2,)"),
             (lambda: self.robot.g("far"), "q is 'far'; needed: 2 numbers"),
@@ -127,6 +128,19 @@ class Runs(Folder):
             tachless.read(self.folder / "nowhere")
         with self.assertRaisesRegex(KeyError, "flavour: this run has q, v"):
             tachless.simulate(paper, **short)["flavour"]
+
+    def test_installed_scenarios_are_found_as_the_command_finds_them(self):
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(self.folder)
+        for name in ("paper_rigid", "paper_rigid.yaml", pathlib.Path("scenarios/paper_rigid.yaml")):
+            self.assertEqual(tachless.linear(name).h, tachless.linear(paper).h)
+        self.assertEqual(tachless.simulate("scenarios/regulation.yaml", **short).scenario, "regulation")
+        self.assertEqual(tachless.Robot("robots/two_link.urdf").joints, ["shoulder", "elbow"])
+        with self.assertRaisesRegex(tachless.Error, "^scenarios/nothing.yaml: no such file"):
+            tachless.simulate("scenarios/nothing.yaml")
+        pathlib.Path("paper_rigid.yaml").write_text("flavour: 1\n")  # a local file comes first
+        with self.assertRaisesRegex(tachless.Error, "flavour"):
+            tachless.simulate("paper_rigid.yaml")
 
     def test_a_law_in_the_simulation(self):
         spring = tachless.simulate(paper, controller=lambda k, t, m, r: 400 * (r.q - m.q), name="spring", **short)
@@ -206,6 +220,21 @@ class Controllers(Folder):
     def test_a_torque_that_is_not_finite_ends_the_run(self):
         law = self.script("tachless.run_controller(lambda k, t, m, r: m.q * (np.nan if k == 50 else 0), name='nan')\n")
         self.assertIn("of law nan at tick 50 is not finite", self.run_paper(law, code=5))
+
+    def test_a_command_line_without_words_has_no_scenario(self):
+        for arguments, words in [("", "SCENARIO is required"), ("'nothing.yaml', ", "nothing.yaml: no such file")]:
+            script = self.script(f"tachless.run_controller(lambda k, t, m, r: 0 * m.q, {arguments}argv=[], name='f')\n")
+            done = subprocess.run(script.split(), capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(words, done.stderr)
+
+    def test_a_replay_slower_than_the_run_has_a_speed(self):
+        law = "tachless.run_controller(lambda k, t, m, r: 0 * m.q, name='still')\n"
+        self.run_paper(self.script(law), "--any-outcome", "--force")
+        # 0.1 s of the robot's time takes 0.5 s and more: less than half as fast, which was printed as 0.
+        slow = self.script("import time\n" + law.replace("0 * m.q", "(time.sleep(0.5 * (k == 0)), 0 * m.q)[1]"))
+        said = tachless_command("replay", self.folder / "run", "--controller", slow)
+        self.assertRegex(said, r"s: 0\.[0-9]+ times as fast")
 
     def test_it_hears_positions_and_nothing_else(self):
         law = self.script("def deaf(k, t, m, r):\n    assert m.v is m.theta is m.thetadot is None\n    return 0 * m.q\n"
@@ -345,6 +374,7 @@ class TheLinearLoop(unittest.TestCase):
     def test_errors_name_the_thing(self):
         for words, arguments in [
             (r"posture has the shape \(3\); needed: \(2,\)", {"posture": [0, 0, 0]}),
+            ("posture: not finite", {"posture": [0, np.nan]}),
             ("controller.law: robust_differentiator cannot be linearised", {
                 "controller.law": "robust_differentiator",
                 "controller.gains": {"kp": [400, 24], "kd": [10, 1], "lipschitz": 100}}),
@@ -377,6 +407,10 @@ heard = list(commands)
 assert {{m["tick"]: m["torque"].tolist() for m in heard}} == dict(enumerate(log["tau"].tolist())), heard
 assert {{(m["channel"], m["type"], m["run"]) for m in heard}} == {{("ARM_COMMAND", "tachless.torque_command_t", log.run_id)}}
 kinds = {{m["type"]: m for m in everything}}
+assert not [name for m in kinds.values() for name in m if "[" in name]
+state = kinds["tachless.controller_state_t"]
+assert any((state["value"] == log["nu"][state["tick"]]).all(axis=1)) and state["value"].shape[1:] == (2,), state
+assert kinds["tachless.participant_t"]["roster"].shape == (4,)
 assert kinds["tachless.reference_t"]["position"].shape == (2,)
 assert kinds["tachless.participant_t"]["role"] in ("plant", "reference", "controller", "logger")
 assert "loria_ortega_rigid" in kinds["tachless.run_info_t"]["scenario"] and isinstance(kinds["tachless.tick_t"]["last"], bool)
@@ -453,6 +487,14 @@ class TheCommands(Folder):
             tachless.identify(self.folder / "no_log")
         self.assertEqual(caught.exception.code, 2)
 
+    def test_options_without_a_result_are_errors_with_a_message(self):
+        for option in ({"help": True}, {"shard": "1/2"}, {"status": True}):
+            with self.assertRaises(tachless.Error) as caught:
+                tachless.sweep(scenarios / "practical_rigid.yaml", {"controller.gains.kp*": [0.5, 1]}, **option,
+                               out=self.folder / "none", overrides={"loop.duration_s": 0.1})
+            self.assertTrue(str(caught.exception), option)
+            self.assertEqual(caught.exception.code, 2, option)
+
     def test_sweep_is_what_the_command_finds(self):
         scenario = scenarios / "practical_rigid.yaml"
         found = tachless.sweep(scenario, {"controller.gains.kp*": [0.5, 1], "loop.command_delay": "0,1"},
@@ -478,6 +520,11 @@ class TheCommands(Folder):
             "reference={multi_sine: {terms: [{amplitude_rad: 0.5, frequency_hz: [0.3, 0.4]}, "
             "{amplitude_rad: 0.2, frequency_hz: [0.8, 1.1]}]}}")
         found = tachless.identify(self.folder / "run", unknown=["viscous", "coulomb"], write=self.folder / "known.yaml")
+        with self.assertRaisesRegex(tachless.Error, "known.yaml.*--force"):
+            tachless.identify(self.folder / "run", write=self.folder / "known.yaml")
+        again = tachless.identify(self.folder / "run", unknown=["viscous", "coulomb"], write=self.folder / "known.yaml",
+                                  force=True)
+        self.assertEqual(dict(again), dict(found))
         printed = tachless_command("identify", self.folder / "run", "--unknown", "viscous,coulomb", "--json", "--quiet")
         self.assertEqual(dict(found), json.loads(printed))
         rotor = dict(tachless.identify(self.folder / "run", unknown="rotor"))  # not the letters of the word

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace tachless::reference {
 namespace {
@@ -62,6 +64,62 @@ TEST(MakeTrajectory, GivesWhatTheScenarioAsksFor) {
   EXPECT_EQ(at(move, 1.5), 1);
 
   EXPECT_NEAR(at("{waypoints: {time_s: [0, 0.7, 2], position_rad: [0, 1, -0.5]}}", 0.7), 1, 1e-13);
+}
+
+Motion motion(const std::string& reference, const std::string& duration_s) {
+  const experiment::Scenario scenario = with_reference(reference, duration_s);
+  return {scenario, make_trajectory(scenario)};
+}
+
+TEST(Motion, IsOfTheReferenceAndNotOfTheRun) {
+  const std::string move = "{point_to_point: {from_rad: 0, to_rad: 1, start_s: 0.5}}";
+  for (const char* run : {"2", "3600"}) {
+    const Motion found = motion(move, run);
+    EXPECT_EQ(found.begin_s, 0.5) << run;
+    EXPECT_EQ(found.end_s, 1.5) << run;
+    EXPECT_FALSE(found.repeats);
+  }
+  EXPECT_EQ(motion(move, "0.75").end_s, 0.75);
+  EXPECT_FALSE(motion(move, "0.5").moves());
+  EXPECT_FALSE(motion("{hold: {position_rad: 0.5}}", "2").moves());
+  EXPECT_FALSE(motion("{point_to_point: {from_rad: 1, to_rad: 1}}", "2").moves());
+  EXPECT_EQ(motion("{hold: {position_rad: 0.5}}", "2").instants(9).size(), 1U);
+}
+
+TEST(Motion, OfSinusoidsIsTheirCommonPeriodWhereTheRunHasIt) {
+  const std::string sum =
+      "{multi_sine: {terms: [{amplitude_rad: 0.2, frequency_hz: 0.3}, {amplitude_rad: 0.2, "
+      "frequency_hz: 0.4}, {amplitude_rad: 0, frequency_hz: 0.01}]}}";
+  EXPECT_NEAR(motion(sum, "1000").end_s, 10, 1e-6);  // frequencies to 1e-9 of them
+  EXPECT_TRUE(motion(sum, "1000").repeats);
+  EXPECT_EQ(motion(sum, "9").end_s, 9);
+  EXPECT_FALSE(motion(sum, "9").repeats);
+}
+
+TEST(Motion, MeetsFewInstantsOfManyPeriodsAtDifferentPhases) {
+  // With the sqrt(2) Hz there is no common period, and 33 instants even over 32 s meet the 1 Hz at
+  // its zeros.
+  const Motion found = motion(
+      "{multi_sine: {terms: [{amplitude_rad: 0.5, frequency_hz: 1}, {amplitude_rad: 0.001, "
+      "frequency_hz: 1.4142135623730951}]}}",
+      "32");
+  double most = 0;
+  const std::vector<double> all = found.instants(33);
+  for (const double t_s : all) most = std::max(most, std::abs(std::sin(6.283185307179586 * t_s)));
+  EXPECT_GT(most, 0.9);
+  EXPECT_EQ(all.size(), 33U);
+  EXPECT_EQ(all.front(), 0);
+  EXPECT_EQ(all.back(), 32);
+  EXPECT_TRUE(std::ranges::is_sorted(all));
+  EXPECT_GE(found.closely().size(), 2000U);
+}
+
+TEST(Motion, LooksIntoAShortPieceBetweenWaypoints) {
+  // Of 17 instants even over an hour one, at 0, would be in the first second.
+  const Motion found =
+      motion("{waypoints: {time_s: [0, 1, 3600], position_rad: [0, 0, 0.5]}}", "3600");
+  const std::vector<double> all = found.instants(17);
+  EXPECT_GE(std::ranges::count_if(all, [](double t_s) { return t_s < 1; }), 2);
 }
 
 TEST(MakeTrajectory, RefusesToLeaveTheJointLimits) {

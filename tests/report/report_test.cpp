@@ -206,6 +206,19 @@ TEST_F(Report, OfALogThatEndsEarlyJudgesARunThatIsKnownToHaveEndedWell) {
   EXPECT_TRUE(bad(read_recorded_run(log).verdict.outcome));
 }
 
+TEST_F(Report, OfALogWithAllTicksAndAFaultSaysThatItWasStopped) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
+  logger::RecordedRun faulty;
+  faulty.info.robot = "ARM";
+  faulty.run = 7;
+  messages.push_back(logger::fault_message(faulty, "protective stop"));
+  const auto log = write_log("a", messages);
+  EXPECT_EQ(read_recorded_run(log).verdict.outcome, study::Outcome::stopped);
+  EXPECT_EQ(read_recorded_run(log).verdict.reason, "protective stop");
+  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": null})";
+  EXPECT_FALSE(bad(read_recorded_run(log).verdict.outcome));
+}
+
 TEST_F(Report, PlacesAFaultAtTheLastTickThatAMessageCanName) {
   const RecordedRun recorded =
       run("a", support::in_process_log(support::shortened("regulation.yaml", "0.01")));
@@ -329,6 +342,19 @@ TEST_F(Report, NamesALawThatThisVersionDoesNotKnow) {
     info.replace(at, law.size(), "loria_ortega_frigi");
   }
   EXPECT_THAT(page_of({run("a", messages)}), HasSubstr("loria_ortega_frigi"));
+}
+
+TEST_F(Report, IsMadeOfARunWhoseReferenceIsATableThatTheLogDoesNotHold) {
+  const std::filesystem::path table = directory_.path() / "two.csv";
+  std::ofstream(table) << "0,0,0\n5,0,0\n";
+  const experiment::Scenario scenario = support::shortened(
+      "practical_rigid.yaml", "0.1", {"reference={file: '" + table.string() + "'}"});
+  const auto messages = support::in_process_log(scenario);
+  std::filesystem::remove(table);
+  const RecordedRun found = run("a", messages);
+  EXPECT_EQ(found.verdict.word(), "converged") << found.verdict.reason;
+  EXPECT_EQ(found.verdict.stiffness, 0);  // not known
+  EXPECT_THAT(page_of({found}), HasSubstr("two.csv"));
 }
 
 TEST_F(Report, NamesAChangeOfGains) {

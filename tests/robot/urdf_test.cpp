@@ -632,6 +632,38 @@ TEST(Urdf, ReadsDampingAndFrictionAndAddsThoseOfMimicsToTheirJoint) {
   EXPECT_THAT(list(model.friction), ElementsAre(4, 0));
 }
 
+TEST(Urdf, NarrowsTheLimitsOfAJointToThoseOfItsMimics) {
+  // second = m first + offset; first has [-2, 2] rad and 3 rad/s.
+  const auto arm = [](const std::string& limit, const std::string& mimic) {
+    std::string text = right_arm;
+    text.replace(text.find("\"continuous\">"), 13,
+                 "\"revolute\"><limit " + limit + "/><mimic joint='first' " + mimic + "/>");
+    return text;
+  };
+  const auto limits = [](const std::string& text) {
+    const Model model = model_from_urdf(text, "arm.urdf");
+    return std::vector<double>{model.lower[0], model.upper[0], model.velocity_limit[0]};
+  };
+  EXPECT_THAT(limits(arm("lower='-0.75' upper='1' effort='1' velocity='2'", "multiplier='4'")),
+              ElementsAre(-0.1875, 0.25, 0.5));
+  EXPECT_THAT(limits(arm("lower='-0.5' upper='1.5' effort='1' velocity='8'",
+                         "multiplier='-2' offset='0.5'")),
+              ElementsAre(-0.5, 0.5, 3));
+  // The same limits but for rounding stay digit for digit.
+  EXPECT_THAT(
+      limits(arm("lower='-5.9999999' upper='6' effort='1' velocity='8.9999999'", "multiplier='3'")),
+      ElementsAre(-2, 2, 3));
+  // No limits of its own: zeros of an exporter, or none that it could be driven in.
+  for (const char* none : {"", "lower='0' upper='0' effort='0' velocity='0'",
+                           "lower='0' upper='0' effort='1' velocity='0'"}) {
+    EXPECT_THAT(limits(arm(none, "multiplier='4'")), ElementsAre(-2, 2, 3)) << none;
+  }
+  const std::string apart = arm("lower='3' upper='4' effort='1' velocity='9'", "");
+  EXPECT_THAT(limits(apart), ElementsAre(-2, 2, 3));
+  EXPECT_THAT(warnings(apart), ElementsAre("arm.urdf: joint 'second': its limits leave joint "
+                                           "'first' no room; they are not used"));
+}
+
 TEST(Urdf, NamesAllJointsWithoutRoomAtOnceWithTheLineThatLocksThem) {
   std::string text = right_arm;
   text.replace(text.find("upper=\"2\""), 9, "upper=\"-2\"");
@@ -670,7 +702,10 @@ TEST(Urdf, RefusesAMimicCycle) {
 
 TEST(Urdf, RefusesTextThatIsNoUrdf) {
   EXPECT_THAT(complaint(""), StartsWith("arm.urdf: "));
-  EXPECT_THAT(complaint("robot"), StartsWith("arm.urdf: "));
+  EXPECT_THAT(complaint(""), HasSubstr("empty"));
+  for (const char* other : {"robot", "{\"robot\": 1}", "\x1f\x8b\x08", "\xff\xfe<"}) {
+    EXPECT_THAT(complaint(other), HasSubstr("not XML text (UTF-8); give a URDF file"));
+  }
   EXPECT_THAT(complaint("<sdf/>"), HasSubstr("no <robot> element: it is an SDF file"));
   EXPECT_THAT(complaint("<mujoco/>"), HasSubstr("it is a model of MuJoCo"));
   EXPECT_THAT(complaint("<robot name='r'/>"), StartsWith("arm.urdf: "));

@@ -75,6 +75,17 @@ TEST(Verdict, CountsSettlingFromTheMotionsEnd) {
   EXPECT_EQ(text(verdict(constantly(1e-5), five_hertz), rotary), "converged throughout");
 }
 
+/// A polynomial of degree 9 that rests at both ends is within 1e-6 of its end for 2.4 % of its
+/// time.
+TEST(Verdict, CountsSettlingFromTheEndOfAMotionThatEndsSmoothly) {
+  const auto smooth = [](double t) {
+    const double s = std::min(t, 1.0), s5 = s * s * s * s * s;
+    return 0.5 + 0.1 * s5 * (126 + s * (-420 + s * (540 + s * (-315 + s * 70))));
+  };
+  // Within 1e-12 of its end for 0.15 %; a tick.
+  EXPECT_NEAR(verdict(decay(0.5, 20), smooth).counted_from_s, 1, 0.0025);
+}
+
 TEST(Verdict, DoesNotDependOnHowBadlyItBegan) {
   // The same small error after a motion, from the reference and from beside it.
   EXPECT_EQ(verdict(constantly(1e-4), step).word(), "converged");
@@ -89,7 +100,13 @@ TEST(Verdict, TellsWhatTheMotionMakesFromWhatDecays) {
     return [=](double t) { return share * 2 * five_hertz(t + 0.03); };
   };
   EXPECT_EQ(verdict(lag(0.04), five_hertz).word(), "followed");
-  EXPECT_EQ(verdict(lag(0.2), five_hertz).word(), "lags");
+  const Verdict lags = verdict(lag(0.2), five_hertz);
+  EXPECT_EQ(lags.word(), "lags");
+  EXPECT_THAT(text(lags, rotary), HasSubstr(" 20 % of its scale; the motion makes it"));
+  // Where nothing is to move, its scale is the error itself.
+  const Verdict disturbed = verdict([](double t) { return five_hertz(t); }, still);
+  EXPECT_EQ(disturbed.word(), "lags");
+  EXPECT_THAT(text(disturbed, rotary), HasSubstr(" 100 % of its scale; a disturbance makes it"));
   EXPECT_EQ(verdict(decay(0.5, 0.7), still).word(), "slow");
 }
 
@@ -99,6 +116,11 @@ TEST(Verdict, OfAConstantErrorIsThatItRestsBeside) {
   EXPECT_THAT(text(seen, rotary), HasSubstr("rests 0.05 rad beside"));
   EXPECT_THAT(text(seen, rotary),
               HasSubstr("about 5 N m that the law does not know, over kp = 100"));
+  // Reached in the run, with a time constant of a quarter of it.
+  const auto reached = [](double t) { return 0.05 + 0.05 * std::exp(-2 * t); };
+  EXPECT_EQ(verdict(reached, still).word(), "rests_beside");
+  // Nearly constant, as the run is a twentieth of its time constant.
+  EXPECT_EQ(verdict(decay(0.5, 0.025), still).word(), "slow");
   // One that neither moves nor starts beside its reference is measured by its largest error.
   EXPECT_EQ(verdict([](double t) { return 0.01 * (1 - std::exp(-20 * t)); }, still).word(),
             "rests_beside");
@@ -302,6 +324,11 @@ TEST(VerdictOfARun, RestsBesideWithAnUnknownMass) {
       of_run({"reference={hold: {position_rad: [0.5, 0]}}", "plant.initial.position_rad=[0.5, 0]",
               "plant.payload.mass_kg=2", "loop.duration_s=2"});
   EXPECT_EQ(seen.word(), "rests_beside") << text(seen, rotary);
+}
+
+TEST(VerdictOfARun, IsNoFailureWhereItIsFarTooShortForItsGains) {
+  const Verdict seen = of_run({"controller.gains.kp=3", "loop.duration_s=0.2"});
+  EXPECT_EQ(seen.word(), "slow") << text(seen, rotary);
 }
 
 TEST(VerdictOfARun, IsOutsideWhereItStartsBeyondTheBreakOff) {

@@ -95,8 +95,41 @@ TEST(DesignProblem, RefusesAStiffnessOfALawWithoutKp) {
     problem.choose_variables();
     FAIL() << "100 N m/rad would bound lambda";
   } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("slotine_li has none: take loria_ortega_rigid"));
   }
+}
+
+TEST(DesignProblem, RefusesGoalsWithoutTheKeyThatTheyAreAbout) {
+  const auto why = [](const DesignGoal& goal, const std::vector<std::string>& overrides) {
+    const experiment::Scenario scenario = shipped("regulation", overrides);
+    DesignProblem problem(scenario, goal);
+    try {
+      problem.choose_variables();
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+      return std::string(failure.what());
+    }
+    return std::string();
+  };
+  const std::string limit = "plant.drive.torque_limit_Nm=[900, 300]",
+                    bits = "plant.encoder.resolution_bits=20",
+                    no_limit = "plant.drive.torque_limit_Nm=null",
+                    no_bits = "plant.encoder.resolution_bits=null";
+  DesignGoal start, share, noise;
+  start.start_error = 0.1;
+  share.count_share = 0.02;
+  noise.count_Nm = 1;
+  EXPECT_EQ(why(start, {no_limit, bits}),
+            "--start-error needs plant.drive.torque_limit_Nm, which the scenario lacks");
+  EXPECT_EQ(why(share, {no_limit, bits}),
+            "--count-share needs plant.drive.torque_limit_Nm, which the scenario lacks");
+  EXPECT_EQ(why(share, {limit, no_bits}),
+            "--count-share needs plant.encoder.resolution_bits, which the scenario lacks");
+  EXPECT_EQ(why(noise, {limit, no_bits}),
+            "--noise needs plant.encoder.resolution_bits, which the scenario lacks");
+  for (const DesignGoal& goal : {start, share, noise}) EXPECT_EQ(why(goal, {limit, bits}), "");
+  EXPECT_EQ(why({}, {no_limit, no_bits}), "");
 }
 
 /// A program without a memory whose first joint has a gain of 0.

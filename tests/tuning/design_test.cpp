@@ -32,6 +32,7 @@ using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::MatchesRegex;
+using ::testing::Not;
 
 /// The scenario with the gains of a design.
 experiment::Scenario with_gains(experiment::Scenario scenario, const Design& design) {
@@ -178,6 +179,42 @@ TEST(Design, KeepsToWhatIsAskedOfTheGains) {
   EXPECT_LE(found.gains.at("kp")[1], rounding * 3000);
   EXPECT_GE(rounding * found.gains.at("kp").minCoeff(), 3000);
   EXPECT_LE(found.loop.count_Nm->maxCoeff(), 1.01 * 0.4);
+}
+
+/// The springs of 10,000 N m/rad take a part of it.
+TEST(Design, MakesTheLinksOfFlexibleJointsAsStiffAsAsked) {
+  DesignGoal goal;
+  goal.modulus = 0.3;
+  goal.least_kp = Eigen::Vector2d(600, 300);
+  const Design found = design(shipped("flexible_regulation"), goal);
+  EXPECT_GE(found.loop.stiffness[0], 0.999 * 600);  // gains have four digits
+  EXPECT_GE(found.loop.stiffness[1], 0.999 * 300);
+  EXPECT_GE(least_modulus(found), 0.298);
+}
+
+/// Gains that follow M(q_ref) are largest where the arm is stretched out, at the motion's end.
+TEST(Design, KeepsTheTorqueOfACountAtAllPosturesOfTheMotion) {
+  DesignGoal goal;
+  goal.count_Nm = 1;
+  const Design found = design(
+      shipped("practical_rigid", {"controller.law=loria_ortega_scheduled", "controller.gains={}",
+                                  "plant.encoder.resolution_bits=16", "loop.duration_s=3",
+                                  "plant.initial={position_rad: [0, 3]}",
+                                  "reference={point_to_point: {from_rad: [0, 3], to_rad: [0, 0], "
+                                  "duration_s: 2}}"}),
+      goal);
+  EXPECT_LE(found.loop.count_Nm->maxCoeff(), 1.01);  // gains have four digits
+}
+
+/// A goal that is missed by 4 % is missed.
+TEST(Design, SaysThatASettlingTimeIsMissed) {
+  const experiment::Scenario scenario = shipped("practical_rigid");
+  const double fastest_s = design(scenario, {}).loop.modes.settling_s;
+  DesignGoal goal;
+  goal.settling_s = fastest_s / 1.04;
+  const Design found = design(scenario, goal);
+  EXPECT_TRUE(found.missed);
+  for (const std::string& each : found.binds) EXPECT_THAT(each, Not(HasSubstr("e+0")));
 }
 
 TEST(Design, OfABareUrdfFollowsItsReference) {
