@@ -8,7 +8,6 @@
 
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
-#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "python/python_law.h"
 

@@ -750,6 +750,8 @@ TEST(UrdfScenario, MovesAQuarterOfTheRangeAwayFromTheLimits) {
 TEST(UrdfScenario, HasIdealEncodersWhereAJointThatSlidesHasNoRange) {
   robot::Model model = robot::model_from_urdf(urdf, "t");
   model.joint_types[0] = robot::JointType::prismatic;
+  model.lower[0] = -1;
+  model.upper[0] = 1;
   EXPECT_THAT(urdf_scenario(model, {"bare", "two.urdf"}), HasSubstr("resolution_bits: 20}"));
   model.lower[0] = -std::numeric_limits<double>::infinity();
   const std::string text = urdf_scenario(model, {"bare", "two.urdf"});

@@ -279,13 +279,22 @@ TEST_F(Run, KeepsTheLogUpToItsLastFlushWhenTheLoggerIsKilled) {
 }
 
 TEST_F(Run, ThatDoctorStartsPassesItsInterruptionOn) {
+  setenv("TMPDIR", directory_.path().c_str(), 1);
+  fs::current_path(directory_.path());
   run_ = std::make_unique<Program>(
       "tachless",
       Words{"doctor", "--scenario", TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
             "--seconds", "1000"},
       directory_.path());
-  wait_until("its programs to start", [&] { return child("tachless-plant") > 0; });
-  std::this_thread::sleep_for(seconds(2));  // so that the run goes on: before, SIGINT just kills
+  unsetenv("TMPDIR");
+  wait_until("the run's first ticks", [&] {
+    if (!run_->running()) throw std::runtime_error(run_->errors());
+    for (const auto& made : fs::directory_iterator(directory_.path())) {
+      std::error_code missing;
+      if (fs::file_size(made.path() / "run/lcmlog", missing) > 0 && !missing) return true;
+    }
+    return false;
+  });
   stop(SIGINT);
   EXPECT_EQ(finish(), 130) << errors();
   EXPECT_THAT(errors(), HasSubstr("its run was interrupted"));
