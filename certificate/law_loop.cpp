@@ -11,7 +11,6 @@
 #include <variant>
 #include <vector>
 
-#include "certificate/stability_certificate.h"
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"

@@ -40,6 +40,10 @@ ErrorSystem system_at(const L& law, const loop::ReferencePoint& reference,
   return s;
 }
 
+/// Why there is no stability certificate: other laws, and a rigid law on flexible joints; empty:
+/// there is one.
+std::string no_certificate(const experiment::Scenario& scenario);
+
 /// Nothing for laws that it is not about. @throw diagnostics::Failure(bad_usage).
 std::optional<LawLoop> law_loop(const experiment::Scenario& scenario);
 

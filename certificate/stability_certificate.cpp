@@ -83,6 +83,11 @@ class ErrorLoop {
       if (type == robot::JointType::revolute) circle_[i] = std::numbers::pi;
     }
     if (loop_.systems[0].rotor_inertia.size() > 0) friction_ = {};
+    if (!torque_limited()) return;
+    const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+    for (const double t_s : reference::Motion(scenario, trajectory).closely(64, most_errors)) {
+      on_the_way_.push_back(trajectory.at(t_s));
+    }
   }
 
   [[nodiscard]] const ErrorSystem& system() const { return loop_.systems[0]; }
@@ -235,15 +240,12 @@ class ErrorLoop {
   [[nodiscard]] VectorXd torque_share(const Region& region, double level) const {
     const VectorXd reach =
         (region.e_reached * std::sqrt(level / region.level)).cwiseMin(std::numbers::pi);
-    const reference::Trajectory trajectory = reference::make_trajectory(scenario_);
-    constexpr int instants = 64, looks = 1024;  // from 16 errors at each instant on
-    const auto way = reference::Motion(scenario_, trajectory).closely(instants, looks);
     std::mt19937_64 random(1);
     std::uniform_real_distribution<double> part(-1, 1);
     VectorXd torque = VectorXd::Zero(reach.size());
-    const std::size_t errors = looks / way.size();
-    for (std::size_t k = 0; k < way.size() * errors; ++k) {
-      const loop::ReferencePoint r = trajectory.at(way[k / errors]);
+    const std::size_t errors = most_errors / on_the_way_.size();
+    for (std::size_t k = 0; k < on_the_way_.size() * errors; ++k) {
+      const loop::ReferencePoint& r = on_the_way_[k / errors];
       Vector q = r.q_ref;
       for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += reach[i] * part(random);
       VectorXd each = robot::inverse_dynamics(model_, q, r.v_ref, r.a_ref).cwiseAbs();
@@ -269,14 +271,10 @@ class ErrorLoop {
       region = of_1_J(region, c.weights);
       while (most(region.level) <= 1) region = scaled(region, 2);
     }
-    CertifiedRegion::Torque result{region.level, region.e_at_rest, 0, {}};
+    const auto within = [&](double root) { return most(region.level * root * root) <= 1; };
+    const double root = within(1) ? 1 : edge(0, 1, 30, within);
+    CertifiedRegion::Torque result{region.level * (root * root), region.e_at_rest * root, 0, {}};
     if (c.holds_initial_state()) result.share = most(c.V0);
-    if (torque_share(region, result.level).maxCoeff(&result.joint) <= 1) return result;
-    const double root = edge(0, 1, 30, [&](double part) {  // of the level's square root
-      return most(region.level * part * part) <= 1;
-    });
-    result.level *= root * root;
-    result.e_at_rest *= root;
     torque_share(region, result.level).maxCoeff(&result.joint);
     return result;
   }
@@ -318,6 +316,7 @@ class ErrorLoop {
     return *fine_;
   }
 
+  static constexpr int most_errors = 1024;  ///< at which torques are looked at, at most
   const experiment::Scenario& scenario_;
   robot::Model model_;
   LawLoop loop_;
@@ -327,6 +326,7 @@ class ErrorLoop {
   VectorXd circle_;  ///< a tube's width that holds all of a joint's postures
   VectorXd tube_;    ///< as of CertifiedRegion
   std::vector<Vector> centres_;
+  std::vector<loop::ReferencePoint> on_the_way_;  ///< where torque limits are looked at
   std::optional<MatrixCondition> fine_;
 };
 

@@ -88,10 +88,6 @@ struct StabilityCertificate {
 
 inline constexpr int most_joints_of_certified_run = 16;
 
-/// Why there is no stability certificate: other laws, and a rigid law on flexible joints; empty:
-/// there is one.
-std::string no_certificate(const experiment::Scenario& scenario);
-
 /// Where postures are sampled the region is of every posture, or of those near the reference where
 /// that gives more.
 /// @param effort quick leaves the largest region out where postures are sampled (7 joints take 5

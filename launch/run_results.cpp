@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "certificate/certify.h"
+#include "certificate/law_loop.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"

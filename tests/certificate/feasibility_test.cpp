@@ -35,24 +35,27 @@ TEST(Feasibility, KnowsSpeedFrequencyAndTorqueOfASinusoid) {
   }
 }
 
+std::vector<JointDemand> demands_of(const std::string& sinusoid, const std::string& duration) {
+  return feasibility(
+             shipped("practical_rigid", {duration, "reference={sinusoid: " + sinusoid + "}"}))
+      .joints;
+}
+
 TEST(Feasibility, SeesTheSpeedOfALongRunsSinusoid) {
   // At rest at every half second.
-  const Feasibility result =
-      feasibility(shipped("practical_rigid", {"loop.duration_s=1000",
-                                              "reference={sinusoid: {amplitude_rad: 0.1, "
-                                              "frequency_hz: 2, phase_rad: 1.5707963}}"}));
+  const auto joints = demands_of("{amplitude_rad: 0.1, frequency_hz: 2, phase_rad: 1.5707963}",
+                                 "loop.duration_s=1000");
   // At 50 instants a period the largest would be at most cos(pi / 50) off.
-  for (const JointDemand& joint : result.joints) EXPECT_NEAR(joint.speed, 1.2566, 0.003);
+  for (const JointDemand& joint : joints) EXPECT_NEAR(joint.speed, 1.2566, 0.003);
 }
 
 TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
   // Of 25 Hz at pi/4 10 ms later is a quarter of a period later: |cos| is 0.7071 at each.
-  const Feasibility result =
-      feasibility(shipped("practical_rigid", {"loop.duration_s=20",
-                                              "reference={sinusoid: {amplitude_rad: 0.00636619772, "
-                                              "frequency_hz: 25, phase_rad: 0.78539816}}"}));
+  const auto joints =
+      demands_of("{amplitude_rad: 0.00636619772, frequency_hz: 25, phase_rad: 0.78539816}",
+                 "loop.duration_s=20");
   // 50 instants a period would be at most 0.2 % off.
-  for (const JointDemand& joint : result.joints) EXPECT_NEAR(joint.speed, 1, 0.002);
+  for (const JointDemand& joint : joints) EXPECT_NEAR(joint.speed, 1, 0.002);
 }
 
 TEST(Feasibility, NamesTheJointThatCannotHoldItself) {

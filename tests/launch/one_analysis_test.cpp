@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "certificate/certify.h"
+#include "certificate/law_loop.h"
 #include "launch/run.h"
 #include "report/report.h"
 #include "report/report_sections.h"
