@@ -150,6 +150,9 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
                                          "are rigid; allowed on rigid joints: {}",
                                          law.name, diagnostics::joined(rigid)));
   }
+  if (scenario.controller.law != experiment::external_law) {
+    scenario.require_law({std::string(law.name), std::string(law.measurement), {}});
+  }
   if (law.regulation_only &&
       !std::holds_alternative<reference::trajectory::Hold>(scenario.reference)) {
     throw scenario.complaint(

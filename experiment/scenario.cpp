@@ -253,12 +253,6 @@ std::optional<schema::Refusal> ControllerSpec::refusal() const {
     return schema::Refusal{"law",
                            fmt::format("\"{}\"; allowed: lower-case letters, digits and _", law)};
   }
-  if (law != external_law && !measurement.empty()) {
-    return schema::Refusal{
-        "measurement",
-        fmt::format("{}: law {} says itself what it is fed with; allowed: only with law: {}",
-                    measurement, law, external_law)};
-  }
   if (law == external_law && std::ranges::find(loop::measurement_suffixes, measurement) ==
                                  loop::measurement_suffixes.end()) {
     return schema::Refusal{
@@ -308,14 +302,13 @@ std::optional<schema::Refusal> Scenario::refusal() const {
 }
 
 void Scenario::require_law(const loop::LawInfo& law) const {
-  const bool external = controller.law == external_law;
-  if (!external && law.law != controller.law) {
+  if (controller.law != external_law && law.law != controller.law) {
     throw complaint(
         "controller.law",
         "{}, but the controller runs the law \"{}\"; for a law of your own, write law: {}",
         controller.law, law.law, external_law);
   }
-  if (external && law.measurement != controller.measurement) {
+  if (!controller.measurement.empty() && law.measurement != controller.measurement) {
     throw complaint("controller.measurement", "{}, but the controller needs \"{}\"",
                     controller.measurement, law.measurement);
   }

@@ -173,7 +173,7 @@ struct FrictionSpec {
 
 struct ControllerSpec {
   std::string law;
-  std::string measurement;  ///< suffix of the channel that feeds the external law; else empty
+  std::string measurement;  ///< suffix of the channel that feeds the law; empty: its own
   std::string announced;    ///< what a recorded run's external law called itself; else empty
   std::string urdf_path;    ///< as written in the scenario; empty: the law's robot is the plant's
   /// Each of length num_joints, or its square: a matrix, row by row.
@@ -199,7 +199,7 @@ struct ControllerSpec {
                   "Name of the control law: lower-case letters, digits, `_`; `external`: a program "
                   "of yours computes it (`run --controller`)"},
       schema::Key{"measurement", &ControllerSpec::measurement, "",
-                  "What an external law is fed with, and nothing else: `POSITION`, "
+                  "What the law measures, and nothing else; an external one needs it: `POSITION`, "
                   "`MOTOR_POSITION`, `LINK_STATE`, `STATE`"}
           .by_default("the law's own"),
       urdf_key,
@@ -300,7 +300,7 @@ struct Scenario {
   }
 
   /// @throw diagnostics::Failure(bad_usage) unless a controller with this law is the one that the
-  /// scenario asks for: of its name, or, if external, with its measurement.
+  /// scenario asks for: of its name if not external, and with its measurement if given.
   void require_law(const loop::LawInfo& law) const;
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;

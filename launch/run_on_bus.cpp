@@ -16,7 +16,6 @@
 #include "diagnostics/logging.h"
 #include "launch/doctor.h"
 #include "launch/live_view.h"
-#include "launch/placement.h"
 #include "launch/progress.h"
 #include "launch/run.h"
 #include "launch/supervise.h"

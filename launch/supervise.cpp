@@ -15,6 +15,7 @@
 
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
+#include "process/this_process.h"
 
 namespace tachless::launch {
 namespace {
@@ -239,6 +240,27 @@ class Run {
 };
 
 }  // namespace
+
+Placement choose_placement(const std::string& wanted, experiment::Mode mode, std::size_t index) {
+  if (wanted != "auto" && wanted != "none") {
+    throw diagnostics::bad_usage(
+        "--placement {}: allowed: auto, none; for other CPUs start the programs with taskset",
+        wanted);
+  }
+  Placement placement;
+  std::vector<int> cpus = process::allowed_cpus();
+  if (wanted == "none" || mode == experiment::Mode::realtime || cpus.size() == 1) return placement;
+  // At most one of the three computes at a time, and waking a process on another CPU takes longer
+  // than on the same one. Runs side by side are distinguished by the launcher's process number.
+  const int cpu = cpus[(static_cast<std::size_t>(getpid()) + index) % cpus.size()];
+  for (const loop::Role role : {loop::Role::plant, loop::Role::controller, loop::Role::reference}) {
+    placement.cpus[static_cast<std::size_t>(role)] = {cpu};
+  }
+  std::erase(cpus, cpu);
+  placement.cpus[static_cast<std::size_t>(loop::Role::logger)] = cpus;
+  placement.words = fmt::format("together on CPU {}", cpu);
+  return placement;
+}
 
 std::vector<Supervision> supervise(const std::vector<Supervised>& supervised) {
   Signals signals;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <functional>
@@ -9,6 +10,8 @@
 #include <vector>
 
 #include "diagnostics/failure.h"
+#include "experiment/scenario.h"
+#include "loop/messages.h"
 #include "process/child.h"
 
 namespace tachless::launch {
@@ -21,6 +24,22 @@ struct Process {
   std::vector<std::string> command;  ///< program (a path) and arguments
   std::vector<int> cpus = {};        ///< on which it may execute; empty: as this process
 };
+
+/// On which CPUs the four processes of a run execute.
+struct Placement {
+  std::string words = "spread over CPUs";              ///< for people: "together on CPU 1"
+  std::array<std::vector<int>, loop::num_roles> cpus;  ///< by role; empty: all that are allowed
+
+  [[nodiscard]] const std::vector<int>& cpus_of(loop::Role role) const {
+    return cpus[static_cast<std::size_t>(role)];
+  }
+};
+
+/// `auto`: in lock-step plant, controller and reference on one CPU, the logger on the others; in
+/// realtime, or with one CPU, as `none`. `none`: the kernel places them.
+/// @param index of the robot among those of the run: each has another CPU, as far as there are any
+/// @throw diagnostics::Failure(bad_usage) naming --placement and what is allowed
+Placement choose_placement(const std::string& wanted, experiment::Mode mode, std::size_t index);
 
 /// How a process ended.
 struct ProcessEnd : process::End {

@@ -197,9 +197,14 @@ struct Identify {
     require_scenario_writable(output, force);
     if (!output.empty()) require_writable(urdf, force);
     std::vector<Recording> recordings;
-    for (const fs::path& log : logs) recordings.push_back(read(log));
     std::optional<Recording> other;
     if (!validate.empty()) other = read(validate);
+    for (const fs::path& log : logs) {
+      recordings.push_back(read(log));
+      if (!other || other->source != recordings.back().source) continue;
+      throw diagnostics::bad_usage("--validate {}: is fitted too; allowed: another log",
+                                   other->source);
+    }
     const experiment::Scenario& scenario = recordings.front().scenario;
     if (!output.empty() && scenario.believed_model) {
       throw diagnostics::bad_usage("{}: has controller.urdf, which --write cannot carry over",

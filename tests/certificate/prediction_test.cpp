@@ -213,11 +213,13 @@ TEST(Prediction, StiffnessOfAJointWithFrictionIsThatOfItsRestError) {
   EXPECT_NEAR(found[1], 320000.0 / 4000, 1e-3);
 }
 
-/// The motors' kp and the springs in series.
+/// The motors' kp, as large as the drives make it, and the springs in series.
 TEST(Prediction, StiffnessOfFlexibleJointsIsThatOfTheLink) {
-  const experiment::Scenario scenario = shipped("flexible_regulation");
+  const experiment::Scenario scenario =
+      shipped("flexible_regulation", {"plant.drive.torque_scale=[0.9, 1.1]"});
   const Prediction found = analyse(scenario, Effort::quick);
-  const robot::Vector& kp = scenario.controller.gains.at("kp");
+  const robot::Vector kp =
+      scenario.controller.gains.at("kp").cwiseProduct(robot::Vector{{0.9, 1.1}});
   const robot::Vector& spring = scenario.robot.flexible->stiffness;
   for (int j = 0; j < 2; ++j) {
     const double series = 1 / (1 / kp[j] + 1 / spring[j]);

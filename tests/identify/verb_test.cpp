@@ -94,6 +94,9 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   EXPECT_EQ(again.code, 2);
   EXPECT_THAT(again.errors, HasSubstr("f.yaml: exists already"));
   EXPECT_EQ(tachless({"identify", log, "--validate", other, "--validate", log}).code, 2) << "one";
+  const Result fitted = tachless({"identify", log, "--validate", log});
+  EXPECT_EQ(fitted.code, 2);
+  EXPECT_THAT(fitted.errors, HasSubstr("is fitted too; allowed: another log"));
   for (const auto& [file, says] :
        {std::pair{"f.urdf", "ends with .yaml"}, {"nowhere/g.yaml", "cannot be written"}}) {
     const Result refused = tachless({"identify", log, "--write", directory_ / file});

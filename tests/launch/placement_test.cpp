@@ -1,4 +1,4 @@
-#include "launch/placement.h"
+#include "launch/supervise.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

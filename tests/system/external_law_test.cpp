@@ -123,6 +123,9 @@ TEST_F(ExternalLaw, IsComparedWithTheRecordedOne) {
       << errors_;
   EXPECT_THAT(output_, AllOf(HasSubstr("recorded under loria_ortega_rigid, replayed under own_law "
                                        "(external)\n2000 ticks, 0 of them with another command")));
+  ASSERT_EQ(tachless(with_program(run("own", {"--in-process"}))), 0) << errors_;
+  ASSERT_EQ(tachless({"replay", log("own"), "--law", "loria_ortega_rigid"}), 0) << errors_;
+  EXPECT_THAT(output_, HasSubstr("2000 ticks, 0 of them with another command"));
 }
 
 /// The program is asked for torques and no more, at other periods too, and has no model of them.
@@ -197,8 +200,8 @@ TEST_F(ExternalLaw, HasToBeTheOneOfTheScenario) {
   EXPECT_THAT(errors_, HasSubstr("STATE, but the law own_law of this program needs POSITION"));
   EXPECT_EQ(tachless(with_program(run("no", {"--set", "controller.gains.stiffness=1"}))), 2);
   EXPECT_THAT(errors_, HasSubstr("own_law has no such gain; its gains: kp [N m/rad]"));
-  EXPECT_EQ(tachless(run("no", {"--set", "controller.measurement=POSITION"})), 2);
-  EXPECT_THAT(errors_, HasSubstr("law loria_ortega_rigid says itself what it is fed with"));
+  EXPECT_EQ(tachless(run("no", {"--set", "controller.measurement=STATE"})), 2);
+  EXPECT_THAT(errors_, HasSubstr("STATE, but the controller needs \"POSITION\""));
 }
 
 TEST_F(ExternalLaw, GetsNoMeasurementThatTheScenarioDoesNotName) {

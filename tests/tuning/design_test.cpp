@@ -328,6 +328,14 @@ TEST(Design, RefusesALawThatCannotBeLinearised) {
     EXPECT_THAT(failure.what(), HasSubstr("robust_differentiator cannot be linearised"));
     EXPECT_THAT(failure.what(), HasSubstr("tune it by hand"));
   }
+  try {
+    design(
+        shipped("practical_rigid", {"controller.law=external", "controller.measurement=POSITION"}),
+        {});
+    FAIL();
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_THAT(failure.what(), HasSubstr("another program: name that with --controller"));
+  }
 }
 
 TEST(Design, SaysWhatBindsAndWhyItCannot) {
