@@ -150,17 +150,15 @@ void find_settling(Prediction& result, const ScenarioLoop& scenario_loop,
 void find_stiffness(Prediction& result, const experiment::Scenario& scenario,
                     const std::vector<SampledLoop>& loops) {
   const double h = result.settings.period_s;
-  auto laws = parallel_map(loops.size(), [&](std::size_t i) { return loops[i].law(h); });
+  const auto laws = parallel_map(loops.size(), [&](std::size_t i) { return loops[i].law(h); });
   const VectorXd held = friction_torques(scenario, {}).on_delta;
   const auto& drive = scenario.robot.flexible;
   const VectorXd springs = drive ? VectorXd(drive->stiffness) : VectorXd();
   const VectorXd scale = scenario.plant.drive.torque_scale;
   VectorXd least = VectorXd::Constant(held.size(), infinity), error = 0 * held, gain = error;
-  for (LinearLaw& law : laws) {
+  for (const LinearLaw& law : laws) {
+    const MatrixXd K = stiffness_at_rest(law, scale, springs, h);
     gain = gain.cwiseMax(own_gain(law));
-    for (MatrixXd* torque : {&law.C, &law.D, &law.compensation})
-      *torque = scale.asDiagonal() * *torque;
-    const MatrixXd K = stiffness_at_rest(law, springs, h);
     least = least.cwiseMin(K.diagonal());
     const auto moved = robot::solution(K, held.asDiagonal());
     error = error.cwiseMax(moved ? VectorXd(moved->cwiseAbs().rowwise().sum())

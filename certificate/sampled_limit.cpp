@@ -206,10 +206,12 @@ Margins margins(const SampledLoop& loop, double period_s) {
   return result;
 }
 
-MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& springs, double period_s) {
+MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
+                           const Eigen::VectorXd& springs, double period_s) {
   constexpr double slowly = 1e-3;  // [rad/s]
   law.D -= law.compensation;
-  const MatrixXd feedback = at_frequency({law, {}, true}, slowly, period_s).K.real();
+  const MatrixXd feedback =
+      scale.asDiagonal() * at_frequency({law, {}, true}, slowly, period_s).K.real();
   const Index n = law.D.rows();
   MatrixXd K = MatrixXd::Zero(n, n), by_theta = K;
   for (std::size_t i = 0; i < law.measured.size(); ++i) {

@@ -65,8 +65,10 @@ double modulus_margin(const SampledLoop& loop, double period_s);
 Margins margins(const SampledLoop& loop, double period_s);
 
 /// Torque on the links per position error at rest, all joints together, gravity taken as
-/// compensated and without what an integral adds. @param springs of flexible joints; empty: rigid
-Eigen::MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& springs, double period_s);
+/// compensated and without what an integral adds. @param scale of the drives' torques
+/// @param springs of flexible joints; empty: rigid
+Eigen::MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
+                                  const Eigen::VectorXd& springs, double period_s);
 
 /// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
 /// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.

@@ -49,8 +49,7 @@ tachless_export(tachless_options)
 set(TACHLESS_COMMON_HEADERS <Eigen/Dense> <fmt/format.h> <algorithm> <array> <chrono> <cmath> <filesystem>
   <fstream> <functional> <map> <memory> <optional> <span> <stdexcept> <string> <string_view> <variant> <vector>)
 file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
-# What most sources of the rooms above `logger` include besides. No tick of a run passes through these: with -O1 they take
-# a fifth less time to compile, and `certify`, `design`, `identify` and runs in one process are as fast (decision 0025).
+# What most sources of the rooms above `logger` include besides.
 set(TACHLESS_SCENARIO_HEADERS <experiment/scenario.h> <loop/measurements.h>)
 foreach(headers IN ITEMS common scenario)
   add_library(${headers}_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
@@ -58,6 +57,8 @@ foreach(headers IN ITEMS common scenario)
   target_precompile_headers(${headers}_headers PRIVATE ${TACHLESS_COMMON_HEADERS})
 endforeach()
 target_precompile_headers(scenario_headers PRIVATE ${TACHLESS_SCENARIO_HEADERS})
+# No tick of a run passes through those rooms: with -O1 they take a fifth less time to compile, and `certify`, `design`,
+# `identify` and runs in one process are as fast (decision 0025).
 target_compile_options(scenario_headers PRIVATE $<$<CONFIG:Release>:-O1>)
 set(TACHLESS_HEADERS common_headers)
 
@@ -106,6 +107,8 @@ endfunction()
 function(tachless_test_headers)
   add_library(test_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
   tachless_test_options(test_headers)
+  # What a test checks is in the libraries; itself it should rather compile fast.
+  target_compile_options(test_headers PRIVATE $<$<CONFIG:Release>:-O1>)
   target_link_libraries(test_headers PRIVATE Eigen3::Eigen)
   target_precompile_headers(test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>
     ${TACHLESS_COMMON_HEADERS} ${TACHLESS_SCENARIO_HEADERS} <random> <regex> <sstream> <thread>)
@@ -113,8 +116,6 @@ endfunction()
 
 # What all test programs are compiled with: the same, so that they share the headers above.
 function(tachless_test_options name)
-  # What a test checks is in the libraries; itself it should rather compile fast.
-  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_link_libraries(${name} PRIVATE tachless_options GTest::gmock GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE TACHLESS_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     TACHLESS_BINARY_DIR="${PROJECT_BINARY_DIR}")

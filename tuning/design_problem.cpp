@@ -82,10 +82,7 @@ LinearLaw difference(const LinearLaw& to, const LinearLaw& from) {
 
 void require_rule(const experiment::Scenario& scenario) {
   const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
-  if (law.name == experiment::external_law) {
-    throw diagnostics::bad_usage("{}: its law is another program: name that with --controller",
-                                 scenario.source);
-  }
+  if (law.name == experiment::external_law) controller::scenario_law(scenario);  // says why not
   if (!law.no_linearisation.empty()) {
     throw Failure(ExitCode::check_said_no,
                   "{} cannot be linearised ({}): tune it by hand, or by the rule of thumb of "

@@ -334,7 +334,8 @@ TEST(Design, RefusesALawThatCannotBeLinearised) {
         {});
     FAIL();
   } catch (const diagnostics::Failure& failure) {
-    EXPECT_THAT(failure.what(), HasSubstr("another program: name that with --controller"));
+    EXPECT_THAT(failure.what(),
+                HasSubstr("certify and design take it with --controller 'PROGRAM'"));
   }
 }
 
