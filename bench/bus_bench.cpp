@@ -20,14 +20,14 @@
 #include <string>
 #include <vector>
 
+#include "base/this_process.h"
 #include "bus/udp_transport.h"
-#include "process/this_process.h"
 
 using namespace tachless;
 
 namespace {
 
-using loop::Clock;
+using base::Clock;
 
 constexpr const char* url = "udpm://239.255.76.67:7667?ttl=0";
 using Payload = std::array<std::byte, 68>;  // a position_measurement_t of four joints
@@ -64,7 +64,7 @@ Side liblcm(const std::string& out, const std::string& in) {
 }
 
 void run_on(int cpu) {
-  if (!process::execute_on({cpu})) throw std::runtime_error("no such processor");
+  if (!base::execute_on({cpu})) throw std::runtime_error("no such processor");
 }
 
 void ping_pong(const char* name, MakeSide make, int round_trips, int cpu, int other_cpu) {
@@ -107,7 +107,7 @@ void ping_pong(const char* name, MakeSide make, int round_trips, int cpu, int ot
 
 int main(int argc, char** argv) {
   if (argc != 4) return 2;
-  process::enter_private_network();
+  base::enter_private_network();
   for (const auto& [name, make] :
        {std::pair<const char*, MakeSide>{"own transport", own}, {"liblcm", liblcm}}) {
     ping_pong(name, make, std::atoi(argv[1]), std::atoi(argv[2]), std::atoi(argv[3]));

@@ -22,13 +22,13 @@
 #include <string>
 #include <vector>
 
-#include "bus/truth/truth_wire.h"
-#include "bus/wire.h"
-#include "experiment/scenario.h"
-#include "loop/measurements.h"
+#include "base/this_process.h"
+#include "messages/measurements.h"
+#include "messages/truth/truth_wire.h"
+#include "messages/wire.h"
 #include "plant/plant_model.h"
-#include "process/this_process.h"
 #include "robot/dynamics.h"
+#include "scenario/scenario.h"
 
 using namespace tachless;
 
@@ -52,16 +52,16 @@ struct Message {
 };
 
 /// Sizes of our messages as datagrams, channel name and LCM's header included [bytes].
-std::array<std::size_t, num_kinds> sizes_of(const experiment::Scenario& scenario) {
+std::array<std::size_t, num_kinds> sizes_of(const scenario::Scenario& scenario) {
   const auto layout =
-      loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(), /*num_signals=*/2);
+      messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(), /*num_signals=*/2);
   std::array<std::size_t, num_kinds> sizes = {
-      bus::Codec<loop::Tick>(layout).longest(),
-      bus::Codec<loop::PositionMeasurement>(layout).longest(),
-      bus::Codec<loop::ReferencePoint>(layout).longest(),
-      bus::Codec<loop::TorqueCommand>(layout).longest(),
-      bus::Codec<loop::LawSignals>(layout).longest(),
-      bus::Codec<loop::truth::PlantTruth>(layout).longest()};
+      messages::Codec<messages::Tick>(layout).longest(),
+      messages::Codec<messages::PositionMeasurement>(layout).longest(),
+      messages::Codec<messages::ReferencePoint>(layout).longest(),
+      messages::Codec<messages::TorqueCommand>(layout).longest(),
+      messages::Codec<messages::LawSignals>(layout).longest(),
+      messages::Codec<messages::truth::PlantTruth>(layout).longest()};
   for (std::size_t i = 0; i < num_kinds; ++i) {
     sizes[i] = std::clamp(sizes[i] + 8 + channel_lengths[i] + 1,
                           offsetof(Message, values) + 8 * std::size_t(scenario.num_joints),
@@ -74,7 +74,7 @@ std::array<std::size_t, num_kinds> sizes_of(const experiment::Scenario& scenario
 /// sends to it.
 class Peer {
  public:
-  Peer(Role role, const experiment::Scenario& scenario)
+  Peer(Role role, const scenario::Scenario& scenario)
       : scenario_(scenario), sizes_(sizes_of(scenario)) {
     // Accept when bit (first byte) of the mask is set; the UDP header is 8 bytes.
     std::array<sock_filter, 7> program = {
@@ -99,14 +99,14 @@ class Peer {
   double plant(std::int64_t ticks) {
     const robot::Model model = plant::plant_model(scenario_);
     plant::Arm arm = plant::make_arm(scenario_, model, plant::initial_state(scenario_, model));
-    const robot::Vector jump = 10 * robot::mass_matrix(model, arm.state().q).diagonal();
+    const Vector jump = 10 * robot::mass_matrix(model, arm.state().q).diagonal();
     auto begun = Clock::now();
     for (std::int64_t k = 0; k < ticks + warm_up; ++k) {
       if (k == warm_up) begun = Clock::now();
       send(tick, k);
       send(measurement, k);
       require(receive());
-      const robot::Vector tau = jump * message_.values[0];
+      const Vector tau = jump * message_.values[0];
       send(truth, k);
       arm.advance(tau, static_cast<double>(k + 1) * scenario_.loop.period_s);
     }
@@ -148,14 +148,14 @@ class Peer {
   }
   bool receive(int flags = 0) { return ::recv(in_, &message_, sizeof message_, flags) > 0; }
 
-  const experiment::Scenario& scenario_;
+  const scenario::Scenario& scenario_;
   std::array<std::size_t, num_kinds> sizes_;
   int in_ = ::socket(AF_INET, SOCK_DGRAM, 0), out_ = ::socket(AF_INET, SOCK_DGRAM, 0);
   Message message_;
 };
 
 void run_on(const std::string& cpu) {
-  if (!process::execute_on({std::stoi(cpu)})) throw std::runtime_error("no such CPU");
+  if (!base::execute_on({std::stoi(cpu)})) throw std::runtime_error("no such CPU");
 }
 
 }  // namespace
@@ -163,8 +163,8 @@ void run_on(const std::string& cpu) {
 int main(int argc, char** argv) try {
   const std::vector<std::string> words(argv + 1, argv + argc);
   if (words.size() != 3 && words.size() != 5) throw std::invalid_argument("see loop_peers.cpp");
-  process::enter_private_network();
-  const auto scenario = experiment::load_scenario(words[0], {"plant.mechanics=" + words[1]});
+  base::enter_private_network();
+  const auto scenario = scenario::load_scenario(words[0], {"plant.mechanics=" + words[1]});
   std::array<int, 2> ready{};
   if (::pipe(ready.data()) != 0) return 1;
   for (const Role role : {reference_role, controller_role, logger_role}) {

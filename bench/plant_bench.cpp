@@ -4,7 +4,7 @@
 
 #include "plant/arm.h"
 #include "robot/dynamics.h"
-#include "tests/robot/robots.h"
+#include "tests/core/robot/robots.h"
 
 using namespace tachless;
 
@@ -16,14 +16,14 @@ static void Step(benchmark::State& bench) {
   plant::ArmOptions options;
   if (bench.range(0) == 1) options.mechanics = plant::Mechanics::native;
   plant::ArmState start;
-  start.q = robot::Vector::Constant(robot.num_joints, 0.3);
-  start.v = robot::Vector::Constant(robot.num_joints, 0.5);
-  const robot::Vector torque = 10 * robot::mass_matrix(robot, start.q).diagonal();
+  start.q = Vector::Constant(robot.num_joints, 0.3);
+  start.v = Vector::Constant(robot.num_joints, 0.5);
+  const Vector torque = 10 * robot::mass_matrix(robot, start.q).diagonal();
   plant::Arm arm(robot, options, start);
   std::int64_t k = 0;
   for (auto _ : bench) {
     ++k;
-    arm.advance(k % 2 == 0 ? torque : robot::Vector(-torque), static_cast<double>(k) * 50e-6);
+    arm.advance(k % 2 == 0 ? torque : Vector(-torque), static_cast<double>(k) * 50e-6);
   }
 }
 BENCHMARK(Step)->ArgNames({"which", "joints"})->ArgsProduct({{0, 1}, {2, 7}});

@@ -13,7 +13,7 @@
 
 #include "robot/dynamics.h"
 #include "robot/model.h"
-#include "tests/robot/robots.h"
+#include "tests/core/robot/robots.h"
 
 using namespace tachless;
 
@@ -30,11 +30,11 @@ Model load(int num_joints) {
 /// A state that changes a little with every iteration, so that nothing is computed beforehand.
 struct State {
   explicit State(int n)
-      : q(robot::Vector::LinSpaced(n, -0.4, 0.3 * n - 0.7)),
-        v(robot::Vector::Constant(n, 0.5)),
-        a(robot::Vector::LinSpaced(n, 1, 5)) {}
+      : q(Vector::LinSpaced(n, -0.4, 0.3 * n - 0.7)),
+        v(Vector::Constant(n, 0.5)),
+        a(Vector::LinSpaced(n, 1, 5)) {}
   void nudge() { q[0] += 1e-6; }
-  robot::Vector q, v, a;
+  Vector q, v, a;
 };
 
 /// Times `compute(model, state)` at a state that moves.

@@ -1,5 +1,5 @@
 # What is installed beside programs and libraries (cmake/Tachless.cmake). The programs look for their
-# files from where they are, in ../share/tachless (process/this_process.h): the build directory is laid
+# files from where they are, in ../share/tachless (core/base/this_process.h): the build directory is laid
 # out the same, by links to the tree.
 set(shared share/tachless)
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})
@@ -12,10 +12,9 @@ install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
   COMPONENT program)
 
-install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
-  DESTINATION include/tachless COMPONENT development
-  FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE
-  PATTERN python EXCLUDE)
+install(DIRECTORY core/ analysis/ tools/ DESTINATION include/tachless COMPONENT development FILES_MATCHING PATTERN "*.h")
+install(DIRECTORY plant reference controller logger ${PROJECT_BINARY_DIR}/generated/base
+  DESTINATION include/tachless COMPONENT development FILES_MATCHING PATTERN "*.h")
 # Installed, they are <tachless/robot/model.h>, to each other too.
 install(CODE [[
   file(GLOB_RECURSE headers "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/include/tachless/*.h")
@@ -41,7 +40,7 @@ install(FILES ${messages} DESTINATION ${shared}/lcmtypes COMPONENT development)
 
 # tachless::tachless: the libraries of the headers that docs/site/cpp.md documents.
 add_library(tachless_interface INTERFACE)
-target_link_libraries(tachless_interface INTERFACE controller logger_runs plant study)
+target_link_libraries(tachless_interface INTERFACE controller logger_runs in_process plant)
 set_target_properties(tachless_interface PROPERTIES EXPORT_NAME tachless)
 tachless_export(tachless_interface)
 

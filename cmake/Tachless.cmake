@@ -1,14 +1,5 @@
 # What every target of ours has in common. Targets, never directory-wide variables.
 
-# The rooms, from the one list of them.
-file(STRINGS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt rows REGEX "^[a-z]+ ")
-set(TACHLESS_ROOMS)
-foreach(row IN LISTS rows)
-  string(REGEX REPLACE " .*" "" room ${row})
-  list(APPEND TACHLESS_ROOMS ${room})
-endforeach()
-set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
-
 # Sources of a target are compiled in batches: most of the time goes into the headers that they share.
 option(TACHLESS_UNITY "Compile the sources of a target in batches" ON)
 
@@ -49,16 +40,16 @@ tachless_export(tachless_options)
 set(TACHLESS_COMMON_HEADERS <Eigen/Dense> <fmt/format.h> <algorithm> <array> <chrono> <cmath> <filesystem>
   <fstream> <functional> <map> <memory> <optional> <span> <stdexcept> <string> <string_view> <variant> <vector>)
 file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
-# What most sources of the rooms above `logger` include besides.
-set(TACHLESS_SCENARIO_HEADERS <experiment/scenario.h> <loop/measurements.h>)
+# What most sources of analysis/ and tools/ include besides.
+set(TACHLESS_SCENARIO_HEADERS <core/scenario/scenario.h> <core/messages/measurements.h>)
 foreach(headers IN ITEMS common scenario)
   add_library(${headers}_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
   target_link_libraries(${headers}_headers PRIVATE tachless_options Eigen3::Eigen)
+  target_include_directories(${headers}_headers PRIVATE ${PROJECT_SOURCE_DIR}/core)
   target_precompile_headers(${headers}_headers PRIVATE ${TACHLESS_COMMON_HEADERS})
 endforeach()
 target_precompile_headers(scenario_headers PRIVATE ${TACHLESS_SCENARIO_HEADERS})
-# No tick of a run passes through those rooms: with -O1 they take a fifth less time to compile, and `certify`, `design`,
-# `identify` and runs in one process are as fast (decision 0025).
+# analysis/CMakeLists.txt says why.
 target_compile_options(scenario_headers PRIVATE $<$<CONFIG:Release>:-O1>)
 set(TACHLESS_HEADERS common_headers)
 
@@ -73,8 +64,17 @@ function(tachless_compile_fast name headers)
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${TACHLESS_UNITY} UNITY_BUILD_BATCH_SIZE ${size})
 endfunction()
 
-# tachless_library(robot SOURCES a.cpp … LIBS x …): a library of a room; without SOURCES
-# headers alone. Installed as tachless::robot.
+# The folder that #include "robot/model.h" of a library starts in, besides the root: core/, analysis/ or tools/. A library
+# sees that of its own district and, by its links, those of the districts below.
+function(tachless_include_folders name kind)
+  set(folders ${PROJECT_SOURCE_DIR})
+  if(CMAKE_CURRENT_SOURCE_DIR MATCHES "^${PROJECT_SOURCE_DIR}/(core|analysis|tools)/")
+    list(APPEND folders ${PROJECT_SOURCE_DIR}/${CMAKE_MATCH_1})
+  endif()
+  target_include_directories(${name} ${kind} "$<BUILD_INTERFACE:${folders}>")
+endfunction()
+
+# tachless_library(robot SOURCES a.cpp … LIBS x …): without SOURCES headers alone. Installed as tachless::robot.
 function(tachless_library name)
   cmake_parse_arguments(arg "" "" "SOURCES;LIBS;PRIVATE_LIBS" ${ARGN})
   if(arg_SOURCES)
@@ -83,13 +83,13 @@ function(tachless_library name)
     # Headers alone, of sources alone: what links ours does not need them.
     list(TRANSFORM arg_PRIVATE_LIBS REPLACE "^(CLI11|urdfdom_headers|lcmtypes_).*" "$<BUILD_INTERFACE:\\0>")
     target_link_libraries(${name} PUBLIC ${arg_LIBS} PRIVATE tachless_options ${arg_PRIVATE_LIBS})
-    target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+    tachless_include_folders(${name} PUBLIC)
     tachless_compile_fast(${name} ${TACHLESS_HEADERS})
     target_compile_features(${name} INTERFACE $<INSTALL_INTERFACE:cxx_std_20>)
   else()
     add_library(${name} INTERFACE)
     target_link_libraries(${name} INTERFACE ${arg_LIBS})
-    target_include_directories(${name} INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+    tachless_include_folders(${name} INTERFACE)
   endif()
   tachless_export(${name})
 endfunction()
@@ -109,7 +109,7 @@ function(tachless_test_headers)
   tachless_test_options(test_headers)
   # What a test checks is in the libraries; itself it should rather compile fast.
   target_compile_options(test_headers PRIVATE $<$<CONFIG:Release>:-O1>)
-  target_link_libraries(test_headers PRIVATE Eigen3::Eigen)
+  target_link_libraries(test_headers PRIVATE base)
   target_precompile_headers(test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>
     ${TACHLESS_COMMON_HEADERS} ${TACHLESS_SCENARIO_HEADERS} <random> <regex> <sstream> <thread>)
 endfunction()
@@ -131,7 +131,7 @@ function(tachless_test name)
   cmake_parse_arguments(arg "SLOW;THREADS;APART" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
-  target_link_libraries(${name} PRIVATE ${arg_LIBS} diagnostics)
+  target_link_libraries(${name} PRIVATE ${arg_LIBS} base)
   tachless_compile_fast(${name} test_headers)
   if(arg_APART)
     set_target_properties(${name} PROPERTIES UNITY_BUILD OFF)

@@ -10,23 +10,23 @@
 #include <utility>
 #include <variant>
 
+#include "base/failure.h"
 #include "controller/law/parts.h"
-#include "diagnostics/failure.h"
-#include "experiment/scenario.h"
-#include "loop/measurements.h"
+#include "messages/measurements.h"
+#include "scenario/scenario.h"
 
 namespace tachless::controller {
 
 /// Why a step is not kept: the torque, or what is logged, is not finite.
-diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick);
+base::Failure not_finite(std::string_view law, const Vector& tau, std::int64_t tick);
 
 /// Why gains that a reference brought are not used.
-diagnostics::Failure gains_refused(std::string_view gains, std::string_view problem);
+base::Failure gains_refused(std::string_view gains, std::string_view problem);
 
 /// What one step of a law gave; valid until its next one.
 struct Outcome {
-  const loop::TorqueCommand& command;
-  const loop::LawSignals& signals;
+  const messages::TorqueCommand& command;
+  const messages::LawSignals& signals;
   std::int64_t skipped = 0;  ///< ticks passed over since the last step, or since tick 0
   bool restarted = false;    ///< too many: the memory began anew
 };
@@ -45,10 +45,10 @@ class AnyLaw {
   /// Bound of `longest_gap`, however many missed commands the plant tolerates.
   static constexpr int most_ticks = 64;
 
-  explicit AnyLaw(const experiment::LoopSpec& loop)
-      : longest_gap_(loop.mode == experiment::Mode::realtime
-                         ? std::min(loop.max_missed + 1, most_ticks)
-                         : 1) {}
+  explicit AnyLaw(const scenario::LoopSpec& loop)
+      : longest_gap_(
+            loop.mode == scenario::Mode::realtime ? std::min(loop.max_missed + 1, most_ticks) : 1) {
+  }
   AnyLaw(const AnyLaw&) = delete;
   AnyLaw& operator=(const AnyLaw&) = delete;
   virtual ~AnyLaw() = default;
@@ -57,18 +57,18 @@ class AnyLaw {
   /// Suffix of the channel that it is fed from.
   [[nodiscard]] virtual std::string_view measurement() const = 0;
   /// What it logs, in the rows of `Outcome::signals`.
-  [[nodiscard]] virtual std::span<const loop::Signal> signals() const = 0;
+  [[nodiscard]] virtual std::span<const messages::Signal> signals() const = 0;
 
   /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
   /// The step of `tick`, with the reference's gains where it has other ones than the last: the
-  /// memory stays. @throw diagnostics::Failure(protective_stop) when the torque, or what is
+  /// memory stays. @throw base::Failure(protective_stop) when the torque, or what is
   /// logged, is not finite, or the gains are none of this law's: the law is of no use from then on.
   /// std::logic_error unless `tick` is later than the last one, std::bad_variant_access for another
   /// type of measurement.
-  Outcome step(std::int64_t tick, const loop::AnyMeasurement& measurement,
-               const loop::ReferencePoint& reference) {
+  Outcome step(std::int64_t tick, const messages::AnyMeasurement& measurement,
+               const messages::ReferencePoint& reference) {
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::AnyLaw: ticks go forward");
     const bool anew = !started_ || gap > longest_gap_;
@@ -77,7 +77,7 @@ class AnyLaw {
       gains_ = reference.gains;
     }
     compute(tick, measurement, reference, anew ? 0 : static_cast<int>(gap));
-    if (!loop::all_finite(command_) || !loop::all_finite(signals_of_step_)) {
+    if (!messages::all_finite(command_) || !messages::all_finite(signals_of_step_)) {
       throw not_finite(name(), command_.tau, tick);
     }
     const bool restarted = anew && started_;
@@ -87,17 +87,17 @@ class AnyLaw {
   }
 
  protected:
-  loop::TorqueCommand command_;  ///< of the last step
-  loop::LawSignals signals_of_step_;
+  messages::TorqueCommand command_;  ///< of the last step
+  messages::LawSignals signals_of_step_;
 
  private:
   /// Sets both: the step `ticks` periods after the last one; with 0 the first one, from the memory
   /// that the law starts with.
-  virtual void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
-                       const loop::ReferencePoint& reference, int ticks) = 0;
+  virtual void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
+                       const messages::ReferencePoint& reference, int ticks) = 0;
 
-  /// Takes other gains (experiment::gains_text; empty: the scenario's) from this step on.
-  /// @throw diagnostics::Failure(protective_stop) when it cannot
+  /// Takes other gains (scenario::gains_text; empty: the scenario's) from this step on.
+  /// @throw base::Failure(protective_stop) when it cannot
   virtual void retune(std::string_view gains) {
     throw gains_refused(gains, "this law does not change them");
   }
@@ -112,12 +112,12 @@ class AnyLaw {
 template <law::Law L>
 class LawWithMemory final : public AnyLaw {
  public:
-  /// The law with these gains. @throw diagnostics::Failure(bad_usage) when they are none of it
+  /// The law with these gains. @throw base::Failure(bad_usage) when they are none of it
   using Retuned = std::function<L(std::string_view gains)>;
 
   /// @param retuned none: the gains may not change
-  LawWithMemory(L law, const experiment::LoopSpec& loop,
-                const experiment::FrictionSpec& friction = {}, double lead_s = 0,
+  LawWithMemory(L law, const scenario::LoopSpec& loop,
+                const controller::FrictionSpec& friction = {}, double lead_s = 0,
                 Retuned retuned = {})
       : AnyLaw(loop),
         law_(std::move(law)),
@@ -127,17 +127,17 @@ class LawWithMemory final : public AnyLaw {
 
   [[nodiscard]] std::string_view name() const override { return L::name; }
   [[nodiscard]] std::string_view measurement() const override { return L::Measurement::suffix; }
-  [[nodiscard]] std::span<const loop::Signal> signals() const override { return L::signals; }
+  [[nodiscard]] std::span<const messages::Signal> signals() const override { return L::signals; }
 
  private:
-  void compute(std::int64_t /*tick*/, const loop::AnyMeasurement& any,
-               const loop::ReferencePoint& reference, int ticks) override {
+  void compute(std::int64_t /*tick*/, const messages::AnyMeasurement& any,
+               const messages::ReferencePoint& reference, int ticks) override {
     const auto& measurement = std::get<typename L::Measurement>(any);
     if (ticks == 0) memory_ = law_.start(measurement, reference);
     for (int i = 1; i < ticks; ++i) {
       const double share = static_cast<double>(i) / ticks;
-      memory_ = law_.step(memory_, loop::between(measurement_, measurement, share),
-                          loop::between(reference_, reference, share))
+      memory_ = law_.step(memory_, messages::between(measurement_, measurement, share),
+                          messages::between(reference_, reference, share))
                     .memory;
     }
     auto step = law_.step(memory_, measurement, reference);
@@ -155,7 +155,7 @@ class LawWithMemory final : public AnyLaw {
     if (!retuned_) throw gains_refused(gains, "controller.gains_may_change is false");
     try {
       law_ = retuned_(gains);
-    } catch (const diagnostics::Failure& problem) {
+    } catch (const base::Failure& problem) {
       throw gains_refused(gains, problem.what());
     }
   }
@@ -163,8 +163,8 @@ class LawWithMemory final : public AnyLaw {
   L law_;
   typename L::Memory memory_;
   typename L::Measurement measurement_;
-  loop::ReferencePoint reference_;
-  experiment::FrictionSpec friction_;
+  messages::ReferencePoint reference_;
+  controller::FrictionSpec friction_;
   double lead_s_;
   Retuned retuned_;
 };

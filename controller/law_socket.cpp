@@ -14,17 +14,17 @@
 #include <system_error>
 #include <utility>
 
-#include "diagnostics/logging.h"
-#include "diagnostics/time.h"
-#include "experiment/gains.h"
-#include "node/run_info.h"
-#include "process/child.h"
+#include "base/child.h"
+#include "base/logging.h"
+#include "base/time.h"
+#include "scenario/gains.h"
+#include "session/run_info.h"
 
 namespace tachless::controller {
 namespace {
 
-using diagnostics::ExitCode;
-using diagnostics::Failure;
+using base::ExitCode;
+using base::Failure;
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages, on a busy machine
@@ -33,12 +33,12 @@ constexpr std::int64_t no_tick = -1;
 
 /// Of the four messages of a tick.
 struct Codecs {
-  bus::Codec<loop::AnyMeasurement> measurement;
-  bus::Codec<loop::ReferencePoint> reference;
-  bus::Codec<loop::TorqueCommand> command;
-  bus::Codec<loop::LawSignals> state;
+  messages::Codec<messages::AnyMeasurement> measurement;
+  messages::Codec<messages::ReferencePoint> reference;
+  messages::Codec<messages::TorqueCommand> command;
+  messages::Codec<messages::LawSignals> state;
 
-  Codecs(std::string_view suffix, const loop::Layout& layout)
+  Codecs(std::string_view suffix, const messages::Layout& layout)
       : measurement(suffix, layout), reference(layout), command(layout), state(layout) {}
 };
 
@@ -51,16 +51,16 @@ Failure no_message(std::string_view expected) {
 
 /// Answers each tick, from the first of a run on with a law that is made anew.
 /// @return the RUN_INFO that came in place of a tick; empty when the other end is closed
-std::span<const std::byte> answer(LawSocket& socket, const loop::Layout& layout, ScenarioLaw law,
-                                  const std::function<ScenarioLaw()>& anew) {
+std::span<const std::byte> answer(LawSocket& socket, const messages::Layout& layout,
+                                  ScenarioLaw law, const std::function<ScenarioLaw()>& anew) {
   Codecs codecs(law->measurement(), layout);
-  loop::Stamp stamp;
-  loop::AnyMeasurement measurement;
-  loop::ReferencePoint reference;
+  messages::Stamp stamp;
+  messages::AnyMeasurement measurement;
+  messages::ReferencePoint reference;
   for (std::int64_t last = no_tick;; last = stamp.tick) {
     const auto message = socket.receive();
     if (message.empty()) return {};
-    if (codecs.measurement.decode(message, stamp, measurement) != bus::Rejection::none) {
+    if (codecs.measurement.decode(message, stamp, measurement) != messages::Rejection::none) {
       return message;
     }
     if (!socket.receive(codecs.reference, stamp, reference)) throw no_message("REFERENCE");
@@ -75,12 +75,12 @@ std::span<const std::byte> answer(LawSocket& socket, const loop::Layout& layout,
 
 // ---- the process that asks it -----------------------------------------------------------------
 
-std::pair<process::FileDescriptor, process::FileDescriptor> socket_pair() {
+std::pair<base::FileDescriptor, base::FileDescriptor> socket_pair() {
   std::array<int, 2> ends{};
   if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
     throw std::system_error(errno, std::generic_category(), "socketpair");
   }
-  return {process::FileDescriptor(ends[0]), process::FileDescriptor(ends[1])};
+  return {base::FileDescriptor(ends[0]), base::FileDescriptor(ends[1])};
 }
 
 }  // namespace
@@ -88,13 +88,13 @@ std::pair<process::FileDescriptor, process::FileDescriptor> socket_pair() {
 /// The program that computes the law.
 class Program {
  public:
-  Program(const experiment::Scenario& scenario, std::string command)
-      : command_(std::move(command)), socket_(process::FileDescriptor()) {
+  Program(const scenario::Scenario& scenario, std::string command)
+      : command_(std::move(command)), socket_(base::FileDescriptor()) {
     auto [own, other] = socket_pair();
     // The shell moves its stdin, the socket, out of the reach of what reads there.
-    child_ = process::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
-                             "sh", scenario.source, "--serve", "3"},
-                            process::blocked_signals(), {}, other.get());
+    child_ = base::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
+                          "sh", scenario.source, "--serve", "3"},
+                         base::blocked_signals(), {}, other.get());
     socket_ = LawSocket(std::move(own));
   }
   Program(const Program&) = delete;
@@ -102,12 +102,12 @@ class Program {
   ~Program() { end(); }
 
   /// Tells it the run. @return the law that it announces
-  loop::LawInfo begin(const experiment::Scenario& scenario) {
-    socket_.send(node::run_info(scenario, 1, {}));
-    loop::Participant self;
-    receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit);
-    if (!loop::parse_signals(self.signals) ||
-        !loop::with_measurement(self.measurement, [](auto) {})) {
+  messages::LawInfo begin(const scenario::Scenario& scenario) {
+    socket_.send(session::run_info(scenario, 1, {}));
+    messages::Participant self;
+    receive(messages::Codec<messages::Participant>(messages::Layout{}), no_tick, self, start_limit);
+    if (!messages::parse_signals(self.signals) ||
+        !messages::with_measurement(self.measurement, [](auto) {})) {
       throw Failure(ExitCode::protocol_violated,
                     "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
                     "which this version does not know",
@@ -118,39 +118,39 @@ class Program {
   }
 
   void ask(Codecs& codecs, std::int64_t tick, double period_s,
-           const loop::AnyMeasurement& measurement, const loop::ReferencePoint& reference) {
-    const loop::Stamp stamp{std::llround(static_cast<double>(tick) * period_s * 1e6), 1, tick};
+           const messages::AnyMeasurement& measurement, const messages::ReferencePoint& reference) {
+    const messages::Stamp stamp{std::llround(static_cast<double>(tick) * period_s * 1e6), 1, tick};
     socket_.send(codecs.measurement.encode(stamp, measurement));
     socket_.send(codecs.reference.encode(stamp, reference));
   }
   /// Its answer to what it was asked. @throw as `receive`
   void take(const Codecs& codecs, std::int64_t tick, Clock::duration limit,
-            loop::TorqueCommand& command, loop::LawSignals& state) {
+            messages::TorqueCommand& command, messages::LawSignals& state) {
     receive(codecs.command, tick, command, limit);
     receive(codecs.state, tick, state, limit);
   }
 
  private:
-  /// @throw diagnostics::Failure: peer_lost after `limit`, protective_stop for a number that is not
+  /// @throw base::Failure: peer_lost after `limit`, protective_stop for a number that is not
   /// finite, protocol_violated for anything else that is no `Value` of this tick
   template <class Value>
-  void receive(const bus::Codec<Value>& codec, std::int64_t tick, Value& value,
+  void receive(const messages::Codec<Value>& codec, std::int64_t tick, Value& value,
                Clock::duration limit) {
     wait(limit, tick);
     const auto message = socket_.receive();
     if (message.empty()) throw ended(tick);
-    loop::Stamp stamp;
-    const bus::Rejection why = codec.decode(message, stamp, value);
-    if (why == bus::Rejection::non_finite) {
+    messages::Stamp stamp;
+    const messages::Rejection why = codec.decode(message, stamp, value);
+    if (why == messages::Rejection::non_finite) {
       throw Failure(ExitCode::protective_stop,
                     "--controller '{}': what it computed {} is not finite: the loop is unstable; "
                     "shorten loop.period_s or soften the gains",
                     command_, when(tick));
     }
-    if (why != bus::Rejection::none) {
+    if (why != messages::Rejection::none) {
       throw Failure(ExitCode::protocol_violated,
                     "--controller '{}': answered {} with a message that is {}", command_,
-                    when(tick), bus::name(why));
+                    when(tick), messages::name(why));
     }
     if (stamp.tick != tick) {
       throw Failure(ExitCode::protocol_violated,
@@ -178,24 +178,24 @@ class Program {
       std::array<pollfd, 2> fds{pollfd{socket_.descriptor(), POLLIN, 0},
                                 pollfd{child_.output.get(), POLLIN, 0}};
       if (!poll_until(until, fds)) break;
-      if (fds[1].revents != 0) process::read_lines(child_, print_line);
+      if (fds[1].revents != 0) base::read_lines(child_, print_line);
       if (fds[0].revents != 0) return;
     }
     throw Failure(ExitCode::peer_lost, "--controller '{}': no answer {} within {:g} s", command_,
                   when(tick), std::chrono::duration<double>(limit).count());
   }
 
-  static void print_line(const std::string& line) { diagnostics::pass_on(line); }
+  static void print_line(const std::string& line) { base::pass_on(line); }
 
   /// Closes the socket, which ends the program, and waits for that. @return how it ended
-  process::End end() {
+  base::End end() {
     if (!child_.running) return {};
     socket_.close();
-    return process::end_within(child_, end_limit, print_line);
+    return base::end_within(child_, end_limit, print_line);
   }
 
   Failure ended(std::int64_t tick) {
-    const process::End end = this->end();
+    const base::End end = this->end();
     const int code = end.exit_code;
     const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
                       code <= static_cast<int>(ExitCode::protective_stop);
@@ -203,61 +203,61 @@ class Program {
     return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
             "--controller '{}': {} {}{}",
             command_,
-            process::text(end),
+            base::text(end),
             when(tick),
             remedy};
   }
 
   std::string command_;
   LawSocket socket_;
-  process::Child child_;
+  base::Child child_;
 };
 
 namespace {
 
 class ExternalLaw final : public AnyLaw {
  public:
-  ExternalLaw(std::unique_ptr<Program> program, loop::LawInfo info,
-              const experiment::Scenario& scenario)
+  ExternalLaw(std::unique_ptr<Program> program, messages::LawInfo info,
+              const scenario::Scenario& scenario)
       : AnyLaw(scenario.loop),
         program_(std::move(program)),
         info_(std::move(info)),
-        signals_(loop::parse_signals(info_.signals).value()),
+        signals_(messages::parse_signals(info_.signals).value()),
         period_s_(scenario.loop.period_s),
-        limit_(diagnostics::nanoseconds_of(scenario.loop.give_up_s)),
+        limit_(base::nanoseconds_of(scenario.loop.give_up_s)),
         codecs_(info_.measurement, law_layout(scenario, *this)) {}
 
   [[nodiscard]] std::string_view name() const override { return info_.law; }
   [[nodiscard]] std::string_view measurement() const override { return info_.measurement; }
-  [[nodiscard]] std::span<const loop::Signal> signals() const override { return signals_; }
+  [[nodiscard]] std::span<const messages::Signal> signals() const override { return signals_; }
 
  private:
   void retune(std::string_view /*gains*/) override {}  // the program does, with the reference
   /// The program counts the ticks between two measurements itself.
-  void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
-               const loop::ReferencePoint& reference, int /*ticks*/) override {
+  void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
+               const messages::ReferencePoint& reference, int /*ticks*/) override {
     program_->ask(codecs_, tick, period_s_, measurement, reference);
     program_->take(codecs_, tick, limit_, command_, signals_of_step_);
   }
 
   std::unique_ptr<Program> program_;
-  loop::LawInfo info_;
-  std::vector<loop::Signal> signals_;  ///< views into `info_`
+  messages::LawInfo info_;
+  std::vector<messages::Signal> signals_;  ///< views into `info_`
   double period_s_;
   Clock::duration limit_;
   Codecs codecs_;
 };
 
-/// What makes of a scenario the one at that period with those gains (experiment::gains_text; empty:
+/// What makes of a scenario the one at that period with those gains (scenario::gains_text; empty:
 /// its own).
-std::vector<std::string> changes(const experiment::Scenario& scenario, double period_s,
+std::vector<std::string> changes(const scenario::Scenario& scenario, double period_s,
                                  const std::string& gains) {
   std::vector<std::string> all;
   if (period_s != scenario.loop.period_s) {
     all = {fmt::format("loop.period_s={:.17g}", period_s),
            fmt::format("loop.duration_s={:.17g}", 10 * period_s)};
   }
-  if (gains.empty() || gains == experiment::gains_text(scenario.controller.gains)) return all;
+  if (gains.empty() || gains == scenario::gains_text(scenario.controller.gains)) return all;
   for (const auto& [name, value] : with_gains(scenario, gains).controller.gains) {
     if (value.size() > scenario.num_joints) continue;  // a matrix, which no caller changes
     all.push_back(fmt::format("controller.gains.{}=[{}]", name, fmt::join(value, ", ")));
@@ -284,41 +284,43 @@ std::span<const std::byte> LawSocket::receive() {
 }
 
 void serve_law(int socket, const MakeLaw& make_law) {
-  LawSocket caller{process::FileDescriptor(socket)};
+  LawSocket caller{base::FileDescriptor(socket)};
   auto message = caller.receive();
   std::string expected = "RUN_INFO";
   do {
-    loop::Stamp stamp;
-    loop::RunInfo run;
-    const bus::Codec<loop::RunInfo> codec(loop::Layout{});
-    if (codec.decode(message, stamp, run) != bus::Rejection::none) throw no_message(expected);
-    const experiment::Scenario scenario =
-        experiment::parse_scenario(run.scenario, run.robot_description, "--serve");
+    messages::Stamp stamp;
+    messages::RunInfo run;
+    const messages::Codec<messages::RunInfo> codec(messages::Layout{});
+    if (codec.decode(message, stamp, run) != messages::Rejection::none) throw no_message(expected);
+    const scenario::Scenario scenario =
+        scenario::parse_scenario(run.scenario, run.robot_description, "--serve");
     ScenarioLaw law = make_law(scenario);
-    loop::Participant self;
-    static_cast<loop::LawInfo&>(self) = law_info(*law);
-    self.role = loop::Role::controller;
-    if (!caller.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self))) return;
-    const loop::Layout layout = law_layout(scenario, *law);
+    messages::Participant self;
+    static_cast<messages::LawInfo&>(self) = law_info(*law);
+    self.role = messages::Role::controller;
+    if (!caller.send(
+            messages::Codec<messages::Participant>(messages::Layout{}).encode(stamp, self)))
+      return;
+    const messages::Layout layout = law_layout(scenario, *law);
     expected = law->measurement();
     message = answer(caller, layout, std::move(law), [&] { return make_law(scenario); });
   } while (!message.empty());
 }
 
-ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
+ScenarioLaw external_law(const scenario::Scenario& scenario, const std::string& command) {
   auto program = std::make_unique<Program>(scenario, command);
-  loop::LawInfo info = program->begin(scenario);
+  messages::LawInfo info = program->begin(scenario);
   return std::make_unique<ExternalLaw>(std::move(program), std::move(info), scenario);
 }
 
-LawProgram::LawProgram(const experiment::Scenario& scenario, const std::string& command)
+LawProgram::LawProgram(const scenario::Scenario& scenario, const std::string& command)
     : scenario_(scenario),
       program_(std::make_shared<Program>(scenario, command)),
       info_(program_->begin(scenario)) {}
 
-std::vector<robot::Vector> LawProgram::answers(double period_s, bool weightless,
-                                               std::span<const loop::AnyMeasurement> measurements,
-                                               const loop::ReferencePoint& reference) {
+std::vector<Vector> LawProgram::answers(double period_s, bool weightless,
+                                        std::span<const messages::AnyMeasurement> measurements,
+                                        const messages::ReferencePoint& reference) {
   constexpr std::size_t under_way = 16;  // ticks; far from what sockets hold
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
@@ -327,27 +329,27 @@ std::vector<robot::Vector> LawProgram::answers(double period_s, bool weightless,
     // Next to none: an arm that adds gravity itself is refused without any.
     if (weightless) other.emplace_back("robot.gravity_m_per_s2=1e-9");
     if (other != begun_) {
-      experiment::Scenario scenario = experiment::parse_scenario(
+      scenario::Scenario scenario = scenario::parse_scenario(
           scenario_.text, scenario_.robot.urdf_text, scenario_.source, other);
       scenario.loop.period_s = period_s;
       info_ = program_->begin(scenario);
       begun_ = std::move(other);
     }
-    const auto limit = diagnostics::nanoseconds_of(scenario_.loop.give_up_s);
-    const auto signals = loop::parse_signals(info_.signals).value();
+    const auto limit = base::nanoseconds_of(scenario_.loop.give_up_s);
+    const auto signals = messages::parse_signals(info_.signals).value();
     Codecs codecs(info_.measurement,
-                  loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
-                               static_cast<int>(signals.size())));
-    loop::ReferencePoint held = reference;
+                  messages::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
+                                   static_cast<int>(signals.size())));
+    messages::ReferencePoint held = reference;
     held.gains.clear();  // are the scenario's
-    std::vector<robot::Vector> torques;
+    std::vector<Vector> torques;
     for (std::size_t sent = 0; torques.size() < measurements.size();) {
       for (; sent < std::min(torques.size() + under_way, measurements.size()); ++sent) {
         program_->ask(codecs, static_cast<std::int64_t>(sent), period_s, measurements[sent], held);
       }
       while (torques.size() < sent) {
-        loop::TorqueCommand command;
-        loop::LawSignals state;
+        messages::TorqueCommand command;
+        messages::LawSignals state;
         program_->take(codecs, static_cast<std::int64_t>(torques.size()), limit, command, state);
         torques.push_back(command.tau);
       }

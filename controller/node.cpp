@@ -10,37 +10,37 @@
 #include <utility>
 #include <vector>
 
-#include "bus/wire.h"
-#include "diagnostics/logging.h"
-#include "protocol/responders.h"
+#include "base/logging.h"
+#include "messages/wire.h"
+#include "session/responders.h"
 
 namespace tachless::controller {
 namespace {
 
-using loop::Clock;
-using loop::Role;
-using protocol::CommandPicker;
-using protocol::CommandResponder;
-using protocol::Verdict;
+using base::Clock;
+using messages::Role;
+using session::CommandPicker;
+using session::CommandResponder;
+using session::Verdict;
 
 /// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
 /// tick. Preallocated.
 template <class Value>
-struct Input : bus::Port<Value> {
+struct Input : messages::Port<Value> {
   struct Message {
-    loop::Stamp stamp;
+    messages::Stamp stamp;
     Value value;
   };
   Message newest;  ///< decoded last
-  std::vector<Message> kept = std::vector<Message>(protocol::MessageRing::depth);
+  std::vector<Message> kept = std::vector<Message>(session::MessageRing::depth);
 
-  explicit Input(bus::Port<Value> port) : bus::Port<Value>(std::move(port)) {}
+  explicit Input(messages::Port<Value> port) : messages::Port<Value>(std::move(port)) {}
 
   Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
 };
 
-protocol::LawInput input_of(Role from) {
-  return from == Role::plant ? protocol::measurement_input : protocol::reference_input;
+session::LawInput input_of(Role from) {
+  return from == Role::plant ? session::measurement_input : session::reference_input;
 }
 
 /// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
@@ -52,16 +52,16 @@ class Node {
   virtual ~Node() = default;
 
  protected:
-  Node(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link)
+  Node(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link)
       : link_(link),
         law_(std::move(law)),
         info_(law_info(*law_)),
         prefix_(scenario.robot.channel_prefix),
         layout_(law_layout(scenario, *law_)),
-        measurement_({loop::channel(prefix_, info_.measurement), {info_.measurement, layout_}}),
-        reference_(bus::port<loop::ReferencePoint>(prefix_, layout_)),
-        command_(bus::port<loop::TorqueCommand>(prefix_, layout_)),
-        state_(bus::port<loop::LawSignals>(prefix_, layout_)) {
+        measurement_({messages::channel(prefix_, info_.measurement), {info_.measurement, layout_}}),
+        reference_(messages::port<messages::ReferencePoint>(prefix_, layout_)),
+        command_(messages::port<messages::TorqueCommand>(prefix_, layout_)),
+        state_(messages::port<messages::LawSignals>(prefix_, layout_)) {
     receive(measurement_, Role::plant);
     receive(reference_, Role::reference);
   }
@@ -72,17 +72,17 @@ class Node {
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
 
   void join() {
-    diagnostics::log_detail("law {}, measures {}, publishes its signals {}", info_.law,
-                            info_.measurement, info_.signals);
+    base::log_detail("law {}, measures {}, publishes its signals {}", info_.law, info_.measurement,
+                     info_.signals);
     link_.join(info_, {});
   }
 
   /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
-  /// @throw diagnostics::Failure(protective_stop) when the result is not finite.
+  /// @throw base::Failure(protective_stop) when the result is not finite.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
-    const loop::Stamp stamp{asked.utime, link_.run(), tick};
+    const messages::Stamp stamp{asked.utime, link_.run(), tick};
     const Outcome outcome = law_->step(tick, measurement, reference_.at(tick).value);
     command_bytes_ = command_.codec.encode(stamp, outcome.command);
     link_.transport().publish(command_.channel, command_bytes_);
@@ -98,15 +98,15 @@ class Node {
     return outcome;
   }
 
-  node::Link& link_;
+  session::Link& link_;
   ScenarioLaw law_;
-  loop::LawInfo info_;
+  messages::LawInfo info_;
   std::string prefix_;  ///< of the robot's channels
-  loop::Layout layout_;
-  Input<loop::AnyMeasurement> measurement_;
-  Input<loop::ReferencePoint> reference_;
-  bus::Port<loop::TorqueCommand> command_;
-  bus::Port<loop::LawSignals> state_;
+  messages::Layout layout_;
+  Input<messages::AnyMeasurement> measurement_;
+  Input<messages::ReferencePoint> reference_;
+  messages::Port<messages::TorqueCommand> command_;
+  messages::Port<messages::LawSignals> state_;
   std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
 
  private:
@@ -127,7 +127,7 @@ class Node {
 /// Lockstep: every tick once, in order.
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link)
+  LockstepNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link)
       : Node(scenario, std::move(law), link),
         responder_(scenario.loop.num_ticks, command_.codec.longest(), state_.codec.longest()) {}
 
@@ -167,7 +167,7 @@ class LockstepNode final : public Node {
 /// by the law too (`AnyLaw`); never silently: gaps are counted, and reported at the end.
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link)
+  RealtimeNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link)
       : Node(scenario, std::move(law), link),
         picker_(scenario.loop.num_ticks),
         pace_(scenario.loop.period_s),
@@ -178,7 +178,7 @@ class RealtimeNode final : public Node {
     try {
       link_.run_until_finished(
           [this](Clock::time_point now) { return pace_.over(acted_, last_tick_, now); });
-    } catch (const diagnostics::Failure&) {
+    } catch (const base::Failure&) {
       report_gaps();
       throw;
     }
@@ -209,7 +209,7 @@ class RealtimeNode final : public Node {
     statistics().restarts += outcome.restarted ? 1 : 0;
   }
 
-  node::ControllerStatistics& statistics() { return link_.statistics().controller(); }
+  session::ControllerStatistics& statistics() { return link_.statistics().controller(); }
 
   void count_gap(std::int64_t ticks) {
     statistics().gaps += ticks > 0 ? 1 : 0;
@@ -217,28 +217,28 @@ class RealtimeNode final : public Node {
   }
 
   void report_gaps() {
-    const node::ControllerStatistics& counted = statistics();
+    const session::ControllerStatistics& counted = statistics();
     if (counted.gaps == 0) return;
     const std::string restarts =
         counted.restarts == 0 ? ""
                               : fmt::format(", {} of them so long that the law's memory began anew",
                                             counted.restarts);
-    diagnostics::log_warning(
+    base::log_warning(
         "{} ticks in {} gaps were passed over, for their measurement or reference came late or not "
         "at all{}",
         counted.skipped_ticks, counted.gaps, restarts);
   }
 
   CommandPicker picker_;
-  protocol::Pace pace_;
+  session::Pace pace_;
   std::int64_t last_tick_;
   std::int64_t acted_ = -1;  ///< newest tick commanded
 };
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link) {
-  if (scenario.loop.mode == experiment::Mode::realtime) {
+void run_node(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link) {
+  if (scenario.loop.mode == scenario::Mode::realtime) {
     RealtimeNode(scenario, std::move(law), link).run();
   } else {
     LockstepNode(scenario, std::move(law), link).run();

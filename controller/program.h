@@ -15,7 +15,7 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
 template <controller::law::Law L>
 int run_controller(int argc, const char* const* argv) {
   static const controller::LawFacts facts = controller::facts_of<L>();
-  return run_controller(argc, argv, [](const experiment::Scenario& scenario) {
+  return run_controller(argc, argv, [](const scenario::Scenario& scenario) {
     return controller::law_over_run<L>(scenario, facts);
   });
 }

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/failure.h"
+#include "base/text.h"
 #include "controller/laws.h"
-#include "diagnostics/failure.h"
-#include "diagnostics/text.h"
-#include "experiment/gains.h"
 #include "robot/cholesky.h"
+#include "scenario/gains.h"
 
 namespace tachless::controller {
 namespace {
@@ -33,16 +33,16 @@ std::vector<std::string_view> names_of(
 
 /// "; did you mean loria_ortega_rigid?", or nothing when no name is similar.
 std::string suggestion(std::string_view word, const std::vector<std::string_view>& names) {
-  const auto nearest = diagnostics::nearest(word, names);
+  const auto nearest = base::nearest(word, names);
   return nearest ? fmt::format("; did you mean {}?", *nearest) : ";";
 }
 
 std::string no_such_law(std::string_view name) {
   return fmt::format("no law \"{}\"{} Allowed: {}", name, suggestion(name, law_names()),
-                     diagnostics::joined(law_names()));
+                     base::joined(law_names()));
 }
 
-std::string shown(const robot::Vector& value) {
+std::string shown(const Vector& value) {
   return fmt::format("[{:g}]", fmt::join(value.begin(), value.end(), ", "));
 }
 
@@ -55,10 +55,10 @@ std::string gains_text(const LawFacts& law) {
     gains.push_back(each.unit.empty() ? std::string(each.name)
                                       : fmt::format("{} [{}]", each.name, each.unit));
   }
-  return diagnostics::joined(gains);
+  return base::joined(gains);
 }
 
-void require_known_gains(const experiment::Scenario& scenario, const LawFacts& law) {
+void require_known_gains(const scenario::Scenario& scenario, const LawFacts& law) {
   const std::vector<std::string_view> names = parameter_names(law);
   for (const auto& [gain, value] : scenario.controller.gains) {
     if (std::ranges::find(names, gain) != names.end()) continue;
@@ -71,7 +71,7 @@ void require_known_gains(const experiment::Scenario& scenario, const LawFacts& l
 }
 
 /// The robot that the law takes the plant for; in the plant's gravity.
-robot::Model known_model(const experiment::Scenario& scenario) {
+robot::Model known_model(const scenario::Scenario& scenario) {
   robot::Model model = scenario.believed_model ? *scenario.believed_model : *scenario.model;
   model.gravity = scenario.model->gravity;
   return model;
@@ -86,16 +86,16 @@ const std::vector<LawFacts>& laws() {
 
 std::vector<std::string_view> law_names() { return names_of(laws()); }
 
-const LawFacts& law_facts(const experiment::Scenario& scenario) {
+const LawFacts& law_facts(const scenario::Scenario& scenario) {
   try {
     return law_facts(scenario.controller.law);
-  } catch (const diagnostics::Failure& problem) {
+  } catch (const base::Failure& problem) {
     throw scenario.complaint("controller.law", problem.what());
   }
 }
 
 const LawFacts& law_facts(std::string_view name) {
-  static const LawFacts external{.name = experiment::external_law,
+  static const LawFacts external{.name = controller::external_law_name,
                                  .source = "the program that --controller names",
                                  .no_linearisation = "it is computed by another program",
                                  .has_feedforward_lead = true};  // the program's own business
@@ -103,54 +103,54 @@ const LawFacts& law_facts(std::string_view name) {
   for (const LawFacts& law : laws()) {
     if (law.name == name) return law;
   }
-  throw diagnostics::bad_usage(no_such_law(name));
+  throw base::bad_usage(no_such_law(name));
 }
 
 std::vector<std::string_view> parameter_names(const LawFacts& law) {
   return names_of(law.parameters);
 }
 
-robot::Model rigid_model(const experiment::Scenario& scenario) {
+robot::Model rigid_model(const scenario::Scenario& scenario) {
   robot::Model model = known_model(scenario);
   model.rotor_inertia = scenario.robot.flexible ? scenario.robot.flexible->rotor_inertia
                                                 : scenario.robot.rigid_rotor_inertia_kgm2;
   return model;
 }
 
-law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario) {
+law::FlexibleRobot flexible_robot(const scenario::Scenario& scenario) {
   if (!scenario.robot.flexible) throw scenario.complaint("robot.joints", "rigid; needed: flexible");
   return {known_model(scenario), scenario.robot.flexible->stiffness,
           scenario.robot.flexible->rotor_inertia};
 }
 
-law::Settings law_settings(const experiment::Scenario& scenario) {
+law::Settings law_settings(const scenario::Scenario& scenario) {
   law::Settings settings;
   settings.period_s = scenario.loop.period_s;
   settings.filter = scenario.controller.filter;
   settings.command_delay = scenario.loop.command_delay + scenario.plant.encoder.latency_ticks;
   settings.filter_start = scenario.controller.filter_start;
   settings.viscous = scenario.controller.friction.viscous;
-  if (scenario.controller.feedforward_lead == experiment::FeedforwardLead::half_tick_plus_delay) {
+  if (scenario.controller.feedforward_lead == controller::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
   // A rounding error is spread evenly over one count: its variance is a twelfth of the count's
   // square.
   const double noise = scenario.plant.encoder.noise_std_rad;
-  const robot::Vector count = experiment::encoder_count(scenario, *scenario.model);
+  const Vector count = scenario::encoder_count(scenario, *scenario.model);
   settings.position_std = (count.array().square() / 12 + noise * noise).sqrt();
   return settings;
 }
 
-void require_compatible(const experiment::Scenario& scenario, const LawFacts& law) {
+void require_compatible(const scenario::Scenario& scenario, const LawFacts& law) {
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
     const auto rigid =
         names_of<LawFacts>(laws(), [](const LawFacts& of) { return !of.needs_flexible_joints; });
     throw scenario.complaint("controller.law",
                              fmt::format("{} needs robot.joints: {{flexible: …}}, and the joints "
                                          "are rigid; allowed on rigid joints: {}",
-                                         law.name, diagnostics::joined(rigid)));
+                                         law.name, base::joined(rigid)));
   }
-  if (scenario.controller.law != experiment::external_law) {
+  if (scenario.controller.law != controller::external_law_name) {
     scenario.require_law({std::string(law.name), std::string(law.measurement), {}});
   }
   if (law.regulation_only &&
@@ -160,14 +160,14 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
         fmt::format("{} regulates, and the reference moves; allowed reference: hold", law.name));
   }
   if (!law.has_feedforward_lead &&
-      scenario.controller.feedforward_lead != experiment::FeedforwardLead::none) {
+      scenario.controller.feedforward_lead != controller::FeedforwardLead::none) {
     throw scenario.complaint(
         "controller.feedforward_lead",
         fmt::format("half_tick_plus_delay, but {} differentiates its feed-forward twice and would "
                     "need derivatives beyond snap; allowed: none",
                     law.name));
   }
-  experiment::require_encoders(scenario, law.measurement);
+  scenario::require_encoders(scenario, law.measurement);
   if (scenario.robot.flexible && scenario.controller.friction.given()) {
     throw scenario.complaint("controller.friction",
                              "given, and the joints are flexible: a torque of the motors does not "
@@ -176,22 +176,22 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
   require_known_gains(scenario, law);
 }
 
-std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenario,
-                                             const LawFacts& law, const Parameter& parameter) {
+std::optional<Vector> given_parameter(const scenario::Scenario& scenario, const LawFacts& law,
+                                      const Parameter& parameter) {
   const auto found = scenario.controller.gains.find(std::string(parameter.name));
   if (found == scenario.controller.gains.end()) {
     if (!parameter.required) return std::nullopt;
     throw scenario.complaint("controller.gains",
                              fmt::format("{} is missing; gains of {}: {}", parameter.name, law.name,
-                                         diagnostics::joined(parameter_names(law))));
+                                         base::joined(parameter_names(law))));
   }
-  const robot::Vector& value = found->second;
+  const Vector& value = found->second;
   const Eigen::Index n = scenario.num_joints;
-  if (parameter.shape == schema::Shape::matrix) {
-    robot::Matrix matrix = robot::Matrix::Zero(n, n);
+  if (parameter.shape == base::Shape::matrix) {
+    Matrix matrix = Matrix::Zero(n, n);
     if (value.size() == n) matrix.diagonal() = value;
     if (value.size() == n * n) matrix = value.reshaped(n, n);
-    robot::Matrix factors = matrix;
+    Matrix factors = matrix;
     if (matrix != matrix.transpose() || robot::factorise(factors) >= 0) {
       throw scenario.complaint(gain_key(parameter.name),
                                fmt::format("{}; allowed: {}", shown(value), parameter.allowed));
@@ -204,8 +204,8 @@ std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenari
                                          shown(value), value.size(), scenario.num_joints));
   }
   const auto allowed = [&](double entry) {
-    const bool as_first = parameter.shape == schema::Shape::joints || entry == value[0];
-    const bool whole = parameter.shape != schema::Shape::whole || entry == std::trunc(entry);
+    const bool as_first = parameter.shape == base::Shape::joints || entry == value[0];
+    const bool whole = parameter.shape != base::Shape::whole || entry == std::trunc(entry);
     return parameter.range.contains(entry) && as_first && whole;
   };
   if (!std::all_of(value.begin(), value.end(), allowed)) {
@@ -215,35 +215,35 @@ std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenari
   return value;
 }
 
-diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick) {
+base::Failure not_finite(std::string_view law, const Vector& tau, std::int64_t tick) {
   const auto finite = [](double each) { return std::isfinite(each); };
   const auto joint = std::ranges::find_if_not(tau, finite) - tau.begin() + 1;
-  return {diagnostics::ExitCode::protective_stop,
+  return {base::ExitCode::protective_stop,
           "{} of law {} at tick {} is not finite: the loop is unstable; shorten loop.period_s or "
           "soften the gains",
           joint > tau.size() ? "the state" : fmt::format("the torque of joint {}", joint), law,
           tick};
 }
 
-diagnostics::Failure gains_refused(std::string_view gains, std::string_view problem) {
-  return {diagnostics::ExitCode::protective_stop,
-          "the gains \"{}\" of a reference are not used: {}", gains, problem};
+base::Failure gains_refused(std::string_view gains, std::string_view problem) {
+  return {base::ExitCode::protective_stop, "the gains \"{}\" of a reference are not used: {}",
+          gains, problem};
 }
 
-experiment::Scenario with_gains(experiment::Scenario scenario, std::string_view gains) {
+scenario::Scenario with_gains(scenario::Scenario scenario, std::string_view gains) {
   if (gains.empty()) return scenario;
-  const auto changed = experiment::read_gains(gains, scenario.num_joints);
+  const auto changed = scenario::read_gains(gains, scenario.num_joints);
   if (!changed) {
-    throw diagnostics::bad_usage("\"{}\" is not name=number,number;name=number", gains);
+    throw base::bad_usage("\"{}\" is not name=number,number;name=number", gains);
   }
   for (const auto& [name, value] : *changed) scenario.controller.gains[name] = value;
   return scenario;
 }
 
-void require_same_counts(const experiment::Scenario& before, const experiment::Scenario& after,
+void require_same_counts(const scenario::Scenario& before, const scenario::Scenario& after,
                          const LawFacts& law) {
   for (const Parameter& each : law.parameters) {
-    if (each.shape != schema::Shape::whole ||
+    if (each.shape != base::Shape::whole ||
         given_parameter(before, law, each) == given_parameter(after, law, each)) {
       continue;
     }
@@ -252,17 +252,18 @@ void require_same_counts(const experiment::Scenario& before, const experiment::S
   }
 }
 
-loop::LawInfo law_info(const AnyLaw& law) {
-  return {std::string(law.name()), std::string(law.measurement()), loop::text_of(law.signals())};
+messages::LawInfo law_info(const AnyLaw& law) {
+  return {std::string(law.name()), std::string(law.measurement()),
+          messages::text_of(law.signals())};
 }
 
-loop::Layout law_layout(const experiment::Scenario& scenario, const AnyLaw& law) {
-  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
-                      static_cast<int>(law.signals().size()));
+messages::Layout law_layout(const scenario::Scenario& scenario, const AnyLaw& law) {
+  return messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                          static_cast<int>(law.signals().size()));
 }
 
-ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
-  if (scenario.controller.law == experiment::external_law) {
+ScenarioLaw scenario_law(const scenario::Scenario& scenario) {
+  if (scenario.controller.law == controller::external_law_name) {
     throw scenario.complaint(
         "controller.law",
         "external: the law is in a program of yours; run, replay, certify and design take it with "

@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
+#include "base/schema.h"
 #include "controller/any_law.h"
 #include "controller/law/parts.h"
-#include "experiment/scenario.h"
-#include "loop/measurements.h"
+#include "messages/measurements.h"
 #include "robot/model.h"
-#include "schema/schema.h"
+#include "scenario/scenario.h"
 
 /// The laws by name: what each declares, and from a scenario to a law. Includes no law; the list is
 /// controller/laws.h.
@@ -26,8 +26,8 @@ namespace tachless::controller {
 /// A parameter that a law declares.
 struct Parameter {
   std::string_view name, unit, meaning;
-  schema::Shape shape = schema::Shape::joints;
-  schema::Range range;
+  base::Shape shape = base::Shape::joints;
+  base::Range range;
   std::string allowed;  ///< what may be written for it, in words
   bool required = true;
   std::string_view described_default{};  ///< what stands in for it, where the law decides
@@ -36,8 +36,8 @@ struct Parameter {
 /// What is known of a law by its name alone; all of it follows from what the law declares.
 struct LawFacts {
   std::string_view name;
-  std::string_view measurement{};           ///< suffix of the channel that it is fed from
-  std::span<const loop::Signal> signals{};  ///< rows of its `loop::LawSignals`
+  std::string_view measurement{};               ///< suffix of the channel that it is fed from
+  std::span<const messages::Signal> signals{};  ///< rows of its `messages::LawSignals`
   std::vector<Parameter> parameters{};
   std::string_view source{}, proved{}, conditions{};
   std::string_view lyapunov_formula{};  ///< empty when it declares no Lyapunov function
@@ -47,18 +47,18 @@ struct LawFacts {
   bool has_feedforward_lead = false;
   bool reads_links = false;  ///< needs encoders on the links' side of a flexible robot
   /// Its rule of thumb: parameters by name, as a scenario has them. Empty when it declares none.
-  std::function<std::map<std::string, robot::Vector>(const law::Tuning&)> tuned{};
+  std::function<std::map<std::string, Vector>(const law::Tuning&)> tuned{};
 };
 
 template <class L>
-std::map<std::string, robot::Vector> tuned_by_name(const law::Tuning& tuning) {
+std::map<std::string, Vector> tuned_by_name(const law::Tuning& tuning) {
   using Gains = typename L::Gains;
   const Gains gains = L::tuned(tuning);
-  std::map<std::string, robot::Vector> all;
-  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
-    if constexpr (std::is_same_v<Member, robot::Vector>) {
+  std::map<std::string, Vector> all;
+  base::for_each_key<Gains>([&]<class Member>(const base::Key<Gains, Member>& key) {
+    if constexpr (std::is_same_v<Member, Vector>) {
       all[std::string(key.name)] = gains.*key.member;
-    } else if constexpr (std::is_same_v<Member, robot::Matrix>) {
+    } else if constexpr (std::is_same_v<Member, Matrix>) {
       all[std::string(key.name)] = (gains.*key.member).diagonal();
     } else {
       all[std::string(key.name)] = tuning.each(static_cast<double>(gains.*key.member));
@@ -81,11 +81,11 @@ LawFacts facts_of() {
                  .needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>,
                  .regulation_only = L::regulation_only,
                  .has_feedforward_lead = L::has_feedforward_lead,
-                 .reads_links = loop::holds_links<Measurement>};
-  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
-    facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
-                                key.range, schema::allowed_text(key),
-                                key.fallback == schema::Default::required, key.described_default});
+                 .reads_links = messages::holds_links<Measurement>};
+  base::for_each_key<Gains>([&]<class Member>(const base::Key<Gains, Member>& key) {
+    facts.parameters.push_back({key.name, key.unit, key.meaning, base::shape_of<Member>, key.range,
+                                base::allowed_text(key), key.fallback == base::Default::required,
+                                key.described_default});
   });
   if constexpr (law::HasLyapunovFunction<L>) facts.lyapunov_formula = L::lyapunov_formula;
   if constexpr (!law::MadeOfVectors<typename L::Memory>) {
@@ -95,61 +95,61 @@ LawFacts facts_of() {
   return facts;
 }
 
-/// In the order of `Laws`; without the one of another program (`experiment::external_law`).
+/// In the order of `Laws`; without the one of another program (`controller::external_law_name`).
 const std::vector<LawFacts>& laws();
 
 std::vector<std::string_view> law_names();
 
 /// Of the law of another program too, of which nothing is known but that.
-/// @throw diagnostics::Failure(bad_usage) naming the law, the nearest one and all there are.
+/// @throw base::Failure(bad_usage) naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
 
-/// The scenario's. @throw diagnostics::Failure(bad_usage), with the key's place, as that
-const LawFacts& law_facts(const experiment::Scenario& scenario);
+/// The scenario's. @throw base::Failure(bad_usage), with the key's place, as that
+const LawFacts& law_facts(const scenario::Scenario& scenario);
 
 /// The names of the law's parameters, in its order.
 std::vector<std::string_view> parameter_names(const LawFacts& law);
 
 /// The model that laws for rigid joints get: URDF and gravity of the scenario, rotor inertia
 /// added (M = M_l + J); on a flexible robot too, which they take for rigid. The payload is not in
-/// it. @throw diagnostics::Failure(bad_usage) when the URDF is not a robot.
-robot::Model rigid_model(const experiment::Scenario& scenario);
+/// it. @throw base::Failure(bad_usage) when the URDF is not a robot.
+robot::Model rigid_model(const scenario::Scenario& scenario);
 
 /// The model that laws for flexible joints get: M_l without rotors, K and J.
-/// @throw diagnostics::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
-law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario);
+/// @throw base::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
+law::FlexibleRobot flexible_robot(const scenario::Scenario& scenario);
 
 /// Sampling, filter, lead and encoders of the scenario.
-/// @throw diagnostics::Failure(bad_usage) as `experiment::encoder_count`.
-law::Settings law_settings(const experiment::Scenario& scenario);
+/// @throw base::Failure(bad_usage) as `scenario::encoder_count`.
+law::Settings law_settings(const scenario::Scenario& scenario);
 
 /// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead,
 /// parameters that it does not have.
-/// @throw diagnostics::Failure(bad_usage).
-void require_compatible(const experiment::Scenario& scenario, const LawFacts& law);
+/// @throw base::Failure(bad_usage).
+void require_compatible(const scenario::Scenario& scenario, const LawFacts& law);
 
 /// The scenario's value of a parameter, an entry per joint (all the same unless it is per joint),
 /// or of a matrix its diagonal or its rows; nothing when it is not given and not required.
-/// @throw diagnostics::Failure(bad_usage) when it is missing, of the wrong length, out of its
+/// @throw base::Failure(bad_usage) when it is missing, of the wrong length, out of its
 /// range, or no whole number where it is a count.
-std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenario,
-                                             const LawFacts& law, const Parameter& parameter);
+std::optional<Vector> given_parameter(const scenario::Scenario& scenario, const LawFacts& law,
+                                      const Parameter& parameter);
 
 /// The law's parameters from the scenario; what is not given has the declared default.
-/// @throw diagnostics::Failure(bad_usage) as `given_parameter`.
+/// @throw base::Failure(bad_usage) as `given_parameter`.
 template <class Gains>
-Gains gains_of(const experiment::Scenario& scenario, const LawFacts& law) {
+Gains gains_of(const scenario::Scenario& scenario, const LawFacts& law) {
   Gains gains;
   auto parameter = law.parameters.begin();
-  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
+  base::for_each_key<Gains>([&]<class Member>(const base::Key<Gains, Member>& key) {
     const auto given = given_parameter(scenario, law, *parameter++);
-    if constexpr (std::is_same_v<Member, robot::Vector>) {
+    if constexpr (std::is_same_v<Member, Vector>) {
       if (given) {
         gains.*key.member = *given;
-      } else if (key.fallback == schema::Default::of_joints) {
-        gains.*key.member = robot::Vector::Constant(scenario.num_joints, key.each_joint);
+      } else if (key.fallback == base::Default::of_joints) {
+        gains.*key.member = Vector::Constant(scenario.num_joints, key.each_joint);
       }
-    } else if constexpr (std::is_same_v<Member, robot::Matrix>) {
+    } else if constexpr (std::is_same_v<Member, Matrix>) {
       const int n = scenario.num_joints;
       if (given && given->size() == n) gains.*key.member = given->asDiagonal();
       if (given && given->size() == n * n) gains.*key.member = given->reshaped(n, n);
@@ -162,10 +162,10 @@ Gains gains_of(const experiment::Scenario& scenario, const LawFacts& law) {
 }
 
 /// The law L with the scenario's robot, parameters and settings.
-/// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
+/// @throw base::Failure(bad_usage), one line with file, line, key, value and allowed range,
 /// as the two functions above.
 template <class L>
-L make_law(const experiment::Scenario& scenario, const LawFacts& law = law_facts(L::name)) {
+L make_law(const scenario::Scenario& scenario, const LawFacts& law = law_facts(L::name)) {
   require_compatible(scenario, law);
   auto gains = gains_of<typename L::Gains>(scenario, law);
   try {
@@ -181,21 +181,21 @@ L make_law(const experiment::Scenario& scenario, const LawFacts& law = law_facts
 
 using ScenarioLaw = std::unique_ptr<AnyLaw>;
 
-/// The scenario with the gains of a message (experiment::gains_text) in place of those of the same
-/// name. @throw diagnostics::Failure(bad_usage) when that text is none
-experiment::Scenario with_gains(experiment::Scenario scenario, std::string_view gains);
+/// The scenario with the gains of a message (scenario::gains_text) in place of those of the same
+/// name. @throw base::Failure(bad_usage) when that text is none
+scenario::Scenario with_gains(scenario::Scenario scenario, std::string_view gains);
 
-/// @throw diagnostics::Failure(bad_usage) when a count among the law's parameters differs
-void require_same_counts(const experiment::Scenario& before, const experiment::Scenario& after,
+/// @throw base::Failure(bad_usage) when a count among the law's parameters differs
+void require_same_counts(const scenario::Scenario& before, const scenario::Scenario& after,
                          const LawFacts& law);
 
-/// The law L over the scenario's run. @throw diagnostics::Failure(bad_usage) as `make_law`.
+/// The law L over the scenario's run. @throw base::Failure(bad_usage) as `make_law`.
 template <class L>
-ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& law) {
+ScenarioLaw law_over_run(const scenario::Scenario& scenario, const LawFacts& law) {
   typename LawWithMemory<L>::Retuned retuned;
   if (scenario.controller.gains_may_change) {
     retuned = [scenario, law](std::string_view gains) {
-      const experiment::Scenario changed = with_gains(scenario, gains);
+      const scenario::Scenario changed = with_gains(scenario, gains);
       require_same_counts(scenario, changed, law);
       return make_law<L>(changed, law);
     };
@@ -206,17 +206,17 @@ ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& l
 }
 
 /// What the law's controller announces of it.
-loop::LawInfo law_info(const AnyLaw& law);
+messages::LawInfo law_info(const AnyLaw& law);
 
 /// The layout of the messages of a run under this law.
-loop::Layout law_layout(const experiment::Scenario& scenario, const AnyLaw& law);
+messages::Layout law_layout(const scenario::Scenario& scenario, const AnyLaw& law);
 
 /// From a scenario to its law.
-using MakeLaw = std::function<ScenarioLaw(const experiment::Scenario&)>;
+using MakeLaw = std::function<ScenarioLaw(const scenario::Scenario&)>;
 
 /// The law that the scenario names.
-/// @throw diagnostics::Failure(bad_usage) as `make_law`, or when there is no such law
+/// @throw base::Failure(bad_usage) as `make_law`, or when there is no such law
 /// or it is in another program.
-ScenarioLaw scenario_law(const experiment::Scenario& scenario);
+ScenarioLaw scenario_law(const scenario::Scenario& scenario);
 
 }  // namespace tachless::controller

@@ -9,8 +9,7 @@ namespace tachless::controller {
 namespace {
 
 using Eigen::VectorXd;
-using loop::ReferencePoint;
-using robot::Vector;
+using messages::ReferencePoint;
 
 /// The vectors of a law's memory.
 template <class Memory>
@@ -25,7 +24,7 @@ SteppedLaw stepped(const L& law, const ReferencePoint& reference,
                    const std::array<Vector, 4>& state) {
   typename L::Measurement nominal;
   SteppedLaw result;
-  const auto parts = loop::parts_of(nominal);
+  const auto parts = messages::parts_of(nominal);
   result.measured = measure(state, parts);
   // That of a loop under way: what a law knows only from a step before, such as the torque that it
   // commanded, is missing in the memory that it starts with.
@@ -34,7 +33,7 @@ SteppedLaw stepped(const L& law, const ReferencePoint& reference,
   result.measurement = packed(parts);
   result.start = [=](const VectorXd& measurement_in) {
     typename L::Measurement own = nominal;
-    unpack(measurement_in, loop::parts_of(own));
+    unpack(measurement_in, messages::parts_of(own));
     auto first = law.start(own, reference);
     return packed(vectors_of(first));
   };
@@ -42,7 +41,7 @@ SteppedLaw stepped(const L& law, const ReferencePoint& reference,
     auto before = memory;
     typename L::Measurement own = nominal;
     unpack(memory_in, vectors_of(before));
-    unpack(measurement_in, loop::parts_of(own));
+    unpack(measurement_in, messages::parts_of(own));
     auto next = law.step(before, own, reference);
     return std::pair<VectorXd, VectorXd>(packed(vectors_of(next.memory)), next.command.tau);
   };
@@ -68,18 +67,18 @@ void unpack(const VectorXd& from, std::span<Vector* const> vectors) {
   }
 }
 
-std::vector<loop::Part> measure(const std::array<Vector, 4>& state,
-                                std::span<Vector* const> parts) {
-  std::vector<loop::Part> measured;
+std::vector<messages::Part> measure(const std::array<Vector, 4>& state,
+                                    std::span<Vector* const> parts) {
+  std::vector<messages::Part> measured;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i] == nullptr) continue;
     *parts[i] = state[i];
-    if (state[i].size() > 0) measured.push_back(static_cast<loop::Part>(i));
+    if (state[i].size() > 0) measured.push_back(static_cast<messages::Part>(i));
   }
   return measured;
 }
 
-SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
+SteppedLaw stepped_law(const scenario::Scenario& scenario, const ReferencePoint& reference,
                        const std::array<Vector, 4>& state) {
   SteppedLaw result;
   with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*type*/) {
@@ -90,7 +89,7 @@ SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoin
   return result;
 }
 
-LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
+LyapunovFunction lyapunov_function(const scenario::Scenario& scenario,
                                    const law::LyapunovWeights& weights) {
   LyapunovFunction function;
   with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*type*/) {

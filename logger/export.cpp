@@ -14,10 +14,10 @@
 #include <system_error>
 #include <utility>
 
-#include "diagnostics/failure.h"
-#include "diagnostics/file_text.h"
-#include "diagnostics/json_text.h"
-#include "diagnostics/text.h"
+#include "base/failure.h"
+#include "base/file_text.h"
+#include "base/json_text.h"
+#include "base/text.h"
 #include "logger/mcap.h"
 #include "logger/table.h"
 
@@ -38,7 +38,7 @@ class CsvTable {
     block_ = "tick,t_s";
     for (const auto& quantity : quantities_) {
       for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-        block_.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
+        block_.append(1, ',').append(base::csv_field(quantity.column(i)));
       }
     }
     block_ += '\n';
@@ -53,7 +53,7 @@ class CsvTable {
     if (block_.size() >= block_bytes) write();
     block_ += std::to_string(record.tick);
     add(static_cast<double>(record.tick) * period_s_);
-    std::array<double, robot::max_joints> values;
+    std::array<double, max_joints> values;
     for (const auto& quantity : quantities_) {
       const bool present = has(record, quantity.slot);
       if (present) quantity.read(record, values.data());
@@ -106,8 +106,8 @@ class McapTable {
         quantities_(quantities),
         period_ns_(1e9 * log.info().period_s),
         joints_(log.scenario().model->joint_names) {
-    for (std::string& name : joints_) name = diagnostics::json_text(nlohmann::json(name));
-    for (const Slot slot : loop::all_slots) {
+    for (std::string& name : joints_) name = base::json_text(nlohmann::json(name));
+    for (const Slot slot : messages::all_slots) {
       std::string properties = R"("tick":{"type":"integer"})";
       for (const Quantity& each : quantities_) {
         if (each.slot != slot) continue;
@@ -115,7 +115,7 @@ class McapTable {
             fmt::format("{} [{}]", each.description, fmt::join(each.units, ", "));
         properties +=
             fmt::format(R"(,"{}":{{"type":"array","items":{{"type":"number"}},"description":{}}})",
-                        each.name, diagnostics::json_text(described));
+                        each.name, base::json_text(described));
       }
       const std::string& topic = log.summary().of(slot).channel;
       channels_[index(slot)] =
@@ -131,7 +131,7 @@ class McapTable {
   void append(const TickRecord& record) {
     const auto time_ns =
         static_cast<std::uint64_t>(std::llround(static_cast<double>(record.tick) * period_ns_));
-    for (const Slot slot : loop::all_slots) {
+    for (const Slot slot : messages::all_slots) {
       if (!has(record, slot)) continue;
       text_ = fmt::format(R"({{"tick":{})", record.tick);
       for (const Quantity& quantity : quantities_) {
@@ -154,7 +154,7 @@ class McapTable {
 
  private:
   void add(const Quantity& quantity, const TickRecord& record) {
-    std::array<double, robot::max_joints> values;
+    std::array<double, max_joints> values;
     quantity.read(record, values.data());
     text_ += fmt::format(R"(,"{}":)", quantity.name);
     for (std::size_t i = 0; i < quantity.units.size(); ++i) {
@@ -164,9 +164,8 @@ class McapTable {
     text_ += ']';
   }
 
-  void add_states(
-      std::uint16_t channel, std::uint64_t time_ns,
-      std::initializer_list<std::pair<std::string_view, const robot::Vector*>> members) {
+  void add_states(std::uint16_t channel, std::uint64_t time_ns,
+                  std::initializer_list<std::pair<std::string_view, const Vector*>> members) {
     text_ = fmt::format(R"({{"timestamp":{{"sec":{},"nsec":{}}},"joints":[)",
                         time_ns / 1'000'000'000, time_ns % 1'000'000'000);
     for (std::size_t i = 0; i < joints_.size(); ++i) {
@@ -184,7 +183,7 @@ class McapTable {
   const std::vector<Quantity>& quantities_;
   double period_ns_;
   std::vector<std::string> joints_;  ///< names, as JSON
-  std::array<std::uint16_t, loop::num_slots> channels_{};
+  std::array<std::uint16_t, messages::num_slots> channels_{};
   std::uint16_t states_ = 0, reference_ = 0;
   std::string text_;  ///< of the message under way
 };
@@ -215,7 +214,7 @@ std::string ExportResult::text() const {
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool force) {
   const bool mcap = path.extension() == ".mcap";
   if (path != "-" && !mcap && path.extension() != ".csv") {
-    throw diagnostics::bad_usage(
+    throw base::bad_usage(
         "{}: unknown kind of file; end its name in .csv or .mcap, or write the table to standard "
         "output by -",
         path.string());
@@ -224,23 +223,22 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool for
   log.rewind();
   std::error_code error;
   if (path != "-" && !force && std::filesystem::is_regular_file(path, error)) {
-    throw diagnostics::bad_usage(
-        "{}: exists already; name another file, or overwrite it with --force", path.string());
+    throw base::bad_usage("{}: exists already; name another file, or overwrite it with --force",
+                          path.string());
   }
   try {
     if (path == "-") {
       write_rows(path, mcap, quantities, log);
     } else {
-      diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
+      base::UnfinishedFile unfinished(path, "name another file with -o");
       write_rows(unfinished.name(), mcap, quantities, log);
       unfinished.finish();
     }
   } catch (const std::system_error& problem) {
-    throw diagnostics::bad_usage("{}: cannot write: {}; {}", path.string(),
-                                 problem.code().message(),
-                                 problem.code() == std::errc::no_space_on_device
-                                     ? "free some space, or name a file on another disk"
-                                     : "name another file");
+    throw base::bad_usage("{}: cannot write: {}; {}", path.string(), problem.code().message(),
+                          problem.code() == std::errc::no_space_on_device
+                              ? "free some space, or name a file on another disk"
+                              : "name another file");
   }
   ExportResult result{log.summary(), log.damage()};
   for (const Quantity& quantity : quantities) {

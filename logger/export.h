@@ -22,7 +22,7 @@ struct ExportResult {
 /// that read back the same (%.17g): as CSV (`-`: to standard output) a header line, then a line per
 /// tick, where a value that the log lacks is an empty cell; as MCAP see McapTable in export.cpp.
 /// The file appears under its name only when it is whole; an earlier one stays in place until then.
-/// @throw diagnostics::Failure(bad_usage) when the name ends in neither .csv nor .mcap, when `path`
+/// @throw base::Failure(bad_usage) when the name ends in neither .csv nor .mcap, when `path`
 /// exists (without `force`) or cannot be written, or the disk is full.
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool force = false);
 

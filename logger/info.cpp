@@ -11,11 +11,11 @@
 #include <string_view>
 #include <vector>
 
-#include "bus/truth/truth_wire.h"
-#include "diagnostics/failure.h"
-#include "diagnostics/text.h"
+#include "base/failure.h"
+#include "base/text.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
+#include "messages/truth/truth_wire.h"
 
 /// A value of the description in a line: text without quotes.
 template <>
@@ -35,7 +35,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Damage, bytes_skipped, stretches, missing_num
 
 namespace {
 
-using diagnostics::printable;
+using base::printable;
 using nlohmann::json;
 
 /// b - a for time stamps that may be anything.
@@ -52,8 +52,8 @@ std::int64_t difference(std::int64_t b, std::int64_t a) {
 /// not one of ours. Looks at nothing else: the message may be undecodable all the same.
 std::string_view type_name(std::optional<std::int64_t> fingerprint) {
   std::string_view name;
-  for_each_type(loop::AllMessages(), [&]<class Value>(std::type_identity<Value>) {
-    if (fingerprint == bus::fingerprint<Value>()) name = Value::type;
+  for_each_type(messages::AllMessages(), [&]<class Value>(std::type_identity<Value>) {
+    if (fingerprint == messages::fingerprint<Value>()) name = Value::type;
   });
   return name;
 }
@@ -72,7 +72,7 @@ class ChannelTally {
     }
     ++channel->messages;
     channel->bytes += event.data.size();
-    const auto fingerprint = bus::fingerprint_of(event.data);
+    const auto fingerprint = messages::fingerprint_of(event.data);
     if (fingerprint != channel->fingerprint && type_name(fingerprint) != channel->type) {
       ++channel->other_type;
     }
@@ -125,7 +125,7 @@ class ChannelTally {
     auto found = channels_.find(event.channel);
     if (found == channels_.end()) {
       if (channels_.size() == max_channels) return nullptr;
-      const auto fingerprint = bus::fingerprint_of(event.data);
+      const auto fingerprint = messages::fingerprint_of(event.data);
       found = channels_
                   .emplace(event.channel,
                            Channel{type_name(fingerprint), fingerprint, event.utime, event.utime})
@@ -166,12 +166,13 @@ json run_json(RunLog& log) {
   }
   json undecodable = json::object();
   for (const auto& [reason, count] : summary.undecodable) {
-    undecodable[std::string(bus::name(reason))] = count;
+    undecodable[std::string(messages::name(reason))] = count;
   }
   json faults = json::array();
   for (const auto& fault : summary.faults) {
-    faults.push_back(
-        {{"role", loop::name(fault.role)}, {"tick", fault.tick}, {"text", printable(fault.text)}});
+    faults.push_back({{"role", messages::name(fault.role)},
+                      {"tick", fault.tick},
+                      {"text", printable(fault.text)}});
   }
   json gains = json::array();
   for (const auto& [tick, changed] : summary.gains) {
@@ -179,8 +180,8 @@ json run_json(RunLog& log) {
   }
   json foreign = json::object();
   for (const auto& [id, count] : summary.foreign_runs) foreign[std::to_string(id)] = count;
-  const experiment::Scenario& scenario = log.scenario();
-  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
+  const scenario::Scenario& scenario = log.scenario();
+  const bool lockstep = scenario.loop.mode == scenario::Mode::lockstep;
   return {{"id", log.run()},
           {"scenario", printable(scenario.name)},
           {"robot", printable(log.info().robot)},
@@ -192,7 +193,7 @@ json run_json(RunLog& log) {
           {"num_ticks", log.info().num_ticks},
           {"num_joints", scenario.num_joints},
           {"flexible", scenario.robot.flexible.has_value()},
-          {"compensates", schema::name_of(scenario.robot.compensates)},
+          {"compensates", base::name_of(scenario.robot.compensates)},
           {"ticks", summary.ticks},
           {"first_tick", summary.first_tick},
           {"last_tick", summary.last_tick},
@@ -216,12 +217,11 @@ std::string no_log_text(const std::filesystem::path& path) {
   const std::string name = path.string();
   if (text.find("<robot") != std::string::npos) {
     return fmt::format("{}: this is a robot description: tachless robot {}", name,
-                       diagnostics::shell_word(name));
+                       base::shell_word(name));
   }
   if (text.find("\nrobot:") != std::string::npos &&
       text.find("\ncontroller:") != std::string::npos) {
-    return fmt::format("{}: this is a scenario: tachless run {}", name,
-                       diagnostics::shell_word(name));
+    return fmt::format("{}: this is a scenario: tachless run {}", name, base::shell_word(name));
   }
   return fmt::format("{}: not one message of an LCM log is in it; name an LCM log", name);
 }
@@ -241,7 +241,7 @@ std::string ranges(const json& missing_ticks) {
     parts.push_back(range[0] == range[1] ? range[0].dump()
                                          : fmt::format("{}-{}", range[0], range[1]));
   }
-  return diagnostics::joined(parts);
+  return base::joined(parts);
 }
 
 std::string run_text(const json& run) {
@@ -268,8 +268,8 @@ std::string run_text(const json& run) {
                        piece["conflicts"]));
     }
   }
-  for (int reason = 0; reason <= static_cast<int>(bus::Rejection::bad_value); ++reason) {
-    const std::string name(bus::name(static_cast<bus::Rejection>(reason)));
+  for (int reason = 0; reason <= static_cast<int>(messages::Rejection::bad_value); ++reason) {
+    const std::string name(messages::name(static_cast<messages::Rejection>(reason)));
     const json& count = run["undecodable"].value(name, json(0));
     if (count != 0) text += fmt::format("undecodable  {} ({})\n", count, name);
   }
@@ -280,7 +280,7 @@ std::string run_text(const json& run) {
   line(run["too_late"], "too far out of order to be used");
   std::vector<std::string> ids;
   for (const auto& [id, count] : run["foreign_runs"].items()) ids.push_back(id);
-  line(run["foreign_messages"], "of other runs: " + diagnostics::joined(ids));
+  line(run["foreign_messages"], "of other runs: " + base::joined(ids));
   for (const json& change : run["gains"]) {
     text += fmt::format("gains     from tick {}: {}\n", change["tick"], change["gains"]);
   }
@@ -318,7 +318,7 @@ std::string channels_text(const json& info) {
                     channel["bytes"].dump(), seconds(channel["longest_silence_us"]),
                     type + (others == 0 ? "" : fmt::format(" ({} of another type)", others))});
   }
-  std::string text = "\n" + diagnostics::table(rows, "lrrrrl");
+  std::string text = "\n" + base::table(rows, "lrrrrl");
   const json& elsewhere = info["messages_on_further_channels"];
   if (elsewhere != 0) text += fmt::format("and {} messages on further channels\n", elsewhere);
   return text;
@@ -334,7 +334,7 @@ json read_info(const std::filesystem::path& path) {
     log.watch([&](const LogEvent& event) { tally.add(event); });
     info["run"] = run_json(log);
     info["damage"] = damage_json(log.damage());
-  } catch (const diagnostics::Failure& failure) {
+  } catch (const base::Failure& failure) {
     info["run_problem"] = printable(failure.what());
     LogReader reader(path);
     while (const auto event = reader.next()) tally.add(*event);
@@ -343,7 +343,7 @@ json read_info(const std::filesystem::path& path) {
   info["size_bytes"] = std::filesystem::file_size(path);
   tally.write_to(info);
   if (info["messages"] == 0 && info["size_bytes"] != 0) {
-    throw diagnostics::bad_usage(no_log_text(path));
+    throw base::bad_usage(no_log_text(path));
   }
   const bool has_run_info = std::ranges::any_of(info["channels"], [](const json& each) {
     return each["channel"].get_ref<const std::string&>().ends_with(run_info_suffix);

@@ -13,7 +13,7 @@ inline constexpr std::size_t max_channels = 1000;
 
 /// For programs: the file, its damage, its channels by name, and the run that it recorded, or why
 /// there is none. Times are event time stamps [us]. Texts from the log are made valid UTF-8.
-/// @throw diagnostics::Failure(bad_usage) when `path` is not a readable file, or has not one
+/// @throw base::Failure(bad_usage) when `path` is not a readable file, or has not one
 /// message in it without being empty: saying then what it is, as far as that shows.
 nlohmann::json read_info(const std::filesystem::path& path);
 

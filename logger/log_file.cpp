@@ -16,8 +16,8 @@
 #include <system_error>
 #include <utility>
 
-#include "diagnostics/failure.h"
-#include "process/file_descriptor.h"
+#include "base/failure.h"
+#include "base/file_descriptor.h"
 
 namespace tachless::logger {
 namespace {
@@ -75,7 +75,7 @@ LogWriter::LogWriter(std::filesystem::path path)
   file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644);
   if (file_ < 0) {
     const int error = errno;
-    throw diagnostics::bad_usage(
+    throw base::bad_usage(
         "{}: cannot create the log: {}; {}", path_.string(), text_of(error),
         remedy_for_creating(
             error, path_.has_parent_path() ? path_.parent_path().string() : std::string(".")));
@@ -93,7 +93,7 @@ LogWriter::~LogWriter() {
 }
 
 void LogWriter::require_usable() const {
-  if (!failure_.empty()) throw diagnostics::bad_usage(failure_);
+  if (!failure_.empty()) throw base::bad_usage(failure_);
   if (file_ < 0) throw std::logic_error("logger::LogWriter: used after close");
 }
 
@@ -171,7 +171,7 @@ void LogWriter::require_own_file() {
   failure_ = fmt::format(
       "{}: the log was {} while it was being written; leave it alone until the run has ended",
       path_.string(), exists ? "replaced by another file" : "removed or moved away");
-  throw diagnostics::bad_usage(failure_);
+  throw base::bad_usage(failure_);
 }
 
 void LogWriter::write_out(std::span<const std::byte> data) {
@@ -210,7 +210,7 @@ void LogWriter::fail(int error) {
   failure_ =
       fmt::format("{}: cannot write the log: {}; the first {} bytes are kept, all whole events; {}",
                   path_.string(), text_of(error), whole_, remedy);
-  throw diagnostics::bad_usage(failure_);
+  throw base::bad_usage(failure_);
 }
 
 void LogReader::Unmap::operator()(const std::byte* bytes) const {
@@ -225,9 +225,9 @@ std::string Damage::text() const {
 
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
   const auto refuse = [&](const std::string& problem) {
-    throw diagnostics::bad_usage("{}: cannot read the log: {}", path.string(), problem);
+    throw base::bad_usage("{}: cannot read the log: {}", path.string(), problem);
   };
-  const process::FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  const base::FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) refuse(text_of(errno) + "; name an LCM log");
   struct stat status {};
   if (fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) {

@@ -30,7 +30,7 @@ class LogWriter {
   /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
   static constexpr std::chrono::milliseconds flush_interval{50};
 
-  /// Does not follow a symbolic link. @throw diagnostics::Failure(bad_usage) when the file exists,
+  /// Does not follow a symbolic link. @throw base::Failure(bad_usage) when the file exists,
   /// or the directory is missing or not writable.
   explicit LogWriter(std::filesystem::path path);
   LogWriter(const LogWriter&) = delete;
@@ -39,7 +39,7 @@ class LogWriter {
   ~LogWriter();
 
   /// @param utime time stamp [us]
-  /// @throw diagnostics::Failure when the disk refuses; std::logic_error after `close` or when the
+  /// @throw base::Failure when the disk refuses; std::logic_error after `close` or when the
   /// channel is empty or longer than `max_channel_bytes`.
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data);
 
@@ -55,7 +55,7 @@ class LogWriter {
   /// runs.
   void sync(const Wait& meanwhile = {});
 
-  /// The same, and closes; a log without events is removed. @throw diagnostics::Failure(bad_usage)
+  /// The same, and closes; a log without events is removed. @throw base::Failure(bad_usage)
   /// also when the file was removed or replaced meanwhile
   void close();
 
@@ -125,7 +125,7 @@ struct Damage {
 /// short by others meanwhile; growth is not followed.
 class LogReader {
  public:
-  /// @throw diagnostics::Failure(bad_usage) when `path` is not a readable regular file.
+  /// @throw base::Failure(bad_usage) when `path` is not a readable regular file.
   explicit LogReader(const std::filesystem::path& path);
   /// The next event, or nothing at the end of the file.
   std::optional<LogEvent> next();

@@ -11,23 +11,23 @@
 #include <utility>
 #include <vector>
 
+#include "base/logging.h"
 #include "bus/key.h"
-#include "bus/wire.h"
-#include "diagnostics/logging.h"
 #include "logger/log_file.h"
 #include "logger/run_messages.h"
 #include "logger/tick_tally.h"
-#include "node/run_info.h"
-#include "protocol/log_window.h"
-#include "protocol/responders.h"
+#include "messages/wire.h"
+#include "session/log_window.h"
+#include "session/responders.h"
+#include "session/run_info.h"
 
 namespace tachless::logger {
 namespace {
 
 using namespace std::chrono_literals;
-using loop::Clock;
-using loop::Slot;
-using protocol::Verdict;
+using base::Clock;
+using messages::Slot;
+using session::Verdict;
 
 // In realtime the log is closed after this many consecutive waits without a message. Waits are
 // counted, not time, so that a stalled machine is not taken for silence. After the plant's last
@@ -39,15 +39,15 @@ constexpr int silence_of_a_failing_plant = 15;
 constexpr auto longest_conclusion = 1500ms;
 
 /// The role that publishes the messages of a slot.
-loop::Role role_of(Slot slot) {
+messages::Role role_of(Slot slot) {
   switch (slot) {
     case Slot::reference:
-      return loop::Role::reference;
+      return messages::Role::reference;
     case Slot::command:
     case Slot::controller_state:
-      return loop::Role::controller;
+      return messages::Role::controller;
     default:
-      return loop::Role::plant;
+      return messages::Role::plant;
   }
 }
 
@@ -57,19 +57,19 @@ loop::Role role_of(Slot slot) {
 /// process's own. Does not know which message is due.
 class Recorder {
  public:
-  Recorder(const experiment::Scenario& scenario, node::Link& link,
+  Recorder(const scenario::Scenario& scenario, session::Link& link,
            const std::filesystem::path& log_path)
       : scenario_(scenario),
         link_(link),
         file_(log_path),
-        ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
-        info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)) {
+        ack_channel_(messages::channel<messages::LogAck>(scenario.robot.channel_prefix)),
+        info_channel_(messages::channel<messages::RunInfo>(scenario.robot.channel_prefix)) {
     link_.on_announcement([this](const bus::Datagram& datagram) {
       keep_fault(datagram);
       on_participant(datagram);
     });
     link_.statistics().logger().log.path = log_path.string();
-    diagnostics::log_detail("writes the log {}", log_path.string());
+    base::log_detail("writes the log {}", log_path.string());
   }
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
@@ -82,7 +82,7 @@ class Recorder {
       law_ = link_.membership().law();
       messages_.emplace(scenario_, law_);
       joined();
-      for (const Slot slot : loop::all_slots) {
+      for (const Slot slot : messages::all_slots) {
         // An unknown measurement is refused by the plant.
         if (!messages_->channel(slot).empty()) record(slot);
       }
@@ -97,7 +97,7 @@ class Recorder {
       file_.sync([this](const auto& done) { link_.attend_until(done); });
       whole_ = true;
       link_.leave();
-    } catch (const diagnostics::Failure& failure) {
+    } catch (const base::Failure& failure) {
       save_the_rest(failure);
       throw;
     }
@@ -107,7 +107,8 @@ class Recorder {
  protected:
   /// The messages of the run are known.
   virtual void joined() {}
-  virtual void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
+  virtual void on_message(Slot slot, const messages::Stamp& stamp,
+                          const bus::Datagram& datagram) = 0;
   /// A participant's announcement.
   virtual void on_participant(const bus::Datagram& /*datagram*/) {}
   /// A message has been handled: writes and acknowledges what is due.
@@ -120,7 +121,8 @@ class Recorder {
   [[nodiscard]] virtual std::int64_t utime() const = 0;
 
   /// As Link::count; but once the run has failed a conflict is no news: what comes is recorded.
-  void count(Verdict verdict, loop::Role from, const bus::Datagram& datagram, std::int64_t tick) {
+  void count(Verdict verdict, messages::Role from, const bus::Datagram& datagram,
+             std::int64_t tick) {
     if (concluding_) return link_.count(verdict);
     link_.count(verdict, from, datagram, tick);
   }
@@ -130,11 +132,11 @@ class Recorder {
   }
   void acknowledge(std::int64_t tick, std::uint64_t missing) {
     link_.transport().publish(ack_channel_,
-                              ack_codec_.encode({0, link_.run(), tick}, loop::LogAck{missing}));
+                              ack_codec_.encode({0, link_.run(), tick}, messages::LogAck{missing}));
   }
 
-  const experiment::Scenario& scenario_;
-  node::Link& link_;
+  const scenario::Scenario& scenario_;
+  session::Link& link_;
   std::optional<RunMessages> messages_;  ///< from `joined` on
   LogWriter file_;
   bool introduced_ = false;  ///< the log has RUN_INFO
@@ -143,8 +145,8 @@ class Recorder {
  private:
   void record(Slot slot) {
     link_.on(messages_->channel(slot), [this, slot](const bus::Datagram& datagram) {
-      loop::Stamp stamp;
-      const bus::Rejection rejection = messages_->check(slot, datagram.payload, stamp);
+      messages::Stamp stamp;
+      const messages::Rejection rejection = messages_->check(slot, datagram.payload, stamp);
       if (!link_.accept(rejection, stamp)) return;
       introduce();
       on_message(slot, stamp, datagram);
@@ -156,7 +158,7 @@ class Recorder {
   void introduce() {
     if (std::exchange(introduced_, true)) return;
     link_.started(Clock::now());
-    info_ = node::run_info(scenario_, link_.run(), law_);
+    info_ = session::run_info(scenario_, link_.run(), law_);
     append(0, info_channel_, info_);
   }
 
@@ -170,17 +172,17 @@ class Recorder {
   /// The first announcement of a fault after which this process has to end is the cause.
   void keep_fault(const bus::Datagram& announcement) {
     if (concluding_ || !fault_.empty() || !link_.membership().failure()) return;
-    loop::Stamp stamp;
-    loop::Participant who;
-    if (participant_codec_.decode(announcement.payload, stamp, who) == bus::Rejection::none &&
-        who.state == loop::ParticipantState::fault) {
+    messages::Stamp stamp;
+    messages::Participant who;
+    if (participant_codec_.decode(announcement.payload, stamp, who) == messages::Rejection::none &&
+        who.state == messages::ParticipantState::fault) {
       fault_.assign(announcement.payload.begin(), announcement.payload.end());
     }
   }
 
   /// What has arrived already still belongs into the log, and in realtime how the robot is brought
   /// to rest, for which the plant has to know.
-  void save_the_rest(const diagnostics::Failure& cause) {
+  void save_the_rest(const base::Failure& cause) {
     try {
       const auto own = link_.ending(cause);
       if (fault_.empty()) fault_.assign(own.begin(), own.end());
@@ -189,14 +191,14 @@ class Recorder {
         conclude(false);
       }
       if (introduced_) append(utime(), link_.channel(), fault_);
-    } catch (const diagnostics::Failure&) {
+    } catch (const base::Failure&) {
       // The first failure is the one to tell.
     }
     try {
       file_.close();
-    } catch (const diagnostics::Failure& failure) {
+    } catch (const base::Failure& failure) {
       if (std::string_view(failure.what()) != cause.what()) {
-        diagnostics::log_warning(failure.what());
+        base::log_warning(failure.what());
       }
     }
   }
@@ -204,9 +206,9 @@ class Recorder {
   std::string ack_channel_, info_channel_;
   std::vector<std::byte> info_;    ///< RUN_INFO; empty until it is in the log
   Clock::time_point next_info_{};  ///< when it is published next
-  bus::Codec<loop::LogAck> ack_codec_{loop::Layout{}};
-  bus::Codec<loop::Participant> participant_codec_{loop::Layout{}};
-  loop::LawInfo law_;             ///< the controller's
+  messages::Codec<messages::LogAck> ack_codec_{messages::Layout{}};
+  messages::Codec<messages::Participant> participant_codec_{messages::Layout{}};
+  messages::LawInfo law_;         ///< the controller's
   bool whole_ = false;            ///< every tick is on the disk
   std::vector<std::byte> fault_;  ///< announcement of the member's fault that has ended it, if any
 };
@@ -216,13 +218,13 @@ class Recorder {
 /// of a run that has failed.
 class LockstepRecorder final : public Recorder {
  public:
-  LockstepRecorder(const experiment::Scenario& scenario, node::Link& link,
+  LockstepRecorder(const scenario::Scenario& scenario, session::Link& link,
                    const std::filesystem::path& log_path)
       : Recorder(scenario, link, log_path) {}
 
  private:
   void joined() override { window_.emplace(scenario_.loop.num_ticks, messages_->longest()); }
-  void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
+  void on_message(Slot slot, const messages::Stamp& stamp, const bus::Datagram& datagram) override {
     const Verdict verdict = window_->on_message(slot, stamp.tick, datagram.payload);
     count(verdict, role_of(slot), datagram, stamp.tick);
   }
@@ -244,8 +246,8 @@ class LockstepRecorder final : public Recorder {
   void write_complete_ticks() {
     while (const auto tick = window_->complete_tick()) {
       const auto begin = Clock::now();
-      utime_ = bus::stamp_of(window_->bytes(*tick, Slot::tick)).utime;
-      for (const Slot slot : loop::all_slots) {
+      utime_ = messages::stamp_of(window_->bytes(*tick, Slot::tick)).utime;
+      for (const Slot slot : messages::all_slots) {
         append(utime_, messages_->channel(slot), window_->bytes(*tick, slot));
       }
       truth_digest_.add(window_->bytes(*tick, Slot::truth));
@@ -260,14 +262,14 @@ class LockstepRecorder final : public Recorder {
   /// A forged TRUTH contradicts the plant's own, and is noticed by that, unless that one is lost.
   void compare_truth() {
     if (link_.membership().truth_digest() == truth_digest_.value()) return;
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::protocol_violated,
+    throw base::Failure(
+        base::ExitCode::protocol_violated,
         "what is recorded on {} is not what {} has published: another process has published there "
         "too; find it with `tachless watch`, or use a key (--key-file)",
-        messages_->channel(Slot::truth), link_.describe(loop::Role::plant));
+        messages_->channel(Slot::truth), link_.describe(messages::Role::plant));
   }
 
-  std::optional<protocol::LogWindow> window_;
+  std::optional<session::LogWindow> window_;
   bus::Digest truth_digest_;  ///< of what is written
   std::int64_t utime_ = 0;    ///< of the last tick written
 };
@@ -277,7 +279,7 @@ class LockstepRecorder final : public Recorder {
 /// by channel and tick.
 class RealtimeRecorder final : public Recorder {
  public:
-  RealtimeRecorder(const experiment::Scenario& scenario, node::Link& link,
+  RealtimeRecorder(const scenario::Scenario& scenario, session::Link& link,
                    const std::filesystem::path& log_path)
       : Recorder(scenario, link, log_path),
         num_ticks_(scenario.loop.num_ticks),
@@ -285,7 +287,7 @@ class RealtimeRecorder final : public Recorder {
         tally_(scenario.loop.num_ticks) {}
 
  private:
-  void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
+  void on_message(Slot slot, const messages::Stamp& stamp, const bus::Datagram& datagram) override {
     const auto begin = Clock::now();
     const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
     if (!pace_.possible(stamp.tick - ahead, begin) && !link_.membership().knows(datagram.sender)) {
@@ -301,7 +303,7 @@ class RealtimeRecorder final : public Recorder {
     }
     if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
     append(since_start(begin), datagram.channel, datagram.payload);
-    node::Statistics& statistics = link_.statistics();
+    session::Statistics& statistics = link_.statistics();
     link_.progressed(tally_.newest());
     statistics.ticks = tally_.newest() + 1;
     statistics.work_us.add(Clock::now() - begin);
@@ -328,12 +330,12 @@ class RealtimeRecorder final : public Recorder {
     tally_.finish(well ? num_ticks_ - 1 : tally_.newest());
     link_.statistics().logger().log.ticks = tally_.complete();
     link_.statistics().logger().log.gaps = tally_.incomplete();
-    for (const Slot slot : loop::all_slots) {
+    for (const Slot slot : messages::all_slots) {
       const auto& missing = tally_.missing(slot);
       if (missing.count == 0) continue;
-      diagnostics::log_warning("{} of {} ticks have no {}: {}", missing.count,
-                               tally_.complete() + tally_.incomplete(), messages_->channel(slot),
-                               missing.text());
+      base::log_warning("{} of {} ticks have no {}: {}", missing.count,
+                        tally_.complete() + tally_.incomplete(), messages_->channel(slot),
+                        missing.text());
     }
   }
   [[nodiscard]] std::int64_t utime() const override { return since_start(Clock::now()); }
@@ -343,7 +345,7 @@ class RealtimeRecorder final : public Recorder {
   }
 
   std::int64_t num_ticks_;
-  protocol::Pace pace_;
+  session::Pace pace_;
   TickTally tally_;
   std::optional<Clock::time_point> start_;  ///< of tick 0, as seen from here
   int silent_waits_ = 0;                    ///< of the conclusion, since the last message of a tick
@@ -351,9 +353,9 @@ class RealtimeRecorder final : public Recorder {
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, node::Link& link,
+void run_node(const scenario::Scenario& scenario, session::Link& link,
               const std::filesystem::path& log_path) {
-  if (scenario.loop.mode == experiment::Mode::realtime) {
+  if (scenario.loop.mode == scenario::Mode::realtime) {
     RealtimeRecorder(scenario, link, log_path).run();
   } else {
     LockstepRecorder(scenario, link, log_path).run();

@@ -2,18 +2,18 @@
 
 #include <filesystem>
 
-#include "experiment/scenario.h"
-#include "node/link.h"
+#include "scenario/scenario.h"
+#include "session/link.h"
 
 namespace tachless::logger {
 
 /// The logger process: records RUN_INFO and then, tick by tick and without a gap, TICK,
 /// measurement, REFERENCE, COMMAND, CONTROLLER_STATE and TRUTH, each once, stamped with simulation
 /// time. Heartbeats stay out, so a lockstep log is a function of scenario and run id.
-/// @throw diagnostics::Failure bad_usage (log file), protocol_violated (two senders of one
+/// @throw base::Failure bad_usage (log file), protocol_violated (two senders of one
 /// message), the disk's refusal, and what the link throws. The log is closed and readable in
 /// each case.
-void run_node(const experiment::Scenario& scenario, node::Link& link,
+void run_node(const scenario::Scenario& scenario, session::Link& link,
               const std::filesystem::path& log_path);
 
 }  // namespace tachless::logger

@@ -7,11 +7,11 @@
 #include <tuple>
 #include <type_traits>
 
-#include "bus/truth/truth_wire.h"
-#include "diagnostics/failure.h"
-#include "diagnostics/text.h"
-#include "diagnostics/version.h"
-#include "loop/measurements.h"
+#include "base/failure.h"
+#include "base/text.h"
+#include "base/version.h"
+#include "messages/measurements.h"
+#include "messages/truth/truth_wire.h"
 
 namespace tachless::logger {
 namespace {
@@ -31,11 +31,11 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
     if (!event->channel.ends_with(run_info_suffix)) continue;
     RunDescription found;
     std::string wrong;
-    if (bus::fingerprint_of(event->data) == run_info_of_0_1_0) {
+    if (messages::fingerprint_of(event->data) == run_info_of_0_1_0) {
       wrong = fmt::format(
           "was recorded by tachless 0.1.0; this is {0}, which reads logs of {0}; use 0.1.0 to read "
           "it",
-          diagnostics::version);
+          base::version);
     } else {
       wrong =
           read_run_info(event->channel, event->data, reader.path().string() + " (RUN_INFO)", found);
@@ -54,13 +54,13 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
         "start on, or see what the log holds with: tachless info {}",
         events, reader.path().string());
   }
-  throw diagnostics::bad_usage("{}: {}", reader.path().string(), problem);
+  throw base::bad_usage("{}: {}", reader.path().string(), problem);
 }
 
 /// One tick's messages, also as they are in the log.
 struct HeldTick {
   TickRecord record;
-  std::array<std::span<const std::byte>, loop::num_slots> bytes;
+  std::array<std::span<const std::byte>, messages::num_slots> bytes;
   int num_messages = 0;
 };
 
@@ -68,26 +68,26 @@ struct HeldTick {
 
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found) {
-  const bus::Codec<loop::RunInfo> codec(loop::Layout{});
-  loop::Stamp stamp;
+  const messages::Codec<messages::RunInfo> codec(messages::Layout{});
+  messages::Stamp stamp;
   const auto rejection = codec.decode(data, stamp, found.info);
-  if (rejection != bus::Rejection::none) {
-    const bool longer = rejection == bus::Rejection::wrong_size;
-    return fmt::format("is damaged ({}){}", bus::name(rejection),
+  if (rejection != messages::Rejection::none) {
+    const bool longer = rejection == messages::Rejection::wrong_size;
+    return fmt::format("is damaged ({}){}", messages::name(rejection),
                        longer ? ", or carries the tag of a key" : "");
   }
   found.run_id = stamp.run;
   try {
     found.scenario =
-        experiment::parse_scenario(found.info.scenario, found.info.robot_description, source);
-  } catch (const diagnostics::Failure& failure) {
+        scenario::parse_scenario(found.info.scenario, found.info.robot_description, source);
+  } catch (const base::Failure& failure) {
     return fmt::format("cannot be used: {}", failure.what());
   }
-  if (found.scenario.controller.law == experiment::external_law) {
-    found.scenario.controller.announced = diagnostics::printable(found.info.law);
+  if (found.scenario.controller.law == controller::external_law_name) {
+    found.scenario.controller.announced = base::printable(found.info.law);
   }
-  const loop::RunInfo& info = found.info;
-  const experiment::Scenario& scenario = found.scenario;
+  const messages::RunInfo& info = found.info;
+  const scenario::Scenario& scenario = found.scenario;
   const auto prefix = channel.substr(0, channel.size() - run_info_suffix.size());
   if (info.robot != prefix || scenario.robot.channel_prefix != prefix) {
     return fmt::format("names robot {} on channel {}{}", info.robot, prefix, run_info_suffix);
@@ -95,16 +95,16 @@ std::string read_run_info(std::string_view channel, std::span<const std::byte> d
   if (info.num_ticks != scenario.loop.num_ticks || info.period_s != scenario.loop.period_s) {
     return "contradicts the scenario in it on the number or the length of ticks";
   }
-  if (!loop::with_measurement(info.measurement, [](auto) {})) {
+  if (!messages::with_measurement(info.measurement, [](auto) {})) {
     return "names an unknown measurement, " + info.measurement;
   }
-  const auto signals = loop::parse_signals(info.signals);
+  const auto signals = messages::parse_signals(info.signals);
   if (!signals) {
     return fmt::format("declares the law's signals as \"{}\", which is not name:unit,...",
                        info.signals);
   }
-  found.layout = loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
-                              static_cast<int>(signals->size()));
+  found.layout = messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                                  static_cast<int>(signals->size()));
   return {};
 }
 
@@ -170,7 +170,7 @@ class RunLog::Window {
         release_below_ = newest_ + 1;
       } else {
         if (!std::exchange(finished_, true)) {
-          for (const Slot slot : loop::all_slots) count_missing(slot, summary_.last_tick + 1);
+          for (const Slot slot : messages::all_slots) count_missing(slot, summary_.last_tick + 1);
         }
         return false;
       }
@@ -181,19 +181,19 @@ class RunLog::Window {
   template <class Value>
   struct Channel {
     std::string name;
-    std::optional<bus::Codec<Value>> codec;  ///< nothing when its messages are not read
+    std::optional<messages::Codec<Value>> codec;  ///< nothing when its messages are not read
     Value scratch;
   };
   template <class... Value>
-  static std::tuple<Channel<Value>...> channels_of(loop::TypeList<Value...>);
+  static std::tuple<Channel<Value>...> channels_of(messages::TypeList<Value...>);
   template <class Value>
   void make(Channel<Value>& channel) {
-    if (loop::is_measurement<Value> && described_.info.measurement != Value::suffix) return;
-    if (std::is_same_v<Value, loop::LogAck>) return;  // says nothing of a run
-    channel.name = loop::channel<Value>(described_.info.robot);
+    if (messages::is_measurement<Value> && described_.info.measurement != Value::suffix) return;
+    if (std::is_same_v<Value, messages::LogAck>) return;  // says nothing of a run
+    channel.name = messages::channel<Value>(described_.info.robot);
     channel.codec.emplace(described_.layout);
-    if constexpr (loop::once_per_tick<Value>) {
-      piece(loop::slot_of<Value>()).channel = channel.name;
+    if constexpr (messages::once_per_tick<Value>) {
+      piece(messages::slot_of<Value>()).channel = channel.name;
     }
   }
 
@@ -219,27 +219,27 @@ class RunLog::Window {
 
   template <class Value>
   void take(const LogEvent& event, Channel<Value>& channel) {
-    loop::Stamp stamp;
+    messages::Stamp stamp;
     const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
     // Another run may have another number of joints: look at the run even where the size is wrong.
-    if (is_foreign(event, std::is_same_v<Value, loop::Participant>)) return;
-    if (rejection != bus::Rejection::none) {
+    if (is_foreign(event, std::is_same_v<Value, messages::Participant>)) return;
+    if (rejection != messages::Rejection::none) {
       ++summary_.undecodable[rejection];
       return;
     }
-    if constexpr (loop::once_per_tick<Value>) {
-      if (TickRecord* record = place(event, stamp, loop::slot_of<Value>())) {
-        loop::put(*record, channel.scratch);
+    if constexpr (messages::once_per_tick<Value>) {
+      if (TickRecord* record = place(event, stamp, messages::slot_of<Value>())) {
+        messages::put(*record, channel.scratch);
       }
-    } else if constexpr (std::is_same_v<Value, loop::Participant>) {
+    } else if constexpr (std::is_same_v<Value, messages::Participant>) {
       note_fault(stamp, channel.scratch);
     }
   }
 
   /// Whether the message is of another run; who has not joined one yet announces itself in run 0.
   bool is_foreign(const LogEvent& event, bool announcement) {
-    if (event.data.size() < bus::stamp_end) return false;
-    const std::int64_t run = bus::stamp_of(event.data).run;
+    if (event.data.size() < messages::stamp_end) return false;
+    const std::int64_t run = messages::stamp_of(event.data).run;
     if (run == described_.run_id || (announcement && run == 0)) return false;
     ++summary_.foreign_messages;
     auto& runs = summary_.foreign_runs;
@@ -248,7 +248,7 @@ class RunLog::Window {
   }
 
   /// Where a message of a tick belongs; null when it is not to be used, or not yet.
-  TickRecord* place(const LogEvent& event, const loop::Stamp& stamp, Slot slot) {
+  TickRecord* place(const LogEvent& event, const messages::Stamp& stamp, Slot slot) {
     const std::int64_t num_ticks = described_.info.num_ticks;
     // The reference answers one tick ahead, so that one may lie just past the end of the run.
     const bool past_end = slot == Slot::reference && stamp.tick == num_ticks;
@@ -274,7 +274,7 @@ class RunLog::Window {
     newest_ = std::max(newest_, stamp.tick);
     release_below_ = std::max(release_below_, newest_ - window);
     HeldTick& held = held_at(stamp.tick);
-    const auto fields = event.data.subspan(bus::stamp_end);
+    const auto fields = event.data.subspan(messages::stamp_end);
     auto& bytes = held.bytes[index(slot)];
     if (has(held.record, slot)) {
       const bool same = std::ranges::equal(bytes, fields);
@@ -288,18 +288,18 @@ class RunLog::Window {
   }
 
   /// When the tick begins, if no later.
-  [[nodiscard]] double time_us(const loop::Stamp& stamp) const {
+  [[nodiscard]] double time_us(const messages::Stamp& stamp) const {
     return static_cast<double>(stamp.tick) * described_.info.period_s * 1e6;
   }
   /// In lockstep, time is the tick's: a number that was damaged gives itself away.
-  [[nodiscard]] bool time_agrees(const loop::Stamp& stamp) const {
-    return described_.scenario.loop.mode != experiment::Mode::lockstep ||
+  [[nodiscard]] bool time_agrees(const messages::Stamp& stamp) const {
+    return described_.scenario.loop.mode != scenario::Mode::lockstep ||
            std::abs(static_cast<double>(stamp.utime) - time_us(stamp)) <= 1;
   }
 
-  void note_fault(const loop::Stamp& stamp, const loop::Participant& who) {
+  void note_fault(const messages::Stamp& stamp, const messages::Participant& who) {
     auto& faults = summary_.faults;
-    if (who.state != loop::ParticipantState::fault || faults.size() >= RunSummary::max_listed) {
+    if (who.state != messages::ParticipantState::fault || faults.size() >= RunSummary::max_listed) {
       return;
     }
     const bool known = std::ranges::any_of(faults, [&](const ParticipantFault& fault) {
@@ -317,7 +317,7 @@ class RunLog::Window {
       auto& changes = summary_.gains;
       if (changes.size() < RunSummary::max_listed) changes.push_back({record.tick, gains_});
     }
-    for (const Slot slot : loop::all_slots) {
+    for (const Slot slot : messages::all_slots) {
       if (!has(record, slot)) continue;
       ++piece(slot).count;
       count_missing(slot, record.tick);
@@ -335,7 +335,7 @@ class RunLog::Window {
   const RunDescription& described_;
   const std::function<void(const LogEvent&)>& on_event_;
   RunSummary& summary_;
-  decltype(channels_of(loop::AllMessages())) channels_;
+  decltype(channels_of(messages::AllMessages())) channels_;
   const HeldTick none_{};  ///< assigned in place of {}, which would be cleared byte by byte first
   std::vector<HeldTick> held_;
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
@@ -344,7 +344,7 @@ class RunLog::Window {
   std::optional<LogEvent> ready_;   // to be taken once what is below `release_below_` is handed out
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
-  std::array<std::int64_t, loop::num_slots> last_seen_{};
+  std::array<std::int64_t, messages::num_slots> last_seen_{};
   std::string gains_;  ///< of the last reference handed out
 };
 

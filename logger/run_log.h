@@ -13,27 +13,27 @@
 #include <utility>
 #include <vector>
 
-#include "bus/wire.h"
-#include "experiment/scenario.h"
 #include "logger/log_file.h"
 #include "logger/tick_ranges.h"
-#include "loop/truth/tick_record.h"
+#include "messages/truth/tick_record.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
 
 /// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
 namespace tachless::logger {
 
-using loop::Slot;
-using loop::TickRecord;
+using messages::Slot;
+using messages::TickRecord;
 
 /// Of the channel, after the robot's name.
 inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
 /// A run that a log holds, and what its RUN_INFO says.
 struct RunDescription {
-  std::int64_t run_id = 0;        ///< of each of its messages
-  loop::RunInfo info;             ///< the message
-  experiment::Scenario scenario;  ///< read from the message's YAML
-  loop::Layout layout;            ///< `num_signals` is how many signals RUN_INFO declares
+  std::int64_t run_id = 0;      ///< of each of its messages
+  messages::RunInfo info;       ///< the message
+  scenario::Scenario scenario;  ///< read from the message's YAML
+  messages::Layout layout;      ///< `num_signals` is how many signals RUN_INFO declares
 };
 
 /// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
@@ -55,26 +55,26 @@ struct PieceSummary {
 
 /// A fault that a process announced.
 struct ParticipantFault {
-  loop::Role role = loop::Role::plant;  ///< of the process
-  std::int64_t tick = 0;                ///< when it was found
-  std::string text;                     ///< cause
+  messages::Role role = messages::Role::plant;  ///< of the process
+  std::int64_t tick = 0;                        ///< when it was found
+  std::string text;                             ///< cause
 };
 
 /// Gains of the law that are not those of the tick before.
 struct GainsSince {
   std::int64_t tick = 0;  ///< the first with them
-  std::string gains;      ///< as experiment::gains_text; empty: the scenario's again
+  std::string gains;      ///< as scenario::gains_text; empty: the scenario's again
 };
 
 /// What was found on the way. Final once `RunLog::next` has returned false.
 struct RunSummary {
   static constexpr std::size_t max_listed = 100;  ///< runs and faults
 
-  std::int64_t first_tick = -1;                         ///< -1 while there is none
-  std::int64_t last_tick = -1;                          ///< likewise
-  std::uint64_t ticks = 0;                              ///< ticks of which there is anything
-  std::array<PieceSummary, loop::num_slots> pieces;     ///< by message of a tick
-  std::map<bus::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
+  std::int64_t first_tick = -1;                              ///< -1 while there is none
+  std::int64_t last_tick = -1;                               ///< likewise
+  std::uint64_t ticks = 0;                                   ///< ticks of which there is anything
+  std::array<PieceSummary, messages::num_slots> pieces;      ///< by message of a tick
+  std::map<messages::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
   std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
                                        ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
@@ -101,7 +101,7 @@ class RunLog {
 
   /// Finds the run's RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the
   /// first otherwise.
-  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read or holds no usable
+  /// @throw base::Failure(bad_usage) when the file cannot be read or holds no usable
   /// RUN_INFO (of that run): damaged, recorded by a version whose messages were others, or with a
   /// scenario that is not valid.
   static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {}) {
@@ -112,11 +112,11 @@ class RunLog {
   ~RunLog();
 
   [[nodiscard]] const std::filesystem::path& path() const { return reader_.path(); }  ///< the file
-  [[nodiscard]] const RunDescription& description() const { return described_; }  ///< of the run
-  [[nodiscard]] std::int64_t run() const { return described_.run_id; }            ///< its id
-  [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }     ///< RUN_INFO
+  [[nodiscard]] const RunDescription& description() const { return described_; }   ///< of the run
+  [[nodiscard]] std::int64_t run() const { return described_.run_id; }             ///< its id
+  [[nodiscard]] const messages::RunInfo& info() const { return described_.info; }  ///< RUN_INFO
   /// What RUN_INFO has as YAML.
-  [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
+  [[nodiscard]] const scenario::Scenario& scenario() const { return described_.scenario; }
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);

@@ -10,12 +10,10 @@
 #include <type_traits>
 #include <utility>
 
-#include "loop/measurements.h"
+#include "messages/measurements.h"
 
 namespace tachless::logger {
 namespace {
-
-using robot::Vector;
 
 /// Units in a column's name, on a revolute and on a prismatic joint: rad/s gives rad_per_s,
 /// m_per_s.
@@ -41,16 +39,16 @@ void copy(const Vector& vector, std::size_t count, double* to) {
   }
   std::copy_n(vector.data(), count, to);
 }
-void copy(const std::array<bool, robot::max_joints>& flags, std::size_t count, double* to) {
+void copy(const std::array<bool, max_joints>& flags, std::size_t count, double* to) {
   std::copy_n(flags.begin(), count, to);
 }
-void copy(loop::truth::DriveFault fault, std::size_t /*count*/, double* to) {
+void copy(messages::truth::DriveFault fault, std::size_t /*count*/, double* to) {
   *to = static_cast<double>(fault);
 }
 
 struct Builder {
   const robot::Model& model;
-  loop::Layout layout;
+  messages::Layout layout;
   bool disturbed;
   std::vector<Quantity> quantities = {};
 
@@ -77,20 +75,20 @@ struct Builder {
   void add_message(std::string_view symbol_suffix, std::string_view meaning_suffix,
                    std::size_t first = 0, std::size_t last = std::string_view::npos) {
     std::size_t number = 0;
-    loop::for_each_field<Value>([&]<class Member>(const loop::Field<Value, Member>& field) {
+    messages::for_each_field<Value>([&]<class Member>(const messages::Field<Value, Member>& field) {
       const bool wanted = number >= first && number < last;
       ++number;
       if constexpr (std::is_same_v<Member, std::string>) {
         return;
       } else {
-        if (!wanted || (field.count == loop::Count::motors && layout.num_motors == 0) ||
+        if (!wanted || (field.count == messages::Count::motors && layout.num_motors == 0) ||
             (field.name == "disturbance" && !disturbed)) {
           return;
         }
         add<Member>(fmt::format("{}{}", field.symbol, symbol_suffix), field.unit,
-                    fmt::format("{}{}", field.meaning, meaning_suffix), loop::slot_of<Value>(),
+                    fmt::format("{}{}", field.meaning, meaning_suffix), messages::slot_of<Value>(),
                     [member = field.member](const TickRecord& record) -> const Member& {
-                      return loop::get<Value>(record).*member;
+                      return messages::get<Value>(record).*member;
                     });
       }
     });
@@ -130,16 +128,16 @@ std::string Quantity::column(std::size_t component) const {
   return column_name(name, joints.empty() ? "" : joints[component], units[component]);
 }
 
-std::vector<Quantity> quantities_of(const experiment::Scenario& scenario,
-                                    const loop::LawInfo& law) {
+std::vector<Quantity> quantities_of(const scenario::Scenario& scenario,
+                                    const messages::LawInfo& law) {
   const robot::Model& model = *scenario.model;
-  Builder to{model, loop::layout(scenario.num_joints, scenario.robot.flexible.has_value()),
+  Builder to{model, messages::layout(scenario.num_joints, scenario.robot.flexible.has_value()),
              !scenario.plant.disturbances.empty()};
-  using Truth = loop::truth::PlantTruth;
+  using Truth = messages::truth::PlantTruth;
   to.add_message<Truth>("", ", true", 0, Truth::num_states);
-  to.add_message<loop::ReferencePoint>("", "");
-  to.add_message<loop::TorqueCommand>("", "");
-  const auto signals = loop::parse_signals(law.signals).value();
+  to.add_message<messages::ReferencePoint>("", "");
+  to.add_message<messages::TorqueCommand>("", "");
+  const auto signals = messages::parse_signals(law.signals).value();
   for (std::size_t i = 0; i < signals.size(); ++i) {
     const std::string name(signals[i].name);
     to.add<Vector>(name, signals[i].unit, "signal of the law: " + name, Slot::controller_state,
@@ -147,7 +145,7 @@ std::vector<Quantity> quantities_of(const experiment::Scenario& scenario,
                      return record.controller_state->value[i];
                    });
   }
-  loop::with_measurement(law.measurement, [&]<class M>(std::type_identity<M>) {
+  messages::with_measurement(law.measurement, [&]<class M>(std::type_identity<M>) {
     to.add_message<M>("_measured", " as measured");
   });
   to.add_message<Truth>("", "", Truth::num_states);

@@ -38,6 +38,7 @@ void add_number(std::string& text, double value);
 
 /// The quantities that a log of the scenario under that law can hold. In order: truth (q, v, theta,
 /// thetadot), reference, tau, the law's signals, measured values, and what the drives did.
-std::vector<Quantity> quantities_of(const experiment::Scenario& scenario, const loop::LawInfo& law);
+std::vector<Quantity> quantities_of(const scenario::Scenario& scenario,
+                                    const messages::LawInfo& law);
 
 }  // namespace tachless::logger

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "logger/tick_ranges.h"
-#include "loop/slot.h"
-#include "protocol/message_ring.h"
+#include "messages/slot.h"
+#include "session/message_ring.h"
 
 namespace tachless::logger {
 
@@ -17,8 +17,8 @@ namespace tachless::logger {
 /// repeated, which were lost. Keeps no message. Preallocated.
 class TickTally {
  public:
-  using Slot = loop::Slot;
-  using Verdict = protocol::Verdict;
+  using Slot = messages::Slot;
+  using Verdict = session::Verdict;
 
   /// A message may be this many ticks late; a later one is too old.
   static constexpr std::int64_t window = 1024;
@@ -39,7 +39,7 @@ class TickTally {
       entry = Entry();
       entry.tick = tick;
     }
-    const std::uint64_t digest = protocol::digest_of(bytes);
+    const std::uint64_t digest = session::digest_of(bytes);
     if (entry.has[index(slot)]) {
       return entry.digest[index(slot)] == digest ? Verdict::repeated : Verdict::conflicting;
     }
@@ -64,15 +64,15 @@ class TickTally {
  private:
   struct Entry {
     std::int64_t tick = -1;
-    std::array<bool, loop::num_slots> has{};
-    std::array<std::uint64_t, loop::num_slots> digest{};
+    std::array<bool, messages::num_slots> has{};
+    std::array<std::uint64_t, messages::num_slots> digest{};
   };
 
   void settle_before(std::int64_t end) {
     for (; settled_ < end; ++settled_) {
       const Entry& entry = entries_[static_cast<std::size_t>(settled_ % window)];
       bool complete = true;
-      for (const Slot slot : loop::all_slots) {
+      for (const Slot slot : messages::all_slots) {
         if (entry.tick == settled_ && entry.has[index(slot)]) continue;
         complete = false;
         missing_[index(slot)].add(settled_);
@@ -86,7 +86,7 @@ class TickTally {
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
-  std::array<Missing, loop::num_slots> missing_;
+  std::array<Missing, messages::num_slots> missing_;
 };
 
 }  // namespace tachless::logger

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "diagnostics/text.h"
+#include "base/text.h"
 
 namespace tachless::plant {
 namespace {
@@ -26,7 +26,7 @@ constexpr double max_growth = 5;
 /// Steps of one `advance` beyond which it gives up.
 constexpr int max_steps = 20000;
 
-void require_size(const robot::Vector& x, Eigen::Index num_joints) {
+void require_size(const Vector& x, Eigen::Index num_joints) {
   if (x.size() != num_joints) throw std::logic_error("plant::Arm: wrong number of joints");
 }
 
@@ -46,21 +46,21 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
       torque_offset_(options.drive.torque_offset_Nm),
       dry_friction_(friction_of(options.drive)),
       disturbances_(options.disturbances),
-      tau_(robot::Vector::Zero(model.num_joints)),
+      tau_(Vector::Zero(model.num_joints)),
       lag_(initial.torque) {
   const Eigen::Index n = num_joints_, num_motors = flexible_ ? n : 0;
   require_size(initial.q, n);
   require_size(initial.v, n);
   require_size(initial.theta, num_motors);
   require_size(initial.thetadot, num_motors);
-  const auto or_zero = [&](const robot::Vector& given) { return given.size() == 0 ? tau_ : given; };
+  const auto or_zero = [&](const Vector& given) { return given.size() == 0 ? tau_ : given; };
   rigid_rotor_inertia_ = or_zero(model.rotor_inertia);
   viscous_friction_ = or_zero(options.drive.viscous_friction_Nms_per_rad);
   require_size(rigid_rotor_inertia_, n);
   require_size(viscous_friction_, n);
   current_rate_ = tau_;
   if (const auto& hz = options.drive.current_loop_hz) current_rate_ = 2 * std::numbers::pi * *hz;
-  if (torque_scale_.size() == 0) torque_scale_ = robot::Vector::Ones(n);
+  if (torque_scale_.size() == 0) torque_scale_ = Vector::Ones(n);
   torque_offset_ = or_zero(torque_offset_);
   lag_ = or_zero(lag_);
   require_size(current_rate_, n);
@@ -74,8 +74,8 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
     if (K_.size() != n || J_.size() != n || motor_damping_.size() != n || !(J_.array() > 0).all()) {
       throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
     }
-    const robot::Vector dry = or_zero(options.flexible->motor_coulomb_friction_Nm);
-    if ((dry.array() > 0).any()) motor_friction_ = {dry, dry, robot::Vector::Ones(n)};
+    const Vector dry = or_zero(options.flexible->motor_coulomb_friction_Nm);
+    if ((dry.array() > 0).any()) motor_friction_ = {dry, dry, Vector::Ones(n)};
   }
   x_.resize(n + num_motors);
   x_ << initial.q, initial.theta;
@@ -138,7 +138,7 @@ void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdo
   xddot.head(n) = load_;
   if (!motor_friction_.present()) return;
   load_ = xddot.tail(n).cwiseProduct(J_);
-  robot::Matrix J = J_.asDiagonal();
+  Matrix J = J_.asDiagonal();
   motor_friction_.solve(J, xdot.data() + n, load_);
   xddot.tail(n) = load_;
 }
@@ -153,7 +153,7 @@ void Arm::choose_sticking() {
   motor_friction_.release();
 }
 
-void Arm::advance(const robot::Vector& tau, double time_s) {
+void Arm::advance(const Vector& tau, double time_s) {
   require_size(tau, num_joints_);
   const double from_s = now_s_;
   if (!(time_s > from_s)) throw std::logic_error("plant::Arm: time must move forward");
@@ -178,7 +178,7 @@ void Arm::advance(const robot::Vector& tau, double time_s) {
         "the plant cannot be integrated on from t = {:g} s: {}; shorten loop.period_s, loosen "
         "plant.integrator.accuracy, or look for a torque, stiffness or speed that is out of "
         "proportion",
-        from_s, diagnostics::one_line(error.what())));
+        from_s, base::one_line(error.what())));
   }
 }
 
@@ -297,7 +297,7 @@ double Arm::try_step(double h) {
   return largest;
 }
 
-void Arm::brake(const robot::Vector& damping) {
+void Arm::brake(const Vector& damping) {
   require_size(damping, num_joints_);
   (flexible_ ? motor_damping_ : viscous_friction_) += damping;
   tau_.setZero();

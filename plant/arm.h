@@ -4,13 +4,13 @@
 #include <memory>
 #include <optional>
 
+#include "base/quantities.h"
 #include "plant/arm_state.h"
 #include "plant/disturbances.h"
 #include "plant/dry_friction.h"
 #include "plant/multibody.h"
 #include "plant/spec.h"
 #include "robot/model.h"
-#include "robot/quantities.h"
 
 namespace tachless::plant {
 
@@ -38,16 +38,15 @@ class Arm {
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
   /// @throw std::runtime_error with time and cause when the integrator gives up.
-  void advance(const robot::Vector& tau, double time_s);
+  void advance(const Vector& tau, double time_s);
 
   /// The drives are off, and viscous braking [N m s/rad] is added at the motors (links if rigid),
   /// from now on: the protective stop.
-  void brake(const robot::Vector& damping);
+  void brake(const Vector& damping);
 
  private:
   /// (q, theta), or their rates: one vector of up to twice the joints, in place.
-  using Coordinates =
-      Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * robot::max_joints, 1>;
+  using Coordinates = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * max_joints, 1>;
   static constexpr std::size_t num_stages = 5;
 
   void accelerate(double time_s, const Coordinates& x, const Coordinates& xdot, Coordinates& xddot);
@@ -63,21 +62,21 @@ class Arm {
   std::unique_ptr<Multibody> links_;
   double accuracy_;
   bool flexible_;
-  robot::Vector K_, J_, motor_damping_, rigid_rotor_inertia_, viscous_friction_;
-  robot::Vector current_rate_;  ///< of the current loops [rad/s]; 0: the torque acts at once
-  robot::Vector torque_scale_, torque_offset_;
+  Vector K_, J_, motor_damping_, rigid_rotor_inertia_, viscous_friction_;
+  Vector current_rate_;  ///< of the current loops [rad/s]; 0: the torque acts at once
+  Vector torque_scale_, torque_offset_;
   DryFriction dry_friction_, motor_friction_;
   Disturbances* disturbances_;
 
-  robot::Vector tau_;  ///< asked for
-  robot::Vector lag_;  ///< what the drives gave above it at since_s_, when that began
+  Vector tau_;  ///< asked for
+  Vector lag_;  ///< what the drives gave above it at since_s_, when that began
   double since_s_ = 0;
   Coordinates x_, xdot_;  ///< at now_s_
   double now_s_ = 0;
   double step_s_ = 0;  ///< the length that the next step is tried with
 
   // Of the evaluation and of the step that is tried.
-  robot::Vector q_, v_, load_;
+  Vector q_, v_, load_;
   Coordinates xddot_;
   std::array<Coordinates, num_stages> rate_, acceleration_;
   Coordinates next_x_, next_xdot_, error_x_, error_xdot_;

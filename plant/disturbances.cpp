@@ -44,7 +44,7 @@ void Disturbances::choose(double from_s, double until_s) {
   }
 }
 
-void Disturbances::add(double time_s, const robot::Vector& q, robot::Vector& tau) const {
+void Disturbances::add(double time_s, const Vector& q, Vector& tau) const {
   using std::numbers::pi;
   for (const Source& source : sources_) {
     if (!source.active) continue;
@@ -70,9 +70,9 @@ void Disturbances::add(double time_s, const robot::Vector& q, robot::Vector& tau
   }
 }
 
-robot::Vector Disturbances::at(double time_s, const robot::Vector& q) {
+Vector Disturbances::at(double time_s, const Vector& q) {
   choose(time_s, next_jump(time_s, time_s + period_s_));
-  robot::Vector tau = robot::Vector::Zero(model_.num_joints);
+  Vector tau = Vector::Zero(model_.num_joints);
   add(time_s, q, tau);
   return tau;
 }

@@ -2,9 +2,9 @@
 
 #include <vector>
 
+#include "base/quantities.h"
 #include "plant/spec.h"
 #include "robot/model.h"
-#include "robot/quantities.h"
 
 namespace tachless::plant {
 
@@ -21,10 +21,10 @@ class Disturbances {
   /// What is added from now on is of the time from `from_s` to `until_s`, inside which is no jump.
   void choose(double from_s, double until_s);
   /// Adds the torque at `time_s` and link position `q` to `tau` [N m].
-  void add(double time_s, const robot::Vector& q, robot::Vector& tau) const;
+  void add(double time_s, const Vector& q, Vector& tau) const;
 
   /// The torque at `time_s`, the beginning of a tick [N m; N].
-  [[nodiscard]] robot::Vector at(double time_s, const robot::Vector& q);
+  [[nodiscard]] Vector at(double time_s, const Vector& q);
 
  private:
   struct Source {

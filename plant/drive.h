@@ -6,17 +6,17 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "loop/signals.h"
+#include "base/quantities.h"
+#include "messages/signals.h"
 #include "plant/encoder.h"
 #include "plant/spec.h"
-#include "robot/quantities.h"
 
 namespace tachless::plant {
 
 /// What the drives do over one tick.
 struct AppliedTorque {
-  robot::Vector tau;                                ///< after the limits [N m; N if prismatic]
-  std::array<bool, robot::max_joints> saturated{};  ///< the command exceeded a limit
+  Vector tau;                                ///< after the limits [N m; N if prismatic]
+  std::array<bool, max_joints> saturated{};  ///< the command exceeded a limit
 };
 
 /// The drives of all joints: they limit, delay and hold. A value: copies are independent. Once a
@@ -35,8 +35,8 @@ class Drive {
   /// @param initial torque; empty: zero.
   /// @throw std::logic_error if a delay is not in 0 to `max_delay_ticks` or a limit is not
   /// positive.
-  Drive(const robot::Vector& limit, int command_delay, const robot::Vector& change = {},
-        const robot::Vector& initial = {}, int jitter = 0, std::uint64_t seed = 1)
+  Drive(const Vector& limit, int command_delay, const Vector& change = {},
+        const Vector& initial = {}, int jitter = 0, std::uint64_t seed = 1)
       : limit_(limit),
         change_(change),
         num_slots_(static_cast<std::size_t>(command_delay + jitter) + 1),
@@ -48,7 +48,7 @@ class Drive {
     if (!(limit.array() > 0).all() || !(change.array() > 0).all()) {
       throw std::logic_error("plant::Drive: torque limits must be positive");
     }
-    applied_.tau = robot::Vector::Zero(limit.size());
+    applied_.tau = Vector::Zero(limit.size());
     if (initial.size() > 0) applied_.tau = initial.cwiseMin(limit).cwiseMax(-limit);
     before_ = applied_.tau;
     accepted_.fill(applied_);
@@ -57,7 +57,7 @@ class Drive {
   /// Takes the command of this tick.
   /// @throw std::logic_error, and nothing changes, unless it is a finite torque of each joint: the
   /// caller has to check.
-  void accept(const loop::TorqueCommand& command) {
+  void accept(const messages::TorqueCommand& command) {
     if (command.tau.size() != limit_.size() || !command.tau.allFinite()) {
       throw std::logic_error("plant::Drive: a command needs a finite torque of each joint");
     }
@@ -106,7 +106,7 @@ class Drive {
     }
   }
 
-  robot::Vector limit_, change_;
+  Vector limit_, change_;
   std::size_t num_slots_;  ///< command_delay + jitter + 1
   int jitter_;
   std::uint64_t seed_;
@@ -117,7 +117,7 @@ class Drive {
   std::array<AppliedTorque, 2 * max_delay_ticks + 1> accepted_;
   std::size_t now_ = 0;
   AppliedTorque applied_;
-  robot::Vector before_;  ///< torque over the tick before
+  Vector before_;  ///< torque over the tick before
 };
 
 }  // namespace tachless::plant

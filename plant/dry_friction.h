@@ -5,8 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/quantities.h"
 #include "robot/cholesky.h"
-#include "robot/quantities.h"
 
 namespace tachless::plant {
 
@@ -23,8 +23,6 @@ namespace tachless::plant {
 /// constraint), found by projected Gauss-Seidel iteration. Does not integrate.
 class DryFriction {
   using Index = Eigen::Index;
-  using Matrix = robot::Matrix;
-  using Vector = robot::Vector;
 
  public:
   DryFriction() = default;  ///< none
@@ -34,7 +32,7 @@ class DryFriction {
       : coulomb_(coulomb),
         held_(held),
         stribeck_(stribeck),
-        direction_(robot::VectorOf<int>::Zero(coulomb.size())) {
+        direction_(VectorOf<int>::Zero(coulomb.size())) {
     if (held.size() == coulomb.size() && stribeck.size() == coulomb.size() &&
         (coulomb.array() >= 0 && held.array() >= coulomb.array() && stribeck.array() > 0).all()) {
       return;
@@ -163,9 +161,9 @@ class DryFriction {
   [[nodiscard]] bool stuck(Index i) const { return held_[i] > 0 && direction_[i] == 0; }
 
   Vector coulomb_, held_, stribeck_;
-  robot::VectorOf<int> direction_;  ///< 0: sticks
-  Matrix M_;                        ///< of the last `solve`, if a joint sticks
-  Vector torque_;                   ///< all but what holds the joints that stick, then that alone
+  VectorOf<int> direction_;  ///< 0: sticks
+  Matrix M_;                 ///< of the last `solve`, if a joint sticks
+  Vector torque_;            ///< all but what holds the joints that stick, then that alone
   Vector load_;
 };
 

@@ -50,10 +50,10 @@ double standard_uniform(std::uint64_t seed, std::int64_t tick) {
   return uniform(random[0], random[1]);
 }
 
-Encoder::Encoder(const experiment::Scenario& scenario, const robot::Model& model)
+Encoder::Encoder(const scenario::Scenario& scenario, const robot::Model& model)
     : eccentricity_(scenario.plant.encoder.eccentricity_rad),
       phase_(scenario.plant.encoder.eccentricity_phase_rad),
-      count_(experiment::encoder_count(scenario, model)),
+      count_(scenario::encoder_count(scenario, model)),
       position_noise_(scenario.plant.encoder.noise_std_rad),
       velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
       seed_(scenario.plant.encoder.seed) {
@@ -64,10 +64,10 @@ Encoder::Encoder(const experiment::Scenario& scenario, const robot::Model& model
   }
 }
 
-robot::Vector Encoder::read(const robot::Vector& exact, Channel channel, std::int64_t tick) const {
+Vector Encoder::read(const Vector& exact, Channel channel, std::int64_t tick) const {
   const bool position = channel == Channel::link_position || channel == Channel::motor_position;
   const double noise = position ? position_noise_ : velocity_noise_;
-  robot::Vector measured = exact;
+  Vector measured = exact;
   for (Eigen::Index i = 0; i < exact.size(); ++i) {
     if (channel == Channel::link_position && eccentricity_.size() > 0 && eccentricity_[i] > 0) {
       measured[i] += eccentricity_[i] * std::sin(exact[i] + phase_[i]);

@@ -2,10 +2,10 @@
 
 #include <cstdint>
 
-#include "experiment/scenario.h"
-#include "loop/measurements.h"
+#include "messages/measurements.h"
 #include "plant/arm_state.h"
 #include "robot/model.h"
+#include "scenario/scenario.h"
 
 namespace tachless::plant {
 
@@ -19,10 +19,10 @@ namespace tachless::plant {
 /// over its URDF range. Velocity: noise only.
 class Encoder {
  public:
-  /// @throw diagnostics::Failure(bad_usage) when a prismatic joint has a resolution but no range.
-  Encoder(const experiment::Scenario& scenario, const robot::Model& model);
+  /// @throw base::Failure(bad_usage) when a prismatic joint has a resolution but no range.
+  Encoder(const scenario::Scenario& scenario, const robot::Model& model);
 
-  /// The measurement of tick `tick`. Precondition: `experiment::require_encoders` passes.
+  /// The measurement of tick `tick`. Precondition: `scenario::require_encoders` passes.
   template <class Measurement>
   [[nodiscard]] Measurement measure(const ArmState& state, std::int64_t tick) const {
     Measurement m;
@@ -43,11 +43,10 @@ class Encoder {
     motor_velocity
   };
 
-  [[nodiscard]] robot::Vector read(const robot::Vector& exact, Channel channel,
-                                   std::int64_t tick) const;
+  [[nodiscard]] Vector read(const Vector& exact, Channel channel, std::int64_t tick) const;
 
-  robot::Vector eccentricity_, phase_;
-  robot::Vector count_;  ///< width of one [rad; m if prismatic]; 0 for an ideal encoder
+  Vector eccentricity_, phase_;
+  Vector count_;  ///< width of one [rad; m if prismatic]; 0 for an ideal encoder
   double position_noise_;
   double velocity_noise_;
   std::uint64_t seed_;

@@ -8,8 +8,8 @@
 #include <utility>
 #include <variant>
 
-#include "diagnostics/logging.h"
-#include "diagnostics/text.h"
+#include "base/logging.h"
+#include "base/text.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 #include "robot/dynamics.h"
@@ -17,9 +17,9 @@
 namespace tachless::plant {
 namespace {
 
-using diagnostics::ExitCode;
-using diagnostics::Failure;
-using loop::Clock;
+using base::Clock;
+using base::ExitCode;
+using base::Failure;
 
 std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
@@ -29,7 +29,7 @@ std::string when(std::int64_t tick) {
 bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
 
 /// A real robot's readings have noise, latency and resolution already.
-experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
+scenario::Scenario with_ideal_encoders(scenario::Scenario scenario) {
   const EncoderSide side = scenario.plant.encoder.side;
   scenario.plant.encoder = {};
   scenario.plant.encoder.side = side;
@@ -37,7 +37,7 @@ experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
 }
 
 /// Its brakes open under a torque: unless the scenario says otherwise, that which holds it.
-Drive first_holding(experiment::Scenario scenario) {
+Drive first_holding(scenario::Scenario scenario) {
   if (!scenario.gives("plant.initial.torque")) scenario.plant.initial.torque = InitialTorque::hold;
   scenario.plant.payload = {};  // the emulator's
   scenario.plant.drive.command_age_jitter_ticks = 0;
@@ -58,14 +58,14 @@ Failure not_finite(std::int64_t tick) {
                       tick)};
 }
 
-GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver)
+GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver)
     : scenario_(scenario),
       model_(plant_model(scenario)),
       emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
       drive_(driver == nullptr ? make_drive(scenario, model_) : first_holding(scenario)),
       encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
-      speed_(robot::Vector::Zero(model_.num_joints)),
+      speed_(Vector::Zero(model_.num_joints)),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   if (driver != nullptr && (!limit || !limit->allFinite())) {
@@ -81,25 +81,24 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
   if (spec.following_error_rad) {
     following_error_ = *spec.following_error_rad;
   } else if (driver != nullptr) {
-    following_error_ = robot::Vector::Constant(model_.num_joints, 0.05);
+    following_error_ = Vector::Constant(model_.num_joints, 0.05);
   }
   if (following_error_.size() > 0) trajectory_ = reference::make_trajectory(scenario_);
-  diagnostics::log_detail(driver != nullptr
-                              ? "mechanics: the driver's robot"
-                              : fmt::format("mechanics {}, integrated with accuracy {}",
-                                            schema::name_of(spec.mechanics),
-                                            diagnostics::shortest(spec.integrator.accuracy)));
+  base::log_detail(driver != nullptr ? "mechanics: the driver's robot"
+                                     : fmt::format("mechanics {}, integrated with accuracy {}",
+                                                   base::name_of(spec.mechanics),
+                                                   base::shortest(spec.integrator.accuracy)));
 }
 
 void GuardedRobot::feed(std::string_view measurement) {
-  if (!driver_.measures_velocity() && loop::measures_velocity(measurement)) {
+  if (!driver_.measures_velocity() && messages::measures_velocity(measurement)) {
     throw scenario_.complaint(
         "controller.law",
         fmt::format(
             "{} measures velocity, this robot does not; take a law that is fed with positions",
             scenario_.controller.law));
   }
-  const auto empty = loop::measurement_of(measurement);
+  const auto empty = messages::measurement_of(measurement);
   if (!empty) {
     throw Failure(ExitCode::protocol_violated,
                   "the controller asks for the measurement '{}'; the plant has POSITION, "
@@ -107,7 +106,7 @@ void GuardedRobot::feed(std::string_view measurement) {
                   measurement);
   }
   measurement_ = *empty;
-  experiment::require_encoders(scenario_, measurement);
+  scenario::require_encoders(scenario_, measurement);
 }
 
 void GuardedRobot::start() {
@@ -122,7 +121,7 @@ void GuardedRobot::start() {
 }
 
 void GuardedRobot::require_start() const {
-  const robot::Vector begin = initial_state(scenario_, model_).q;
+  const Vector begin = initial_state(scenario_, model_).q;
   for (Eigen::Index i = 0; i < begin.size(); ++i) {
     if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
     throw scenario_.complaint(
@@ -146,7 +145,7 @@ void GuardedRobot::require_period() {
   if (std::abs(actual_s - period_s) < 0.2 * period_s) return;
   throw scenario_.complaint("loop.period_s",
                             "{} s, but the arm's ticks are {:.3g} s apart; set one of the two",
-                            diagnostics::shortest(period_s), actual_s);
+                            base::shortest(period_s), actual_s);
 }
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
@@ -171,11 +170,11 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
   return state_;
 }
 
-const loop::AnyMeasurement& GuardedRobot::measure(std::int64_t tick) {
+const messages::AnyMeasurement& GuardedRobot::measure(std::int64_t tick) {
   std::visit(
       [&]<class M>(M& measurement) {
         measurement = encoder_.measure<M>(past_[sensed_], tick);
-        if (!loop::all_finite(measurement)) throw not_finite(tick);
+        if (!messages::all_finite(measurement)) throw not_finite(tick);
       },
       measurement_);
   return measurement_;
@@ -200,12 +199,11 @@ void GuardedRobot::require_time(const ArmState& before, std::int64_t tick) const
   throw Failure(ExitCode::protective_stop,
                 "the robot's driver gave the time {} s {}, and {} s before that: speeds cannot be "
                 "watched; give each reading the robot's time when it was measured, or none",
-                diagnostics::shortest(state_.time_s), when(tick),
-                diagnostics::shortest(before.time_s));
+                base::shortest(state_.time_s), when(tick), base::shortest(before.time_s));
 }
 
 void GuardedRobot::apply_conventions() {
-  const experiment::RobotSpec& robot = scenario_.robot;
+  const scenario::RobotSpec& robot = scenario_.robot;
   for (auto* positions : {&state_.q, &state_.theta}) {
     if (positions->size() == 0) continue;
     *positions = robot.joint_signs.cwiseProduct(*positions) + robot.joint_offsets_rad;
@@ -215,9 +213,9 @@ void GuardedRobot::apply_conventions() {
   }
 }
 
-robot::Vector GuardedRobot::to_be_sent(const robot::Vector& tau) const {
-  robot::Vector sent = tau;
-  if (scenario_.robot.compensates != experiment::Compensates::nothing) {
+Vector GuardedRobot::to_be_sent(const Vector& tau) const {
+  Vector sent = tau;
+  if (scenario_.robot.compensates != scenario::Compensates::nothing) {
     sent -= robot::gravity_torque(*scenario_.model, state_.q);
   }
   return scenario_.robot.joint_signs.cwiseProduct(sent);
@@ -247,13 +245,13 @@ void GuardedRobot::watch_limits(std::int64_t tick) {
     if (stopped_ || (!outside && !fast)) continue;
     if (!warns) throw Failure(ExitCode::protective_stop, limit_text(i, outside, tick));
     if (std::exchange(warned_[joint], true)) continue;
-    diagnostics::log_warning(limit_text(i, outside, tick));
+    base::log_warning(limit_text(i, outside, tick));
   }
 }
 
 void GuardedRobot::watch_following(std::int64_t tick) {
   const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
-  const robot::Vector error = (state_.q - trajectory_->at(time_s).q_ref).cwiseAbs();
+  const Vector error = (state_.q - trajectory_->at(time_s).q_ref).cwiseAbs();
   if (tick == 0) first_error_ = error;
   for (Eigen::Index i = 0; i < error.size(); ++i) {
     if (!(error[i] > first_error_[i] + following_error_[i])) continue;
@@ -297,7 +295,7 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
     if (stopped_ || withheld(scenario_.plant, tick)) {
       driver_.rest(end_s);
     } else {
-      const robot::Vector& tau = drive_.applied().tau;
+      const Vector& tau = drive_.applied().tau;
       driver_.hold(emulated() ? tau : to_be_sent(tau), end_s);
     }
   } catch (const Failure&) {
@@ -327,7 +325,7 @@ void GuardedRobot::try_to_stop() noexcept {
   } catch (...) {
     ++failed_stops_;
     try {
-      stop_problem_ = diagnostics::current_failure().what();
+      stop_problem_ = base::current_failure().what();
     } catch (...) {  // no memory: the count alone
     }
   }
@@ -337,7 +335,7 @@ void GuardedRobot::require_stopped(const Failure* cause) const {
   if (failed_stops_ == 0) return;
   const std::string problem =
       fmt::format("the driver's stop failed, attempts: {}, {}", failed_stops_, stop_problem_);
-  if (driver_stopped_) return diagnostics::log_warning("{}; the next one succeeded", problem);
+  if (driver_stopped_) return base::log_warning("{}; the next one succeeded", problem);
   throw Failure(cause != nullptr ? cause->code() : ExitCode::protective_stop,
                 "{}{}: use the emergency stop",
                 cause != nullptr ? cause->what() + std::string("; ") : "", problem);

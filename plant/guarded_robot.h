@@ -9,22 +9,22 @@
 #include <string_view>
 #include <vector>
 
-#include "diagnostics/failure.h"
-#include "experiment/scenario.h"
-#include "loop/clock.h"
-#include "loop/measurements.h"
+#include "base/clock.h"
+#include "base/failure.h"
+#include "messages/measurements.h"
 #include "plant/arm_state.h"
 #include "plant/drive.h"
 #include "plant/encoder.h"
 #include "plant/robot_driver.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
+#include "scenario/scenario.h"
 
 namespace tachless::plant {
 
 bool all_finite(const ArmState& state);
 /// What to throw when the state at `tick` is not.
-diagnostics::Failure not_finite(std::int64_t tick);
+base::Failure not_finite(std::int64_t tick);
 
 /// A robot (the emulator, or a real one's driver) behind the checks of its readings and torques:
 /// readings finite, joints within their ranges and (the emulator's) speeds, the start where the
@@ -34,8 +34,8 @@ class GuardedRobot {
  public:
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null. With a
   /// driver the emulator's keys (plant.integrator, plant.payload, friction) are not used.
-  /// @throw diagnostics::Failure(bad_usage) when a joint of a real robot has no torque limit.
-  explicit GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver = nullptr);
+  /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit.
+  explicit GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver = nullptr);
   GuardedRobot(const GuardedRobot&) = delete;
   GuardedRobot& operator=(const GuardedRobot&) = delete;
   /// Stops a robot that was started and not stopped.
@@ -47,19 +47,19 @@ class GuardedRobot {
   [[nodiscard]] bool is_clock() const { return driver_.is_clock(); }
 
   /// The law is fed with the measurement of that channel suffix.
-  /// @throw diagnostics::Failure(bad_usage) when the robot does not measure it,
+  /// @throw base::Failure(bad_usage) when the robot does not measure it,
   /// (protocol_violated) when there is no such measurement.
   void feed(std::string_view measurement);
 
   /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`;
   /// with plant.dry_run it may be anywhere, is not started, and counts as stopped.
-  /// @throw diagnostics::Failure(bad_usage) when it is elsewhere, or its own ticks are not as long
+  /// @throw base::Failure(bad_usage) when it is elsewhere, or its own ticks are not as long
   /// as the scenario's.
   void start();
   static constexpr double start_tolerance = 0.01;  ///< [rad; m]
 
   /// The state at the beginning of `tick`.
-  /// @throw diagnostics::Failure(protective_stop) when a real robot's is not finite, or, unless the
+  /// @throw base::Failure(protective_stop) when a real robot's is not finite, or, unless the
   /// robot is stopped already, a joint is outside of its range, too fast (by its velocity or, where
   /// that is not measured, on the average of 20 ms; with plant.on_limit: warn an emulated one is
   /// warned of instead, once per joint) or further
@@ -69,19 +69,17 @@ class GuardedRobot {
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
   /// The encoders' readings of the measurement that `feed` chose; of an emulated robot's state some
   /// ticks ago (plant.encoder.latency_ticks). Valid until the next call.
-  /// @throw diagnostics::Failure(protective_stop) when it is not finite.
-  const loop::AnyMeasurement& measure(std::int64_t tick);
+  /// @throw base::Failure(protective_stop) when it is not finite.
+  const messages::AnyMeasurement& measure(std::int64_t tick);
   /// The joints that were outside of range or too fast when last read, where that is no stop.
-  [[nodiscard]] const std::array<bool, robot::max_joints>& beyond_limit() const {
-    return beyond_limit_;
-  }
+  [[nodiscard]] const std::array<bool, max_joints>& beyond_limit() const { return beyond_limit_; }
 
   /// The drives take the command as this tick's. @throw std::logic_error as `Drive::accept`
-  void accept(const loop::TorqueCommand& command) { drive_.accept(command); }
+  void accept(const messages::TorqueCommand& command) { drive_.accept(command); }
   /// The torque over this tick.
   [[nodiscard]] const AppliedTorque& applied() const { return drive_.applied(); }
   /// Gives the robot that torque for `tick`; once stopped, none. @return the time this has taken
-  /// @throw diagnostics::Failure(protective_stop) when the simulation diverges.
+  /// @throw base::Failure(protective_stop) when the simulation diverges.
   std::chrono::nanoseconds advance(std::int64_t tick);
   /// The tick is over for the drives.
   void end_tick() { drive_.end_tick(); }
@@ -92,9 +90,9 @@ class GuardedRobot {
   static constexpr int stop_attempts = 10;
   /// Writes a warning when the driver's stop has thrown before it succeeded.
   /// @param cause why the robot was to stop, if it was not the end of the run
-  /// @throw diagnostics::Failure when it has not succeeded, with the words of `cause` and its exit
+  /// @throw base::Failure when it has not succeeded, with the words of `cause` and its exit
   /// code, or else protective_stop.
-  void require_stopped(const diagnostics::Failure* cause = nullptr) const;
+  void require_stopped(const base::Failure* cause = nullptr) const;
   /// Whether all joints and motors stood still when last read, to 1 mrad/s (mm/s).
   [[nodiscard]] bool at_rest() const;
 
@@ -104,40 +102,40 @@ class GuardedRobot {
   /// `state_`, as the driver read it, in the scenario's coordinates.
   void apply_conventions();
   /// What a driver is given for the torque `tau` on the joints, by the scenario's conventions.
-  [[nodiscard]] robot::Vector to_be_sent(const robot::Vector& tau) const;
+  [[nodiscard]] Vector to_be_sent(const Vector& tau) const;
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
-  /// @throw diagnostics::Failure(protective_stop): time went back, or stood still while it moved
+  /// @throw base::Failure(protective_stop): time went back, or stood still while it moved
   void require_time(const ArmState& before, std::int64_t tick) const;
   /// `speed_` of a robot that does not measure it: the mean over `speed_window_s` and more, by the
   /// robot's own time or from before the first reading to now: never more than it was.
   /// @param asked the time before `state_` was read
-  void measure_speed(loop::Clock::time_point asked);
+  void measure_speed(base::Clock::time_point asked);
   void watch_limits(std::int64_t tick);
   void watch_following(std::int64_t tick);
   [[nodiscard]] std::string limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const;
 
-  const experiment::Scenario& scenario_;
+  const scenario::Scenario& scenario_;
   robot::Model model_;
   std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
   RobotDriver& driver_;
   Drive drive_;
   Encoder encoder_;
-  loop::AnyMeasurement measurement_;
-  robot::Vector following_error_;  ///< limit; empty: none
+  messages::AnyMeasurement measurement_;
+  Vector following_error_;  ///< limit; empty: none
   std::optional<reference::Trajectory> trajectory_;
-  robot::Vector first_error_;  ///< |q - q_ref| at tick 0
+  Vector first_error_;  ///< |q - q_ref| at tick 0
   ArmState state_;
-  robot::Vector speed_;  ///< of each joint [rad/s; m/s]
+  Vector speed_;  ///< of each joint [rad/s; m/s]
   static constexpr double speed_window_s = 0.02;
   struct {
-    robot::Vector q;
-    loop::Clock::time_point asked;
+    Vector q;
+    base::Clock::time_point asked;
     double time_s = 0;
   } mark_;                      ///< where the window of `speed_` begins
   std::vector<ArmState> past_;  ///< of the last ticks, a ring
   std::size_t sensed_ = 0;
-  std::array<bool, robot::max_joints> beyond_limit_{}, warned_{};
+  std::array<bool, max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;
   bool driver_stopped_ = false;  ///< its stop has returned

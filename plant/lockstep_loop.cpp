@@ -4,36 +4,36 @@
 #include <optional>
 #include <string>
 
+#include "base/logging.h"
+#include "base/time.h"
 #include "bus/key.h"
-#include "diagnostics/logging.h"
-#include "diagnostics/time.h"
 #include "plant/plant_loop.h"
-#include "protocol/message_ring.h"
-#include "protocol/tick_master.h"
+#include "session/message_ring.h"
+#include "session/tick_master.h"
 
 namespace tachless::plant {
 namespace {
 
-using loop::Clock;
-using loop::Role;
-using protocol::TickMaster;
-using protocol::Verdict;
+using base::Clock;
+using messages::Role;
+using session::TickMaster;
+using session::Verdict;
 using Repeated = TickMaster::Repeat::What;
 
 enum Kind : int { tick_kind, measurement_kind, truth_kind };
 
-TickMaster::Config tick_master_config(const experiment::Scenario& scenario) {
+TickMaster::Config tick_master_config(const scenario::Scenario& scenario) {
   TickMaster::Config config;
   config.num_ticks = scenario.loop.num_ticks;
-  config.give_up = diagnostics::nanoseconds_of(scenario.loop.give_up_s);
+  config.give_up = base::nanoseconds_of(scenario.loop.give_up_s);
   return config;
 }
 
 class LockstepLoop : PlantLoop {
  public:
-  LockstepLoop(const experiment::Scenario& scenario, node::Link& link)
+  LockstepLoop(const scenario::Scenario& scenario, session::Link& link)
       : PlantLoop(scenario, link),
-        ack_port_(bus::port<loop::LogAck>(prefix_, layout_)),
+        ack_port_(messages::port<messages::LogAck>(prefix_, layout_)),
         tick_master_(tick_master_config(scenario)) {
     link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
     link_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
@@ -66,7 +66,7 @@ class LockstepLoop : PlantLoop {
   }
 
   void on_command(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
+    messages::Stamp stamp;
     if (!accept_command(datagram, stamp)) return;
     const Verdict verdict = tick_master_.on_command(stamp.tick, datagram.payload, Clock::now());
     link_.count(verdict, Role::controller, datagram, stamp.tick);
@@ -76,11 +76,11 @@ class LockstepLoop : PlantLoop {
   }
 
   void on_ack(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
-    loop::LogAck ack;
+    messages::Stamp stamp;
+    messages::LogAck ack;
     if (!link_.accept(ack_port_.codec, datagram, stamp, ack)) return;
     if (!link_.is_from(Role::logger, datagram.sender)) {
-      return link_.statistics().rejected.add(node::Discard::other_sender);
+      return link_.statistics().rejected.add(session::Discard::other_sender);
     }
     link_.count(tick_master_.on_ack(stamp.tick, ack.missing, Clock::now()));
   }
@@ -88,7 +88,7 @@ class LockstepLoop : PlantLoop {
   void end_tick() {
     const std::int64_t k = tick_master_.next_tick();
     robot_.accept(command_);
-    const Bytes truth = publish_truth(k, loop::truth::DriveFault::none);
+    const Bytes truth = publish_truth(k, messages::truth::DriveFault::none);
     sent_->put(k, truth_kind, truth);
     truth_digest_.add(truth);
     link_.statistics().work_us.add(robot_.advance(k));
@@ -130,20 +130,20 @@ class LockstepLoop : PlantLoop {
         what = fmt::format("tick {} is not recorded", tick_master_.acknowledged() + 1);
         break;
     }
-    throw diagnostics::Failure(diagnostics::ExitCode::peer_lost,
-                               "{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
-                               scenario_.loop.give_up_s, missing);
+    throw base::Failure(base::ExitCode::peer_lost,
+                        "{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
+                        scenario_.loop.give_up_s, missing);
   }
 
-  bus::Port<loop::LogAck> ack_port_;
+  messages::Port<messages::LogAck> ack_port_;
   TickMaster tick_master_;
   bus::Digest truth_digest_;
-  std::optional<protocol::MessageRing> sent_;  // sized when the measurement is known
+  std::optional<session::MessageRing> sent_;  // sized when the measurement is known
 };
 
 }  // namespace
 
-void run_lockstep(const experiment::Scenario& scenario, node::Link& link) {
+void run_lockstep(const scenario::Scenario& scenario, session::Link& link) {
   LockstepLoop(scenario, link).run();
 }
 

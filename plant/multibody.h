@@ -2,8 +2,8 @@
 
 #include <memory>
 
+#include "base/quantities.h"
 #include "robot/model.h"
-#include "robot/quantities.h"
 
 namespace tachless::plant {
 
@@ -17,11 +17,11 @@ class Multibody {
   virtual ~Multibody() = default;
 
   struct Terms {
-    robot::Matrix& M;           ///< inertia matrix; may be overwritten
-    const robot::Vector& bias;  ///< C(q,v) v + g(q) [N m; N]
+    Matrix& M;           ///< inertia matrix; may be overwritten
+    const Vector& bias;  ///< C(q,v) v + g(q) [N m; N]
   };
   /// At link position `q` [rad; m] and velocity `v`. Valid until the next call.
-  virtual Terms evaluate(const robot::Vector& q, const robot::Vector& v) = 0;
+  virtual Terms evaluate(const Vector& q, const Vector& v) = 0;
 };
 
 /// By Simbody's realization of a tree of pins and sliders.

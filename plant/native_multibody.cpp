@@ -14,15 +14,15 @@ class NativeMultibody final : public Multibody {
  public:
   explicit NativeMultibody(const robot::Model& model) : model_(without_rotors(model)) {}
 
-  Terms evaluate(const robot::Vector& q, const robot::Vector& v) override {
+  Terms evaluate(const Vector& q, const Vector& v) override {
     robot::set_equations_of_motion(model_, q, v, M_, bias_);
     return {M_, bias_};
   }
 
  private:
   const robot::Model model_;
-  robot::Matrix M_;
-  robot::Vector bias_;
+  Matrix M_;
+  Vector bias_;
 };
 
 }  // namespace

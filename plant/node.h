@@ -2,9 +2,9 @@
 
 #include <chrono>
 
-#include "experiment/scenario.h"
-#include "node/link.h"
 #include "plant/robot_driver.h"
+#include "scenario/scenario.h"
+#include "session/link.h"
 
 namespace tachless::plant {
 
@@ -13,14 +13,14 @@ inline constexpr std::chrono::milliseconds longest_stop{500};
 
 /// The plant process: the emulated robot and the loop's clock. Publishes what the controller
 /// measures, the TRUTH for the logger and RUN_INFO; advances with the commands that come back.
-/// @throw diagnostics::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated
+/// @throw base::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated
 /// (two processes command), protective_stop (the simulation diverged), and what the link throws.
-void run_node(const experiment::Scenario& scenario, node::Link& link);
+void run_node(const scenario::Scenario& scenario, session::Link& link);
 
 /// The same with a real robot, in realtime: docs/real_robot.md.
-/// @throw diagnostics::Failure also bad_usage (lock-step; no torque limits; the robot is not where
+/// @throw base::Failure also bad_usage (lock-step; no torque limits; the robot is not where
 /// the scenario begins, or does not measure what the law needs) and protective_stop (a joint
 /// outside of its range, or whatever the driver says).
-void run_driver(const experiment::Scenario& scenario, node::Link& link, RobotDriver& driver);
+void run_driver(const scenario::Scenario& scenario, session::Link& link, RobotDriver& driver);
 
 }  // namespace tachless::plant

@@ -2,29 +2,29 @@
 
 #include <cmath>
 
-#include "diagnostics/failure.h"
-#include "diagnostics/logging.h"
-#include "node/run_info.h"
+#include "base/failure.h"
+#include "base/logging.h"
 #include "plant/node.h"
 #include "plant/run_messages.h"
+#include "session/run_info.h"
 
 namespace tachless::plant {
 namespace {
 
-using diagnostics::ExitCode;
-using diagnostics::Failure;
+using base::ExitCode;
+using base::Failure;
 
 }  // namespace
 
-PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver)
+PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver)
     : scenario_(scenario),
       link_(link),
       robot_(scenario, driver),
       prefix_(scenario.robot.channel_prefix),
-      layout_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
-      tick_port_(bus::port<loop::Tick>(prefix_, layout_)),
-      command_port_(bus::port<loop::TorqueCommand>(prefix_, layout_)),
-      truth_port_(bus::port<loop::truth::PlantTruth>(prefix_, layout_)) {
+      layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
+      tick_port_(messages::port<messages::Tick>(prefix_, layout_)),
+      command_port_(messages::port<messages::TorqueCommand>(prefix_, layout_)),
+      truth_port_(messages::port<messages::truth::PlantTruth>(prefix_, layout_)) {
   const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
   link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
   link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
@@ -32,27 +32,27 @@ PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, Rob
 }
 
 void PlantLoop::prepare() {
-  const loop::LawInfo law = link_.membership().law();
+  const messages::LawInfo law = link_.membership().law();
   scenario_.require_law(law);
   robot_.feed(law.measurement);
-  measurement_port_.emplace(bus::Port<loop::AnyMeasurement>{loop::channel(prefix_, law.measurement),
-                                                            {law.measurement, layout_}});
-  diagnostics::log_detail("the law measures {}", law.measurement);
-  link_.transport().publish(loop::channel<loop::RunInfo>(prefix_),
-                            node::run_info(scenario_, link_.run(), law));
+  measurement_port_.emplace(messages::Port<messages::AnyMeasurement>{
+      messages::channel(prefix_, law.measurement), {law.measurement, layout_}});
+  base::log_detail("the law measures {}", law.measurement);
+  link_.transport().publish(messages::channel<messages::RunInfo>(prefix_),
+                            session::run_info(scenario_, link_.run(), law));
 }
 
-loop::Stamp PlantLoop::stamp(std::int64_t tick) const {
+messages::Stamp PlantLoop::stamp(std::int64_t tick) const {
   const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
   return {std::llround(time_s * 1e6), link_.run(), tick};
 }
 
-PlantLoop::Request PlantLoop::publish_request(const loop::Stamp& tick_stamp) {
+PlantLoop::Request PlantLoop::publish_request(const messages::Stamp& tick_stamp) {
   const std::int64_t k = tick_stamp.tick;
   robot_.read(k);
   Request request;
   request.measurement = measurement_port_->codec.encode(stamp(k), robot_.measure(k));
-  request.sent = loop::Clock::now();
+  request.sent = base::Clock::now();
   // First: the command waits for it.
   link_.transport().publish(measurement_port_->channel, request.measurement);
   request.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
@@ -60,16 +60,16 @@ PlantLoop::Request PlantLoop::publish_request(const loop::Stamp& tick_stamp) {
   return request;
 }
 
-PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, loop::truth::DriveFault fault) {
+PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::DriveFault fault) {
   const AppliedTorque& applied = robot_.applied();
-  loop::truth::PlantTruth truth = truth_of(robot_.state(), applied);
+  messages::truth::PlantTruth truth = truth_of(robot_.state(), applied);
   truth.fault = fault;
-  node::PlantStatistics& statistics = link_.statistics().plant();
+  session::PlantStatistics& statistics = link_.statistics().plant();
   for (std::size_t joint = 0; joint < statistics.saturated_ticks.size(); ++joint) {
     statistics.saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
     statistics.beyond_limit_ticks[joint] += robot_.beyond_limit()[joint] ? 1 : 0;
   }
-  if (!bus::all_finite(truth)) throw not_finite(tick);
+  if (!messages::all_finite(truth)) throw not_finite(tick);
   const Bytes bytes = truth_port_.codec.encode(stamp(tick), truth);
   link_.transport().publish(truth_port_.channel, bytes);
   return bytes;
@@ -80,31 +80,32 @@ void PlantLoop::completed(std::int64_t tick) {
   link_.statistics().ticks = tick + 1;
 }
 
-bool PlantLoop::accept_command(const bus::Datagram& datagram, loop::Stamp& stamp) {
-  const bus::Rejection rejection = command_port_.codec.decode(datagram.payload, stamp, command_);
-  if (rejection == bus::Rejection::non_finite) {
-    const loop::Stamp heard = bus::stamp_of(datagram.payload);
-    if (heard.run == link_.run() && link_.is_from(loop::Role::controller, datagram.sender)) {
+bool PlantLoop::accept_command(const bus::Datagram& datagram, messages::Stamp& stamp) {
+  const messages::Rejection rejection =
+      command_port_.codec.decode(datagram.payload, stamp, command_);
+  if (rejection == messages::Rejection::non_finite) {
+    const messages::Stamp heard = messages::stamp_of(datagram.payload);
+    if (heard.run == link_.run() && link_.is_from(messages::Role::controller, datagram.sender)) {
       link_.statistics().rejected.add(rejection);
       throw Failure(ExitCode::protective_stop,
                     "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
                     "or the controller is broken; shorten loop.period_s or soften the gains",
-                    link_.describe(loop::Role::controller), heard.tick);
+                    link_.describe(messages::Role::controller), heard.tick);
     }
   }
   return link_.accept(rejection, stamp);
 }
 
-void run_node(const experiment::Scenario& scenario, node::Link& link) {
-  if (scenario.loop.mode == experiment::Mode::realtime) {
+void run_node(const scenario::Scenario& scenario, session::Link& link) {
+  if (scenario.loop.mode == scenario::Mode::realtime) {
     run_realtime(scenario, link, nullptr);
   } else {
     run_lockstep(scenario, link);
   }
 }
 
-void run_driver(const experiment::Scenario& scenario, node::Link& link, RobotDriver& driver) {
-  if (scenario.loop.mode != experiment::Mode::realtime) {
+void run_driver(const scenario::Scenario& scenario, session::Link& link, RobotDriver& driver) {
+  if (scenario.loop.mode != scenario::Mode::realtime) {
     throw scenario.complaint("loop.mode",
                              "lockstep; a real robot does not wait, so only realtime is allowed");
   }

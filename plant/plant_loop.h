@@ -6,14 +6,14 @@
 #include <span>
 #include <string>
 
-#include "bus/truth/truth_wire.h"
-#include "bus/wire.h"
-#include "experiment/scenario.h"
-#include "loop/clock.h"
-#include "loop/messages.h"
-#include "node/link.h"
+#include "base/clock.h"
+#include "messages/messages.h"
+#include "messages/truth/truth_wire.h"
+#include "messages/wire.h"
 #include "plant/guarded_robot.h"
 #include "plant/robot_driver.h"
+#include "scenario/scenario.h"
+#include "session/link.h"
 
 namespace tachless::plant {
 
@@ -21,20 +21,20 @@ namespace tachless::plant {
 /// when a tick begins.
 class PlantLoop {
  protected:
-  using Time = loop::Clock::time_point;
+  using Time = base::Clock::time_point;
   using Bytes = std::span<const std::byte>;
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  PlantLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver = nullptr);
+  PlantLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver = nullptr);
 
   /// Once the others have joined: chooses the measurement, publishes RUN_INFO, once: the logger
   /// writes its own, this one is for lcm-logger.
-  /// @throw diagnostics::Failure(bad_usage) when the robot does not measure what the law needs,
+  /// @throw base::Failure(bad_usage) when the robot does not measure what the law needs,
   /// (protocol_violated) when there is no such measurement.
   void prepare();
 
   /// The moment t_k = k h of this run, not accumulated.
-  [[nodiscard]] loop::Stamp stamp(std::int64_t tick) const;
+  [[nodiscard]] messages::Stamp stamp(std::int64_t tick) const;
 
   struct Request {
     Time sent;
@@ -42,35 +42,35 @@ class PlantLoop {
   };
   /// Reads the robot and publishes its measurement and TICK with that stamp. The bytes are valid
   /// until the next call.
-  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
-  Request publish_request(const loop::Stamp& tick_stamp);
+  /// @throw base::Failure(protective_stop) when the state is not finite.
+  Request publish_request(const messages::Stamp& tick_stamp);
   /// Publishes the robot's state at the beginning of the tick and the torque over it. Counts
   /// saturation, so once a tick. @return the bytes, valid until the next call
-  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
-  Bytes publish_truth(std::int64_t tick, loop::truth::DriveFault fault);
+  /// @throw base::Failure(protective_stop) when the state is not finite.
+  Bytes publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
   /// Tells that the tick is over.
   void completed(std::int64_t tick);
 
   /// Whether the message is a command of this run; counts it if not. It is `command_` then.
-  /// @throw diagnostics::Failure(protective_stop) when this run's controller commands a torque that
+  /// @throw base::Failure(protective_stop) when this run's controller commands a torque that
   /// is not finite. (Anybody else's is dropped.)
-  bool accept_command(const bus::Datagram& datagram, loop::Stamp& stamp);
+  bool accept_command(const bus::Datagram& datagram, messages::Stamp& stamp);
 
-  const experiment::Scenario& scenario_;
-  node::Link& link_;
+  const scenario::Scenario& scenario_;
+  session::Link& link_;
   GuardedRobot robot_;
   std::string prefix_;  ///< of the robot's channels
-  loop::Layout layout_;
-  bus::Port<loop::Tick> tick_port_;
-  bus::Port<loop::TorqueCommand> command_port_;
-  bus::Port<loop::truth::PlantTruth> truth_port_;
-  std::optional<bus::Port<loop::AnyMeasurement>> measurement_port_;  ///< prepared
-  loop::TorqueCommand command_;
+  messages::Layout layout_;
+  messages::Port<messages::Tick> tick_port_;
+  messages::Port<messages::TorqueCommand> command_port_;
+  messages::Port<messages::truth::PlantTruth> truth_port_;
+  std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
+  messages::TorqueCommand command_;
 };
 
 /// In simulation time: the plant advances only with the command for this tick. Joins, runs all
 /// ticks, leaves.
-void run_lockstep(const experiment::Scenario& scenario, node::Link& link);
+void run_lockstep(const scenario::Scenario& scenario, session::Link& link);
 
 /// On the wall clock: tick k begins at the absolute deadline start + k h, whether its command has
 /// come or not. No tick is left out: late ones follow as fast as they can, each with half a period
@@ -79,6 +79,6 @@ void run_lockstep(const experiment::Scenario& scenario, node::Link& link);
 /// `longest_stop` at most. Notes in the statistics, as a fault with exit code 1, when more
 /// deadlines were missed than the scenario allows. A robot that is the clock begins the ticks
 /// itself: its missed deadlines are those of its ticks, by its own time, that passed unanswered.
-void run_realtime(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver);
+void run_realtime(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver);
 
 }  // namespace tachless::plant

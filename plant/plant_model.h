@@ -1,59 +1,59 @@
 #pragma once
 
-#include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/disturbances.h"
 #include "plant/drive.h"
 #include "plant/robot_driver.h"
 #include "robot/model.h"
+#include "scenario/scenario.h"
 
 /// What a scenario means for the plant: the true robot, and how it is emulated.
 namespace tachless::plant {
 
 /// The true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints, and the
 /// payload that the controller does not know.
-/// @throw diagnostics::Failure(bad_usage) naming the key.
-robot::Model plant_model(const experiment::Scenario& scenario);
+/// @throw base::Failure(bad_usage) naming the key.
+robot::Model plant_model(const scenario::Scenario& scenario);
 
 /// Where the run starts. Motors start, unless given, at rest in static balance:
 /// theta = q + K^-1 g(q).
-ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model);
+ArmState initial_state(const scenario::Scenario& scenario, const robot::Model& model);
 
 /// The arm of the scenario, with this model, at `start`. `disturbances`, if not null, outlive it.
-Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
+Arm make_arm(const scenario::Scenario& scenario, const robot::Model& model, const ArmState& start,
              Disturbances* disturbances = nullptr);
 
 /// The drives: the scenario's torque limit (which defaults to the URDF's), rate and command delay.
-Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model);
+Drive make_drive(const scenario::Scenario& scenario, const robot::Model& model);
 
 /// Viscous braking of the protective stop [N m s/rad]: each joint's inertia at `q` (seen by its
 /// drive) over 0.1 s, so that the joint comes to rest in some tenths of a second.
-robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
-                                      const robot::Model& model, const robot::Vector& q);
+Vector protective_stop_damping(const scenario::Scenario& scenario, const robot::Model& model,
+                               const Vector& q);
 
 /// The simulated robot: arm, payload and disturbances. It stops by viscous braking
 /// (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
   /// @param model `plant_model(scenario)`. Both outlive this.
-  EmulatedRobot(const experiment::Scenario& scenario, const robot::Model& model);
+  EmulatedRobot(const scenario::Scenario& scenario, const robot::Model& model);
 
   [[nodiscard]] bool measures_velocity() const override { return true; }
   void start() override {}
   ArmState read() override;
   /// @throw std::runtime_error when the integrator gives up.
-  void hold(const robot::Vector& tau, double until_s) override;
+  void hold(const Vector& tau, double until_s) override;
   void stop() override;
   void rest(double until_s) override;
 
  private:
-  void advance(const robot::Vector& tau, double until_s);
+  void advance(const Vector& tau, double until_s);
 
-  const experiment::Scenario& scenario_;
+  const scenario::Scenario& scenario_;
   const robot::Model& model_;
   Disturbances disturbances_;
   double now_s_ = 0;
-  robot::Vector before_;  ///< torque over the tick before; the initial one at first
+  Vector before_;  ///< torque over the tick before; the initial one at first
   Arm arm_;
 };
 

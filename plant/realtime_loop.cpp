@@ -6,25 +6,25 @@
 #include <string>
 #include <utility>
 
-#include "bus/wire.h"
-#include "diagnostics/failure.h"
-#include "diagnostics/text.h"
-#include "diagnostics/time.h"
+#include "base/failure.h"
+#include "base/text.h"
+#include "base/time.h"
+#include "messages/wire.h"
 #include "plant/node.h"
 #include "plant/plant_loop.h"
-#include "protocol/responders.h"
+#include "session/responders.h"
 
 namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
-using diagnostics::ExitCode;
-using diagnostics::Failure;
-using diagnostics::nanoseconds_of;
-using loop::Clock;
-using loop::Role;
-using loop::truth::DriveFault;
-using protocol::Verdict;
+using base::Clock;
+using base::ExitCode;
+using base::Failure;
+using base::nanoseconds_of;
+using messages::Role;
+using messages::truth::DriveFault;
+using session::Verdict;
 
 // From the last confirmation of the roster to the first tick.
 constexpr auto lead_in = 5ms;
@@ -37,7 +37,7 @@ double milliseconds(std::chrono::nanoseconds duration) {
 
 class RealtimeLoop : PlantLoop {
  public:
-  RealtimeLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver)
+  RealtimeLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver)
       : PlantLoop(scenario, link, driver), commands_(scenario.loop.max_missed) {
     link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
   }
@@ -58,7 +58,7 @@ class RealtimeLoop : PlantLoop {
       }
     } catch (...) {
       robot_.stop();  // before anything else
-      const Failure failure = diagnostics::current_failure();
+      const Failure failure = base::current_failure();
       come_to_rest(failure);
       robot_.require_stopped(&failure);
       throw;
@@ -94,19 +94,20 @@ class RealtimeLoop : PlantLoop {
         "this machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; "
         "type: tachless doctor; or lengthen loop.period_s",
         missed, scenario_.loop.num_ticks, 100 * share,
-        diagnostics::shortest(scenario_.loop.max_missed_share), 1e3 * scenario_.loop.period_s);
+        base::shortest(scenario_.loop.max_missed_share), 1e3 * scenario_.loop.period_s);
   }
 
   /// Throws when the bytes on the command channel have the shape of a command, of any run.
   void refuse_early(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
-    loop::TorqueCommand command;
+    messages::Stamp stamp;
+    messages::TorqueCommand command;
     const auto rejection = command_port_.codec.decode(datagram.payload, stamp, command);
-    if (rejection != bus::Rejection::none && rejection != bus::Rejection::non_finite) return;
+    if (rejection != messages::Rejection::none && rejection != messages::Rejection::non_finite)
+      return;
     throw Failure(ExitCode::protocol_violated,
                   "a command came on {} before the start, from {} (run {}): an old controller is "
                   "still there; end it first",
-                  datagram.channel, datagram.sender, bus::stamp_of(datagram.payload).run);
+                  datagram.channel, datagram.sender, messages::stamp_of(datagram.payload).run);
   }
 
   void start() {
@@ -137,7 +138,7 @@ class RealtimeLoop : PlantLoop {
           std::isfinite(of_robot_s) ? of_robot_s : std::chrono::duration<double>(passed).count();
       missed = tick_ > 0 && gap_s > 1.5 * period_s;
     }
-    node::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = link_.statistics().plant();
     statistics.wake_up_jitter_us.add(late);
     if (commands_.missed_in_a_row() == 0) longest_delay_ = 0ns;
     longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
@@ -152,7 +153,7 @@ class RealtimeLoop : PlantLoop {
   void ask(Time now) {
     begun_ = true;
     commands_.begin(tick_);
-    loop::Stamp tick_stamp = stamp(tick_);
+    messages::Stamp tick_stamp = stamp(tick_);
     tick_stamp.utime = (now - start_) / 1us;
     asked_ = publish_request(tick_stamp).sent;
   }
@@ -195,9 +196,9 @@ class RealtimeLoop : PlantLoop {
 
   void on_command(const bus::Datagram& datagram) {
     if (tick_ < 0) return refuse_early(datagram);
-    loop::Stamp stamp;
+    messages::Stamp stamp;
     if (!accept_command(datagram, stamp)) return;
-    node::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = link_.statistics().plant();
     const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload);
     if (verdict == Verdict::too_old) {
       ++statistics.late_commands;
@@ -218,7 +219,7 @@ class RealtimeLoop : PlantLoop {
     begun_ = false;
     acted_ = false;
 
-    node::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = link_.statistics().plant();
     statistics.missed_commands = commands_.missed();
     statistics.longest_command_miss = commands_.longest_miss();
     completed(tick_);
@@ -272,7 +273,7 @@ class RealtimeLoop : PlantLoop {
     }
   }
 
-  protocol::MissedCommandMonitor commands_;
+  session::MissedCommandMonitor commands_;
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
   Time last_began_;    ///< of a robot that is the clock: when the tick before did
@@ -289,7 +290,7 @@ class RealtimeLoop : PlantLoop {
 
 }  // namespace
 
-void run_realtime(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver) {
+void run_realtime(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver) {
   RealtimeLoop(scenario, link, driver).run();
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "base/quantities.h"
 #include "plant/arm_state.h"
-#include "robot/quantities.h"
 
 namespace tachless::plant {
 
@@ -9,7 +9,7 @@ namespace tachless::plant {
 /// Called from one thread, in this order: `start` once; then, tick by tick, `read` and `hold`;
 /// `stop` once, at the end of every run, good or bad, that came as far as `start`.
 ///
-/// A driver reports a fault by throwing diagnostics::Failure(protective_stop), whose text the user
+/// A driver reports a fault by throwing base::Failure(protective_stop), whose text the user
 /// reads; anything it throws stops the robot. No call but `start` may take long: it is the loop's
 /// time, and `read` and `hold` allocate nothing.
 class RobotDriver {
@@ -35,7 +35,7 @@ class RobotDriver {
   /// itself and in the driver's signs (robot.compensates, robot.joint_signs). `until_s` since the
   /// start of the run is where the tick ends: an emulator moves on to there, a real robot does by
   /// itself.
-  virtual void hold(const robot::Vector& tau, double until_s) = 0;
+  virtual void hold(const Vector& tau, double until_s) = 0;
 
   /// The protective stop, and the end of the run: no torque any more, brakes closed. Returns at
   /// once, while the robot still comes to rest. Called again if it throws.
@@ -56,7 +56,7 @@ class ClockDriver : public RobotDriver {
     fresh_ = false;
     return now_;
   }
-  void hold(const robot::Vector& tau, double /*until_s*/) final {
+  void hold(const Vector& tau, double /*until_s*/) final {
     now_ = exchange(tau);
     fresh_ = true;
   }
@@ -66,8 +66,8 @@ class ClockDriver : public RobotDriver {
   /// Answers the robot's tick with `tau` [N m; N] (empty, before `start`, after `stop` and where a
   /// command is withheld: with nothing), waits for its next tick, and returns what the robot
   /// measured then, with `time_s` if it tells its time. @throw
-  /// diagnostics::Failure(protective_stop) when no tick comes
-  virtual ArmState exchange(const robot::Vector& tau) = 0;
+  /// base::Failure(protective_stop) when no tick comes
+  virtual ArmState exchange(const Vector& tau) = 0;
 
   ArmState now_;
   bool fresh_ = false;  ///< `now_` is of a tick that has not been read

@@ -73,7 +73,7 @@ class SimbodyMultibody final : public Multibody {
     bias_.resize(num_joints_);
   }
 
-  Terms evaluate(const robot::Vector& q, const robot::Vector& v) override {
+  Terms evaluate(const Vector& q, const Vector& v) override {
     SimTK::Vector& q_tree = state_.updQ();
     SimTK::Vector& v_tree = state_.updU();
     for (const Link& link : links_) {
@@ -141,8 +141,8 @@ class SimbodyMultibody final : public Multibody {
   }
 
   int num_joints_;
-  robot::Matrix M_;
-  robot::Vector bias_;
+  Matrix M_;
+  Vector bias_;
   SimTK::MultibodySystem system_;
   SimTK::SimbodyMatterSubsystem matter_;
   SimTK::State state_;

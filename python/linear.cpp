@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "certificate/scenario_loop.h"
 #include "controller/registry.h"
-#include "experiment/scenario.h"
+#include "linear/scenario_loop.h"
 #include "python/python_law.h"
+#include "scenario/scenario.h"
 
 namespace tachless::python {
 namespace {
@@ -25,8 +25,8 @@ void add(Names& names, const std::string& what, const Names& joints, const Names
   }
 }
 
-/// Of the `size` entries of the state of `certificate::CutLoop`.
-Names states_of(const experiment::Scenario& scenario, Eigen::Index size, int delay) {
+/// Of the `size` entries of the state of `linear::CutLoop`.
+Names states_of(const scenario::Scenario& scenario, Eigen::Index size, int delay) {
   const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
   Names names;
   add(names, "q", joints, length);
@@ -45,19 +45,18 @@ Names states_of(const experiment::Scenario& scenario, Eigen::Index size, int del
 
 py::dict linear(const std::filesystem::path& path, const Names& overrides,
                 const py::object& posture, bool open) {
-  const experiment::Scenario scenario = experiment::load_scenario(path, overrides);
-  const certificate::ScenarioLoop loop(scenario);
+  const scenario::Scenario scenario = scenario::load_scenario(path, overrides);
+  const linear::ScenarioLoop loop(scenario);
   const auto& law = controller::law_facts(scenario.controller.law);
   if (!law.no_linearisation.empty()) {
     throw scenario.complaint("controller.law", fmt::format("{} cannot be linearised ({})", law.name,
                                                            law.no_linearisation));
   }
   const int n = scenario.num_joints;
-  const robot::Vector q =
-      posture.is_none() ? loop.rest_at(0).q_ref : vector_of(posture, n, "posture");
-  if (!q.allFinite()) throw diagnostics::bad_usage("posture: not finite; give finite numbers");
+  const Vector q = posture.is_none() ? loop.rest_at(0).q_ref : vector_of(posture, n, "posture");
+  if (!q.allFinite()) throw base::bad_usage("posture: not finite; give finite numbers");
   const double h = scenario.loop.period_s;
-  const auto& [A, B, C] = certificate::cut(loop.at(certificate::constant_reference(q)), h);
+  const auto& [A, B, C] = linear::cut(loop.at(linear::constant_reference(q)), h);
   const Eigen::MatrixXd positions = Eigen::MatrixXd::Identity(n, A.rows());
   const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
   Names inputs, outputs;

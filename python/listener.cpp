@@ -8,51 +8,51 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
+#include "base/failure.h"
+#include "base/json_text.h"
+#include "base/time.h"
 #include "bus/udp_transport.h"
-#include "diagnostics/failure.h"
-#include "diagnostics/json_text.h"
-#include "diagnostics/time.h"
-#include "loop/clock.h"
-#include "monitor/bus_monitor.h"
-#include "node/options.h"
+#include "live/bus_monitor.h"
 #include "python/python_law.h"
+#include "session/options.h"
 
 namespace tachless::python {
 namespace {
 
+using base::Clock;
 using bus::UdpTransport;
-using loop::Clock;
 
 /// @param channels exact names; empty: all. @param url empty: $LCM_DEFAULT_URL, else the default
 std::unique_ptr<UdpTransport> joined(const std::vector<std::string>& channels,
                                      const std::string& url) try {
-  auto transport = std::make_unique<UdpTransport>(node::parse_lcm_url(url));
+  auto transport = std::make_unique<UdpTransport>(session::parse_lcm_url(url));
   for (const std::string& channel : channels) transport->subscribe(channel);
   if (channels.empty()) transport->subscribe_all();
   transport->read_in_batches(std::chrono::milliseconds(1));  // so that no sender waits for it
   return transport;
 } catch (const std::exception& problem) {
-  throw diagnostics::bad_usage(problem.what());
+  throw base::bad_usage(problem.what());
 }
 
 /// The next message that can be decoded, as JSON; empty after so many seconds without one.
 std::string take(UdpTransport& transport, double seconds) {
-  const Clock::time_point end = Clock::now() + diagnostics::nanoseconds_of(seconds);
+  const Clock::time_point end = Clock::now() + base::nanoseconds_of(seconds);
   do {
-    std::vector<monitor::MessageField> fields;
-    monitor::Glance seen;
+    std::vector<live::MessageField> fields;
+    live::Glance seen;
     nlohmann::ordered_json json;
     {
       const py::gil_scoped_release unlocked;
       // In short waits: Ctrl-C may have come in between.
       const auto short_end = Clock::now() + std::chrono::milliseconds(50);
       if (const auto message = transport.receive(std::min(end, short_end))) {
-        seen = monitor::glance(message->payload, &fields);
+        seen = live::glance(message->payload, &fields);
         json["channel"] = message->channel;
       }
     }
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    if (seen.type.empty() || seen.rejection != bus::Rejection::none) continue;
+    if (seen.type.empty() || seen.rejection != messages::Rejection::none) continue;
     const auto& [utime, run, tick] = seen.stamp;
     json.update({{"type", seen.type}, {"utime", utime}, {"run", run}, {"tick", tick}});
     for (const auto& [name, unit, value] : fields) {
@@ -60,7 +60,7 @@ std::string take(UdpTransport& transport, double seconds) {
       if (!name.ends_with(']')) field = value;
       if (name.ends_with(']')) field.push_back(value);  // "value[0]", ...: rows of one list
     }
-    return diagnostics::json_text(json);
+    return base::json_text(json);
   } while (Clock::now() < end);
   return "";
 }

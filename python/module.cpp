@@ -10,51 +10,51 @@
 #include <optional>
 #include <stdexcept>
 
+#include "base/text.h"
+#include "base/version.h"
 #include "controller/program.h"
-#include "diagnostics/text.h"
-#include "diagnostics/version.h"
-#include "experiment/scenario.h"
+#include "in_process/in_process_loop.h"
 #include "logger/log_file.h"
 #include "logger/table.h"
 #include "plant/run_messages.h"
 #include "python/python_law.h"
 #include "robot/dynamics.h"
 #include "robot/kinematics.h"
-#include "study/in_process_loop.h"
+#include "scenario/scenario.h"
 
 /// The compiled half of the Python package: a robot's mechanics, runs as arrays, simulation and the
 /// controller's program; the rest of the package is tachless/__init__.py.
 namespace tachless::python {
 namespace {
 
-using diagnostics::Failure;
+using base::Failure;
 using py::literals::operator""_a;
 using robot::Model;
 
 Model read_robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides,
                  double gravity) {
-  const auto [text, options] = experiment::robot_file(urdf, overrides);
+  const auto [text, options] = scenario::robot_file(urdf, overrides);
   if (urdf.extension() == ".yaml" || urdf.extension() == ".yml") {
-    throw diagnostics::bad_usage("{}: a scenario; give the file of its robot.urdf", urdf.string());
+    throw base::bad_usage("{}: a scenario; give the file of its robot.urdf", urdf.string());
   }
   try {
     Model model = robot::model_from_urdf(text, urdf.string(), options);
     if (!std::isfinite(gravity)) {
-      throw diagnostics::bad_usage("gravity: {}; allowed: a finite number [m/s²]", gravity);
+      throw base::bad_usage("gravity: {}; allowed: a finite number [m/s²]", gravity);
     }
     model.gravity = model.gravity.normalized() * gravity;
     return model;
   } catch (const std::invalid_argument& problem) {
-    throw diagnostics::bad_usage(problem.what());
+    throw base::bad_usage(problem.what());
   }
 }
 
-py::array_t<double> forward(const Model& model, const robot::Vector& q, const robot::Vector& v,
-                            const robot::Vector& tau) {
+py::array_t<double> forward(const Model& model, const Vector& q, const Vector& v,
+                            const Vector& tau) {
   try {
     return array_of(robot::forward_dynamics(model, q, v, tau));
   } catch (const std::logic_error& problem) {
-    throw diagnostics::bad_usage(problem.what());
+    throw base::bad_usage(problem.what());
   }
 }
 
@@ -64,7 +64,7 @@ std::vector<std::string> links(const Model& model) {
   return all;
 }
 
-Eigen::Matrix4d pose(const Model& model, const std::string& link, const robot::Vector& q) {
+Eigen::Matrix4d pose(const Model& model, const std::string& link, const Vector& q) {
   const auto X = robot::frame_pose(model, link, q);
   Eigen::Matrix4d result = Eigen::Matrix4d::Identity();
   result.topLeftCorner<3, 3>() = X.R;
@@ -131,8 +131,8 @@ void declare_robot(py::module_& module) {
           "pose",
           [=](Robot robot, const std::string& link, Given q) {
             if (robot.frames.count(link) == 0) {
-              throw diagnostics::bad_usage("link: \"{}\"; this robot has {}", link,
-                                           diagnostics::joined(links(robot)));
+              throw base::bad_usage("link: \"{}\"; this robot has {}", link,
+                                    base::joined(links(robot)));
             }
             return pose(robot, link, vector(robot, q, "q"));
           },
@@ -147,7 +147,7 @@ struct Run {
     bool any = false;
   };
 
-  Run(const experiment::Scenario& of, const loop::LawInfo& by)
+  Run(const scenario::Scenario& of, const messages::LawInfo& by)
       : scenario(of.name),
         law(of.controller.law_text()),
         text(of.text),
@@ -159,13 +159,13 @@ struct Run {
   }
 
   /// One tick; what the record does not have is NaN.
-  void add(const loop::TickRecord& record) {
+  void add(const messages::TickRecord& record) {
     ticks.push_back(record.tick);
     for (Column& column : columns) {
       const std::size_t begin = column.values.size();
       column.values.resize(begin + column.quantity.units.size(),
                            std::numeric_limits<double>::quiet_NaN());
-      if (!loop::has(record, column.quantity.slot)) continue;
+      if (!messages::has(record, column.quantity.slot)) continue;
       column.quantity.read(record, column.values.data() + begin);
       column.any = true;
     }
@@ -185,7 +185,7 @@ struct Run {
     for (const Column& column : columns) {
       if (column.quantity.name == name) return column;
     }
-    throw py::key_error(fmt::format("{}: this run has {}", name, diagnostics::joined(names())));
+    throw py::key_error(fmt::format("{}: this run has {}", name, base::joined(names())));
   }
 
   std::string scenario, law, text;
@@ -217,7 +217,7 @@ Run read(const std::filesystem::path& path, std::int64_t id) {
       logger::RunLog::open(logger::find_log(path), id == 0 ? std::nullopt : std::optional(id));
   Run run(log.scenario(), log.info());
   run.run = log.run();
-  loop::TickRecord record;
+  messages::TickRecord record;
   while (log.next(record)) run.add(record);
   run.finish();
   return run;
@@ -227,22 +227,22 @@ Run read(const std::filesystem::path& path, std::int64_t id) {
 Run simulate(const std::filesystem::path& path, const std::vector<std::string>& overrides,
              const py::object& f, const std::string& name) {
   const bool own = !f.is_none();
-  experiment::Scenario scenario = experiment::load_scenario(path, overrides);
-  if (own && scenario.controller.law != experiment::external_law) {
+  scenario::Scenario scenario = scenario::load_scenario(path, overrides);
+  if (own && scenario.controller.law != controller::external_law_name) {
     scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
-    scenario.controller.law = experiment::external_law;
+    scenario.controller.law = controller::external_law_name;
   }
   controller::ScenarioLaw law = own ? python_law(scenario, f, name, Interrupt::passed_on)
                                     : controller::scenario_law(scenario);
   if (own) scenario.controller.announced = law->name();
   const py::gil_scoped_release unlocked;
   Run run(scenario, controller::law_info(*law));
-  study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {
+  in_process::run_in_process(scenario, std::move(law), [&](const in_process::TickRecord& tick) {
     if (tick.tick % 1000 == 0) {  // Ctrl-C; seldom, for it waits for the lock
       const py::gil_scoped_acquire locked;
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
-    loop::TickRecord record;
+    messages::TickRecord record;
     record.tick = tick.tick;
     record.measurement = tick.measurement;
     record.reference = tick.reference;
@@ -295,9 +295,8 @@ true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was m
           },
           "name"_a, "What run[name] is.")
       .def("__repr__", [](const Run& run) {
-        return diagnostics::printable(fmt::format("<tachless.Run {}, {}, {} ticks: {}>",
-                                                  run.scenario, run.law, run.ticks.size(),
-                                                  diagnostics::joined(run.names())));
+        return base::printable(fmt::format("<tachless.Run {}, {}, {} ticks: {}>", run.scenario,
+                                           run.law, run.ticks.size(), base::joined(run.names())));
       });
   module.def("read", &read);
   module.def("simulate", &simulate);
@@ -310,14 +309,14 @@ int run_controller(const std::vector<std::string>& words, const py::object& f,
   for (const std::string& word : words) argv.push_back(word.c_str());
   const py::gil_scoped_release unlocked;
   return tachless::run_controller(static_cast<int>(argv.size()), argv.data(),
-                                  [&](const experiment::Scenario& scenario) {
+                                  [&](const scenario::Scenario& scenario) {
                                     const py::gil_scoped_acquire locked;
                                     return python_law(scenario, f, name, Interrupt::a_failure);
                                   });
 }
 
 PYBIND11_MODULE(_tachless, module) {
-  module.attr("version") = std::string(diagnostics::version);
+  module.attr("version") = std::string(base::version);
   static const py::exception<Failure> error(module, "Error");
   // NOLINTNEXTLINE(performance-unnecessary-value-param): so pybind11 has it
   py::register_exception_translator([](std::exception_ptr raised) {

@@ -6,27 +6,26 @@
 #include <optional>
 #include <string_view>
 
-#include "diagnostics/failure.h"
-#include "loop/measurements.h"
+#include "base/failure.h"
+#include "messages/measurements.h"
 
 namespace tachless::python {
 namespace {
 
-using diagnostics::ExitCode;
-using diagnostics::Failure;
+using base::ExitCode;
+using base::Failure;
 
-Measurement measurement_of(const loop::AnyMeasurement& any) {
-  const auto or_none = [](const robot::Vector* x) {
+Measurement measurement_of(const messages::AnyMeasurement& any) {
+  const auto or_none = [](const Vector* x) {
     return x == nullptr || x->size() == 0 ? py::object(py::none()) : array_of(*x);
   };
-  const auto [q, v, theta, thetadot] = loop::parts_of(any);
+  const auto [q, v, theta, thetadot] = messages::parts_of(any);
   return {or_none(q), or_none(v), or_none(theta), or_none(thetadot)};
 }
 
 class PythonLaw final : public controller::AnyLaw {
  public:
-  PythonLaw(const experiment::Scenario& scenario, py::object f, std::string name,
-            Interrupt interrupt)
+  PythonLaw(const scenario::Scenario& scenario, py::object f, std::string name, Interrupt interrupt)
       : AnyLaw(scenario.loop),
         f_(std::move(f)),
         name_(std::move(name)),
@@ -48,38 +47,38 @@ class PythonLaw final : public controller::AnyLaw {
 
   [[nodiscard]] std::string_view name() const override { return name_; }
   [[nodiscard]] std::string_view measurement() const override { return measurement_; }
-  [[nodiscard]] std::span<const loop::Signal> signals() const override {
-    static constexpr std::array logged{loop::Signal{"error", "rad"}};
+  [[nodiscard]] std::span<const messages::Signal> signals() const override {
+    static constexpr std::array logged{messages::Signal{"error", "rad"}};
     bool links = false;
-    loop::with_measurement(measurement_, [&]<class M>(std::type_identity<M> /*type*/) {
-      links = loop::holds_links<M>;
+    messages::with_measurement(measurement_, [&]<class M>(std::type_identity<M> /*type*/) {
+      links = messages::holds_links<M>;
     });
     return std::span(logged).first(links ? 1 : 0);
   }
 
  private:
-  void compute(std::int64_t tick, const loop::AnyMeasurement& any,
-               const loop::ReferencePoint& reference, int ticks) override {
+  void compute(std::int64_t tick, const messages::AnyMeasurement& any,
+               const messages::ReferencePoint& reference, int ticks) override {
     std::visit(
         [&]<class M>(const M& measurement) {
           for (int i = 1; i < ticks; ++i) {
             const double share = static_cast<double>(i) / ticks;
             call(tick - ticks + i,
-                 loop::between(std::get<M>(measurement_of_step_), measurement, share),
-                 loop::between(reference_, reference, share));
+                 messages::between(std::get<M>(measurement_of_step_), measurement, share),
+                 messages::between(reference_, reference, share));
           }
           call(tick, measurement, reference, ticks == 0);
         },
         any);
     measurement_of_step_ = any;
     reference_ = reference;
-    if (const auto* const q = loop::parts_of(any)[0]) {
+    if (const auto* const q = messages::parts_of(any)[0]) {
       signals_of_step_ = {1, {*q - reference.q_ref}};
     }
   }
 
-  void call(std::int64_t tick, const loop::AnyMeasurement& measurement,
-            const loop::ReferencePoint& reference, bool anew = false) {
+  void call(std::int64_t tick, const messages::AnyMeasurement& measurement,
+            const messages::ReferencePoint& reference, bool anew = false) {
     in_python(tick, [&] {
       if (anew && py::hasattr(f_, "reset")) f_.attr("reset")();
       const py::object tau = f_(
@@ -119,37 +118,37 @@ class PythonLaw final : public controller::AnyLaw {
   Interrupt interrupt_;
   int num_joints_;
   double period_s_;
-  loop::AnyMeasurement measurement_of_step_;  ///< of the last one, as `reference_`
-  loop::ReferencePoint reference_;
+  messages::AnyMeasurement measurement_of_step_;  ///< of the last one, as `reference_`
+  messages::ReferencePoint reference_;
 };
 
 }  // namespace
 
-py::array_t<double> array_of(const robot::Vector& x) {
+py::array_t<double> array_of(const Vector& x) {
   py::array_t<double> result(x.size());
   std::copy(x.begin(), x.end(), result.mutable_data());
   return result;
 }
 
-robot::Vector vector_of(const py::handle& object, int size, const std::string& what) {
+Vector vector_of(const py::handle& object, int size, const std::string& what) {
   // Integers and floating point only: the cast would take None for NaN, and 1j for 0.
   const auto given = py::array::ensure(object);
   if (!given || std::string_view("iuf").find(given.dtype().kind()) == std::string_view::npos) {
-    throw diagnostics::bad_usage("{} is {}; needed: {} numbers", what,
-                                 std::string(py::str(py::repr(object))), size);
+    throw base::bad_usage("{} is {}; needed: {} numbers", what,
+                          std::string(py::str(py::repr(object))), size);
   }
   const py::array_t<double, py::array::c_style | py::array::forcecast> values(given);
   if (values.ndim() != 1 || values.shape(0) != size) {
     std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
-    throw diagnostics::bad_usage("{} has the shape ({}); needed: ({},)", what,
-                                 fmt::join(shape, ", "), size);
+    throw base::bad_usage("{} has the shape ({}); needed: ({},)", what, fmt::join(shape, ", "),
+                          size);
   }
-  robot::Vector result(size);
+  Vector result(size);
   std::copy_n(values.data(), size, result.data());
   return result;
 }
 
-controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
+controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt) {
   return std::make_unique<PythonLaw>(scenario, f, name, interrupt);
 }

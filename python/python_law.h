@@ -22,17 +22,17 @@ struct Reference {
 
 enum class Interrupt { passed_on, a_failure };
 
-py::array_t<double> array_of(const robot::Vector& x);
+py::array_t<double> array_of(const Vector& x);
 
-/// @throw diagnostics::Failure naming `what`, the shape that is needed and the one that came
-robot::Vector vector_of(const py::handle& object, int size, const std::string& what);
+/// @throw base::Failure naming `what`, the shape that is needed and the one that came
+Vector vector_of(const py::handle& object, int size, const std::string& what);
 
 /// `f(k, t, measurement, reference) -> torque`. Where it has a method `reset`, that is called
 /// before the first step, and whenever the memory has to begin anew (after a long gap in realtime).
-/// What it raises is a diagnostics::Failure; on `Interrupt::passed_on`, KeyboardInterrupt is not.
+/// What it raises is a base::Failure; on `Interrupt::passed_on`, KeyboardInterrupt is not.
 /// Logs the position error where it measures the links. To be used and destroyed without the GIL.
 /// @param name as announced; the law measures what the scenario's controller.measurement says
-controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
+controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt);
 
 /// The parts of the module with a source of their own.

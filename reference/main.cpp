@@ -1,12 +1,12 @@
-#include "node/options.h"
-#include "node/run_role.h"
 #include "reference/node.h"
+#include "session/options.h"
+#include "session/run_role.h"
 
 using namespace tachless;
 
 int main(int argc, char** argv) {
-  constexpr auto role = loop::Role::reference;
-  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::run_role(role, options, reference::run_node);
+  constexpr auto role = messages::Role::reference;
+  return session::run_process(role, argc, argv, [](const session::ProcessOptions& options) {
+    return session::run_role(role, options, reference::run_node);
   });
 }

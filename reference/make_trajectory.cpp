@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "diagnostics/text.h"
+#include "base/text.h"
 #include "robot/model.h"
 
 namespace tachless::reference {
@@ -29,7 +29,7 @@ std::vector<trajectory::Sine> sines_of(const Spec& spec) {
   return one == nullptr ? std::vector<trajectory::Sine>() : std::vector{*one};
 }
 
-Motion::Motion(const experiment::Scenario& scenario, const Trajectory& trajectory) {
+Motion::Motion(const scenario::Scenario& scenario, const Trajectory& trajectory) {
   const double run_s = scenario.loop.duration_s;
   double fastest_hz = 0, common_hz = 0;
   for (const trajectory::Sine& sine : sines_of(scenario.reference)) {
@@ -91,7 +91,7 @@ std::vector<double> Motion::closely(int at_least, int at_most) const {
   return instants(std::max(at_least, static_cast<int>(std::min<double>(wanted, at_most))));
 }
 
-Trajectory make_trajectory(const experiment::Scenario& scenario) {
+Trajectory make_trajectory(const scenario::Scenario& scenario) {
   const auto* const file = std::get_if<trajectory::MotionFile>(&scenario.reference);
   if (file != nullptr && file->motion == nullptr) {
     throw scenario.complaint("reference.file",
@@ -101,7 +101,7 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
   const robot::Model& model = *scenario.model;
   const robot::JointLabels joints = robot::joint_labels(model);
   for (const double t_s : Motion(scenario, made).closely()) {
-    const robot::Vector q_ref = made.at(t_s).q_ref;
+    const Vector q_ref = made.at(t_s).q_ref;
     for (Eigen::Index i = 0; i < q_ref.size(); ++i) {
       if (model.lower[i] <= q_ref[i] && q_ref[i] <= model.upper[i]) continue;
       const std::string_view name =
@@ -109,7 +109,7 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
       throw scenario.complaint(
           fmt::format("reference.{}", name),
           fmt::format("{} is at {} {} at t = {:g} s; allowed by the URDF: {:g} to {:g}",
-                      joints.joint(static_cast<std::size_t>(i)), diagnostics::shortest(q_ref[i]),
+                      joints.joint(static_cast<std::size_t>(i)), base::shortest(q_ref[i]),
                       joints.length[static_cast<std::size_t>(i)], t_s, model.lower[i],
                       model.upper[i]));
     }

@@ -4,9 +4,9 @@
 #include <variant>
 #include <vector>
 
-#include "experiment/scenario.h"
-#include "loop/signals.h"
-#include "reference/trajectories.h"
+#include "messages/signals.h"
+#include "reference/spec.h"
+#include "scenario/scenario.h"
 
 /// From what a scenario asks for to the reference at a time. Does not read the scenario's file.
 namespace tachless::reference {
@@ -27,17 +27,17 @@ class Trajectory {
             spec)) {}
 
   /// Position to snap at t [s] since the start of the run, one entry per joint. Allocates nothing.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const { return at_(t_s); }
+  [[nodiscard]] messages::ReferencePoint at(double t_s) const { return at_(t_s); }
 
  private:
-  using At = std::function<loop::ReferencePoint(double t_s)>;
+  using At = std::function<messages::ReferencePoint(double t_s)>;
   At at_;
 };
 
 /// The trajectory a scenario asks for.
-/// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
+/// @throw base::Failure(bad_usage), one line with file, line, key, value and allowed range,
 /// for a reference that leaves the joint limits of the URDF during the run.
-Trajectory make_trajectory(const experiment::Scenario& scenario);
+Trajectory make_trajectory(const scenario::Scenario& scenario);
 
 /// The sinusoids of a reference; empty: it is not made of them.
 std::vector<trajectory::Sine> sines_of(const Spec& spec);
@@ -48,7 +48,7 @@ std::vector<trajectory::Sine> sines_of(const Spec& spec);
 class Motion {
  public:
   /// Precondition: the table of a `MotionFile` was read.
-  Motion(const experiment::Scenario& scenario, const Trajectory& trajectory);
+  Motion(const scenario::Scenario& scenario, const Trajectory& trajectory);
 
   double begin_s = 0, end_s = 0;
   bool repeats = false;  ///< within the run

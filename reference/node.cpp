@@ -8,41 +8,41 @@
 #include <string>
 #include <utility>
 
-#include "bus/wire.h"
-#include "diagnostics/logging.h"
-#include "experiment/gains.h"
-#include "protocol/responders.h"
+#include "base/logging.h"
+#include "messages/wire.h"
 #include "reference/make_trajectory.h"
+#include "scenario/gains.h"
+#include "session/responders.h"
 
 namespace tachless::reference {
 namespace {
 
-using loop::Clock;
-using protocol::Verdict;
+using base::Clock;
+using session::Verdict;
 
 /// Accepts TICK, computes and publishes references.
 class Node {
  public:
-  Node(const experiment::Scenario& scenario, node::Link& link)
+  Node(const scenario::Scenario& scenario, session::Link& link)
       : link_(link),
         period_s_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1),
         num_joints_(scenario.num_joints),
         trajectory_(make_trajectory(scenario)),
-        tick_port_(bus::port<loop::Tick>(scenario.robot.channel_prefix,
-                                         loop::layout(scenario.num_joints, false))),
-        reference_port_(bus::port<loop::ReferencePoint>(scenario.robot.channel_prefix,
-                                                        loop::layout(scenario.num_joints, false))),
+        tick_port_(messages::port<messages::Tick>(scenario.robot.channel_prefix,
+                                                  messages::layout(scenario.num_joints, false))),
+        reference_port_(messages::port<messages::ReferencePoint>(
+            scenario.robot.channel_prefix, messages::layout(scenario.num_joints, false))),
         responder_(scenario.loop.num_ticks, reference_port_.codec.longest(),
-                   scenario.loop.mode == experiment::Mode::realtime) {
-    if (scenario.loop.mode == experiment::Mode::realtime) pace_.emplace(period_s_);
+                   scenario.loop.mode == scenario::Mode::realtime) {
+    if (scenario.loop.mode == scenario::Mode::realtime) pace_.emplace(period_s_);
     if (scenario.controller.gains_may_change) {
-      link_.on(loop::channel<loop::GainChange>(scenario.robot.channel_prefix),
+      link_.on(messages::channel<messages::GainChange>(scenario.robot.channel_prefix),
                [this](const bus::Datagram& datagram) { on_gains(datagram); });
     }
     link_.on(tick_port_.channel, [this](const bus::Datagram& datagram) {
-      loop::Stamp stamp;
-      loop::Tick tick;
+      messages::Stamp stamp;
+      messages::Tick tick;
       if (link_.accept(tick_port_.codec, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
     });
   }
@@ -66,7 +66,7 @@ class Node {
       return link_.count(Verdict::not_asked);
     }
     const auto answer = responder_.on_tick(tick, datagram.payload);
-    link_.count(answer.verdict, loop::Role::plant, datagram, tick);
+    link_.count(answer.verdict, messages::Role::plant, datagram, tick);
     if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
     link_.started(Clock::now());
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
@@ -83,11 +83,11 @@ class Node {
   /// A change of the law's gains: counts when its sender has seen the last one. Recorded ones have
   /// not.
   void on_gains(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
-    loop::GainChange change;
+    messages::Stamp stamp;
+    messages::GainChange change;
     if (!link_.accept(gains_codec_, datagram, stamp, change)) return;
-    if (!experiment::read_gains(change.gains, num_joints_)) {
-      link_.accept(bus::Rejection::bad_value, stamp);
+    if (!scenario::read_gains(change.gains, num_joints_)) {
+      link_.accept(messages::Rejection::bad_value, stamp);
       return;
     }
     const std::int64_t newest = responder_.newest();
@@ -95,7 +95,7 @@ class Node {
     if (newest < 0 || stamp.tick > newest) return link_.count(Verdict::not_asked);
     gains_ = std::move(change.gains);
     changed_at_ = newest + 1;
-    diagnostics::log_info("the law's gains from tick {} on: {}", changed_at_, gains_);
+    base::log_info("the law's gains from tick {} on: {}", changed_at_, gains_);
   }
 
   void publish(std::span<const std::byte> reference) {
@@ -103,42 +103,42 @@ class Node {
   }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
-  /// @throw diagnostics::Failure(protective_stop) when it is not finite.
+  /// @throw base::Failure(protective_stop) when it is not finite.
   std::span<const std::byte> compute(std::int64_t k) {
     const auto begin = Clock::now();
     const double time_s = static_cast<double>(k) * period_s_;
-    loop::ReferencePoint reference = trajectory_.at(time_s);
+    messages::ReferencePoint reference = trajectory_.at(time_s);
     reference.gains = gains_;
-    if (!bus::all_finite(reference)) {
-      throw diagnostics::Failure(
-          diagnostics::ExitCode::protective_stop,
+    if (!messages::all_finite(reference)) {
+      throw base::Failure(
+          base::ExitCode::protective_stop,
           "the reference at t = {:.6f} s (tick {}) is not finite; see `reference` in the scenario",
           time_s, k);
     }
-    const loop::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};
+    const messages::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};
     const auto bytes = reference_port_.codec.encode(stamp, reference);
     publish(bytes);
     link_.statistics().work_us.add(Clock::now() - begin);
     return bytes;
   }
 
-  node::Link& link_;
+  session::Link& link_;
   double period_s_;
   std::int64_t last_tick_;
   int num_joints_;
   Trajectory trajectory_;
-  bus::Port<loop::Tick> tick_port_;
-  bus::Port<loop::ReferencePoint> reference_port_;
-  bus::Codec<loop::GainChange> gains_codec_{loop::Layout{}};
+  messages::Port<messages::Tick> tick_port_;
+  messages::Port<messages::ReferencePoint> reference_port_;
+  messages::Codec<messages::GainChange> gains_codec_{messages::Layout{}};
   std::string gains_;             ///< changed in this run; empty: the scenario's
   std::int64_t changed_at_ = -1;  ///< the tick of the first reference with them
-  protocol::ReferenceResponder responder_;
-  std::optional<protocol::Pace> pace_;  ///< in realtime
+  session::ReferenceResponder responder_;
+  std::optional<session::Pace> pace_;  ///< in realtime
 };
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, node::Link& link) {
+void run_node(const scenario::Scenario& scenario, session::Link& link) {
   Node(scenario, link).run();
 }
 

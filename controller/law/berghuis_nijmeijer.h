@@ -45,7 +45,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
       "observer_ld lambda_min(M) > lambda_max(Kd) and what the Coriolis terms of the initial "
       "errors and of sup |v_ref| add, which kd has to exceed as well";
 
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
 
   /// With e = q - q_ref and delta = q - q_hat, rho = z - v_ref - Lambda delta. Both are zero, and
   /// stay so, while the error is constant: q_hat = q and z = v_ref.

@@ -25,7 +25,7 @@ class DifferenceOfError : public RigidLaw<PositionDifference::Gains> {
       "those of wen_bayard, and m h short beside the loop";
   static constexpr std::array signals{Signal{"error", "rad"}, Signal{"nu", "rad/s"}};
 
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
   using Memory = PositionDifference::Memory;
   using RigidLaw<PositionDifference::Gains>::RigidLaw;
 

@@ -21,7 +21,7 @@ class EstimatedVelocity : public RigidLaw<typename Estimator::Gains> {
  public:
   static constexpr std::array signals{Signal{"error", "rad"}, Signal{"v_hat", "rad/s"}};
 
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
   using Memory = typename Estimator::Memory;
   using Base::Base;
 

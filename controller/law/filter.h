@@ -1,38 +1,13 @@
 #pragma once
 
-#include <array>
 #include <cmath>
 #include <stdexcept>
-#include <string_view>
 #include <tuple>
 
-#include "robot/quantities.h"
-#include "schema/schema.h"
+#include "base/quantities.h"
+#include "controller/spec.h"
 
 namespace tachless::controller::law {
-
-/// How the continuous filter is carried over to sampled positions. Each is of the form
-/// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}).
-enum class Discretisation {
-  first_order_hold,  ///< ramp-invariant: exact for e piecewise linear
-  tustin,
-  backward_euler,
-  zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
-};
-/// As scenarios have them.
-constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
-  return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
-}
-
-/// Where the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)` begins.
-enum class FilterStart {
-  at_error,  ///< w(0) = e(0), hence nu(0) = 0
-  zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
-};
-/// As scenarios have them.
-constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
-  return {"at_error", "zero"};
-}
 
 /// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}) for one joint.
 struct FilterCoefficients {
@@ -68,16 +43,15 @@ class Filter {
  public:
   /// What is carried from one sample to the next.
   struct Memory {
-    robot::Vector nu;          ///< [rad/s]
-    robot::Vector e_previous;  ///< [rad]
+    Vector nu;          ///< [rad/s]
+    Vector e_previous;  ///< [rad]
 
     static constexpr std::tuple members{&Memory::nu, &Memory::e_previous};
   };
 
   /// @param a, b [1/s], one entry per joint, > 0. @param period_s [s], > 0.
   /// @throw std::invalid_argument when one of them is not positive or the lengths differ.
-  Filter(const robot::Vector& a, const robot::Vector& b, Discretisation kind, FilterStart start,
-         double period_s)
+  Filter(const Vector& a, const Vector& b, Discretisation kind, FilterStart start, double period_s)
       : a_(a), b_(b), start_(start), phi_(a), beta_(a) {
     if (a.size() != b.size()) {
       throw std::invalid_argument("filter: a and b must have one entry per joint");
@@ -91,8 +65,8 @@ class Filter {
 
   /// Memory before the first sample e(0) [rad] is given to `step`, which then returns the nu(0)
   /// that the kind of start asks for.
-  [[nodiscard]] Memory start(const robot::Vector& e) const {
-    Memory memory{robot::Vector::Zero(e.size()), e};
+  [[nodiscard]] Memory start(const Vector& e) const {
+    Memory memory{Vector::Zero(e.size()), e};
     if (start_ == FilterStart::zero) {
       // So that beta (e - e_previous) = B e.
       memory.e_previous -= b_.cwiseQuotient(beta_).cwiseProduct(e);
@@ -101,19 +75,19 @@ class Filter {
   }
 
   /// The memory after the next sample e [rad]; its `nu` is the output that belongs to that sample.
-  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& e) const {
     return {phi_.cwiseProduct(memory.nu) + beta_.cwiseProduct(e - memory.e_previous), e};
   }
 
   /// nudot = -A nu + B edot, the continuous filter's own equation [rad/s^2].
-  [[nodiscard]] robot::Vector derivative(const robot::Vector& nu, const robot::Vector& edot) const {
+  [[nodiscard]] Vector derivative(const Vector& nu, const Vector& edot) const {
     return b_.cwiseProduct(edot) - a_.cwiseProduct(nu);
   }
 
  private:
-  robot::Vector a_, b_;
+  Vector a_, b_;
   FilterStart start_;
-  robot::Vector phi_, beta_;
+  Vector phi_, beta_;
 };
 
 }  // namespace tachless::controller::law

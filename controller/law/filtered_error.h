@@ -17,7 +17,7 @@ class FilteredError : public RigidLaw<G> {
  public:
   static constexpr std::array signals{Signal{"error", "rad"}, Signal{"nu", "rad/s"}};
 
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
   using Memory = Filter::Memory;
   using RigidLaw<G>::RigidLaw;
 

@@ -33,7 +33,7 @@ class KalmanChain {
         gain("kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"),
         gain("process_noise", &Gains::process_noise, "rad^2/s^3; with order 3 rad^2/s^5",
              "Q: spectral density of the acceleration; with order 3 of the jerk"),
-        schema::Key{"order", &Gains::order, "integrators", "Length of the chain"}.in({2, 3}),
+        base::Key{"order", &Gains::order, "integrators", "Length of the chain"}.in({2, 3}),
         gain("measurement_noise", &Gains::measurement_noise, "rad",
              "Standard deviation of a measured position")
             .by_default("that of the scenario's encoder: one count / sqrt(12), and its noise")};

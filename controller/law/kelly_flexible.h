@@ -30,7 +30,7 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 
-  using Measurement = loop::MotorPositionMeasurement;
+  using Measurement = messages::MotorPositionMeasurement;
   using Memory = Filter::Memory;
   using LawOf::LawOf;
 

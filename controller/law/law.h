@@ -10,25 +10,24 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/quantities.h"
+#include "base/schema.h"
 #include "controller/law/filter.h"
-#include "loop/signals.h"
-#include "robot/quantities.h"
-#include "schema/schema.h"
+#include "messages/signals.h"
 
 /// What a control law is and what it declares; what laws are made of is in parts.h. A law includes
 /// robot/ and the signals of the loop and nothing else; it knows no ticks, messages or scenarios.
 namespace tachless::controller::law {
 
-using loop::ReferencePoint;
-using loop::Signal;
-using robot::Vector;
+using messages::ReferencePoint;
+using messages::Signal;
 
 /// What one step of a law returns: its next memory, its command, and what it wants logged.
 template <class Memory>
 struct Step {
-  Memory memory;                ///< for the next step
-  loop::TorqueCommand command;  ///< motor torque over the next tick [N m; N]
-  loop::LawSignals signals;     ///< as `L::signals` names them; for the log
+  Memory memory;                    ///< for the next step
+  messages::TorqueCommand command;  ///< motor torque over the next tick [N m; N]
+  messages::LawSignals signals;     ///< as `L::signals` names them; for the log
 };
 
 /// What does not belong to one law: sampling. Parameters are a law's own.
@@ -104,7 +103,7 @@ void for_each_vector(Memory& memory, const F& f) {
 /// What a law declares of itself, beside its equations: name, parameters (`Gains::keys`), logged
 /// signals, and in words its source, what is proved of it and under which conditions.
 template <class L>
-concept Declared = schema::has_keys<typename L::Gains> && requires {
+concept Declared = base::has_keys<typename L::Gains> && requires {
   { L::name } -> std::convertible_to<std::string_view>;
   { std::span(L::signals) } -> std::convertible_to<std::span<const Signal>>;
   { L::source } -> std::convertible_to<std::string_view>;
@@ -128,8 +127,8 @@ concept Law = Declared<L> && DeclaredMemory<typename L::Memory> &&
 
 /// Lock on velocity: the measurement is exactly a type that holds positions and nothing else.
 template <class Measurement>
-concept PositionOnly = std::same_as<Measurement, loop::PositionMeasurement> ||
-    std::same_as<Measurement, loop::MotorPositionMeasurement>;
+concept PositionOnly = std::same_as<Measurement, messages::PositionMeasurement> ||
+    std::same_as<Measurement, messages::MotorPositionMeasurement>;
 
 template <class L>
 concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
@@ -138,7 +137,7 @@ concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 
 /// From what a law's rule of thumb for its gains starts: two poles at the bandwidth w for each
 /// joint taken alone. A law that has one declares `static Gains tuned(const Tuning&)`. The rule
-/// looks at no margin: `design` does (tuning/design.h).
+/// looks at no margin: `design` does (analysis/design/design.h).
 struct Tuning {
   double w = 0;            ///< bandwidth [rad/s]
   double damping = 1;      ///< of the two poles
@@ -179,11 +178,11 @@ using LawStep = std::function<std::pair<Eigen::VectorXd, Eigen::VectorXd>(const 
 
 /// The whole state of a closed loop at one instant.
 struct LoopState {
-  Vector q;                     ///< links [rad; m]
-  Vector v;                     ///< [rad/s; m/s]
-  Vector theta;                 ///< motors [rad]; empty on a rigid robot
-  Vector thetadot;              ///< [rad/s]; likewise
-  loop::LawSignals controller;  ///< what the law logged for the same tick
+  Vector q;                         ///< links [rad; m]
+  Vector v;                         ///< [rad/s; m/s]
+  Vector theta;                     ///< motors [rad]; empty on a rigid robot
+  Vector thetadot;                  ///< [rad/s]; likewise
+  messages::LawSignals controller;  ///< what the law logged for the same tick
 };
 
 /// The weights of the cross terms of V, (eps_1 e - eps_2 nu)' M edot: diagonal matrices, by their

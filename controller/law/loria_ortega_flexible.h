@@ -53,7 +53,7 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
       "loria_ortega_rigid on eps with this D, Kp = [Kp1 + K, -K; -K, Kp2 + K] and block diagonal "
       "Kd, A, B; a reference that is four times continuously differentiable";
 
-  using Measurement = loop::LinkStateMeasurement;
+  using Measurement = messages::LinkStateMeasurement;
   struct Memory {
     Filter::Memory link, motor;
 
@@ -140,6 +140,6 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
 };
 
 static_assert(Law<LoriaOrtegaFlexible>);
-static_assert(std::same_as<LoriaOrtegaFlexible::Measurement, loop::LinkStateMeasurement>);
+static_assert(std::same_as<LoriaOrtegaFlexible::Measurement, messages::LinkStateMeasurement>);
 
 }  // namespace tachless::controller::law

@@ -8,12 +8,12 @@
 namespace tachless::controller::law {
 
 struct MatrixGains {
-  robot::Matrix kp, kd;
+  Matrix kp, kd;
   double a = 0, b = 0;
 
   static constexpr std::tuple keys{
-      schema::Key{"kp", &MatrixGains::kp, "N m/rad", "Weight of the position errors"},
-      schema::Key{"kd", &MatrixGains::kd, "N m s/rad", "Weight of the filter outputs"},
+      base::Key{"kp", &MatrixGains::kp, "N m/rad", "Weight of the position errors"},
+      base::Key{"kd", &MatrixGains::kd, "N m s/rad", "Weight of the filter outputs"},
       gain("a", &MatrixGains::a, "1/s", "Filter pole of all joints"),
       gain("b", &MatrixGains::b, "1/s", "Filter gain of all joints")};
 };

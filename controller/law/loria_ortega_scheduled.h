@@ -42,14 +42,14 @@ class LoriaOrtegaScheduled : public FilteredError<LoriaOrtegaScheduled, Schedule
 
   [[nodiscard]] Vector feedback(const Vector& tau, const Vector& e, const Vector& nu,
                                 const ReferencePoint& reference) const {
-    const robot::Matrix M = robot::mass_matrix(robot_, reference.q_ref);
+    const Matrix M = robot::mass_matrix(robot_, reference.q_ref);
     const Vector inertial = tau - M.lazyProduct(weighted_sum(e, nu));
     return settings_.viscous.size() == 0 ? inertial
                                          : inertial - gains_.w * settings_.viscous.cwiseProduct(e);
   }
   [[nodiscard]] Vector feedback_rate(const Vector& e, const Vector& nu,
                                      const ReferencePoint& reference) const {
-    const robot::Matrix C = robot::coriolis_matrix(robot_, reference.q_ref, reference.v_ref);
+    const Matrix C = robot::coriolis_matrix(robot_, reference.q_ref, reference.v_ref);
     const Vector x = weighted_sum(e, nu);
     return C.lazyProduct(x) + C.transpose().lazyProduct(x);  // Mdot = C + C'
   }

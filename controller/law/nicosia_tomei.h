@@ -49,7 +49,7 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
       "observer_kd lambda_min(M) > k_c (sup |v| and what the initial errors add), with |C(q, x) y| "
       "<= k_c |x| |y|; small initial errors, the observer's included; the torque acts as commanded";
 
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
 
   struct Memory {
     Vector delta;       ///< q - x1 [rad]
@@ -117,8 +117,8 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
     const Vector& tau = memory.tau[delay_];
     const Vector q_middle = memory.q_previous + 0.5 * advance;
     const Vector v_hat = memory.x2 + kd * memory.delta;
-    const robot::Matrix M = robot::mass_matrix(robot_, q_middle);
-    robot::Matrix matrix = (1 + h * kd / 2) * M;
+    const Matrix M = robot::mass_matrix(robot_, q_middle);
+    Matrix matrix = (1 + h * kd / 2) * M;
     matrix.diagonal() += h * h / 4 * gains_.observer_ko;
     if (robot::factorise(matrix) >= 0) {
       throw std::logic_error("nicosia_tomei: the inertia matrix is not positive definite");

@@ -30,8 +30,7 @@ class PositionDifference {
     static constexpr std::tuple keys{
         gain("kp", &Gains::kp, "N m/rad", "Weight of the position error"),
         gain("kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"),
-        schema::Key{"samples", &Gains::samples, "ticks",
-                    "m: over how many periods the difference is"}
+        base::Key{"samples", &Gains::samples, "ticks", "m: over how many periods the difference is"}
             .in({1, most_samples})};
   };
 

@@ -15,9 +15,9 @@ namespace tachless::controller::law {
 
 /// A parameter that has to be greater than 0.
 template <class Gains, class Member>
-constexpr schema::Key<Gains, Member> gain(std::string_view name, Member Gains::*member,
-                                          std::string_view unit, std::string_view meaning) {
-  return schema::Key{name, member, unit, meaning}.in(schema::positive);
+constexpr base::Key<Gains, Member> gain(std::string_view name, Member Gains::*member,
+                                        std::string_view unit, std::string_view meaning) {
+  return base::Key{name, member, unit, meaning}.in(base::positive);
 }
 
 /// Gains of a law that commands -Kp e - Kd edot, one of each per joint.
@@ -144,7 +144,7 @@ using FlexibleLaw = LawOf<FlexibleRobot, Gains>;
 
 /// Base of the laws that are fed the full state and keep nothing from one tick to the next.
 struct FullState {
-  using Measurement = loop::StateMeasurement;  ///< what it is fed
+  using Measurement = messages::StateMeasurement;  ///< what it is fed
   struct Memory {};
 
   /// Nothing.

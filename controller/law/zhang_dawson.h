@@ -40,7 +40,7 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
       "k large enough, by the bounds of the robot's model and of the reference; the source's robot "
       "has viscous friction";
 
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
 
   struct Memory {
     Vector y;           ///< in (-1, 1) where the law is defined

@@ -33,16 +33,16 @@ class Channels {
 
   /// Waits for a message, until `deadline`, and takes the newest that is there; whether one came.
   /// Damaged ones do not count.
-  bool receive(Heard& message, loop::Clock::time_point deadline) {
+  bool receive(Heard& message, base::Clock::time_point deadline) {
     bool heard = false;
     do {  // a signal ends a wait, and is none of the deadline
       while (const auto datagram =
-                 transport_.receive(heard ? loop::Clock::time_point() : deadline)) {
+                 transport_.receive(heard ? base::Clock::time_point() : deadline)) {
         if (!decode(datagram->payload)) continue;
         std::swap(message, next_);
         heard = true;
       }
-    } while (!heard && loop::Clock::now() < deadline);
+    } while (!heard && base::Clock::now() < deadline);
     return heard;
   }
 

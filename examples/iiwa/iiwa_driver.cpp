@@ -2,11 +2,11 @@
 // has to run with --torque_only --time_step=0.001 (the period of the scenario): without
 // --torque_only it holds the last torque for ever when commands cease.
 
-#include <tachless/diagnostics/failure.h>
-#include <tachless/node/options.h>
-#include <tachless/node/run_role.h>
+#include <tachless/base/failure.h>
 #include <tachless/plant/node.h>
 #include <tachless/plant/robot_driver.h>
+#include <tachless/session/options.h>
+#include <tachless/session/run_role.h>
 #include "channels.h"
 
 using namespace tachless;
@@ -15,8 +15,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-robot::Vector vector_of(const std::vector<double>& numbers) {
-  const auto size = std::min<std::size_t>(numbers.size(), robot::max_joints);
+Vector vector_of(const std::vector<double>& numbers) {
+  const auto size = std::min<std::size_t>(numbers.size(), max_joints);
   return Eigen::Map<const Eigen::VectorXd>(numbers.data(), static_cast<Eigen::Index>(size));
 }
 
@@ -32,21 +32,21 @@ class IiwaDriver final : public plant::ClockDriver {
 
   void stop() override {
     // After 50 ms without a command drake-iiwa-driver holds the arm where it is.
-    if (status_.num_joints > 0) send(robot::Vector::Zero(status_.num_joints));
+    if (status_.num_joints > 0) send(Vector::Zero(status_.num_joints));
   }
 
  private:
-  plant::ArmState exchange(const robot::Vector& tau) override {
+  plant::ArmState exchange(const Vector& tau) override {
     if (tau.size() > 0) send(tau);
     // The first status may be that of a driver that has just been started. Later waits endanger
     // nothing: without commands drake-iiwa-driver holds the arm itself (`stop`), and ticks that
     // passed meanwhile are counted as missed.
     const std::chrono::milliseconds longest = status_.num_joints == 0 ? 3000ms : 500ms;
-    if (!channels_.receive(status_, loop::Clock::now() + longest)) {
-      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
-                                 "no message on {} for {} ms: does drake-iiwa-driver run, on this "
-                                 "LCM URL, and is the arm in torque mode?",
-                                 iiwa::status_channel, longest.count());
+    if (!channels_.receive(status_, base::Clock::now() + longest)) {
+      throw base::Failure(base::ExitCode::protective_stop,
+                          "no message on {} for {} ms: does drake-iiwa-driver run, on this "
+                          "LCM URL, and is the arm in torque mode?",
+                          iiwa::status_channel, longest.count());
     }
     plant::ArmState state;
     state.q = vector_of(status_.joint_position_measured);
@@ -55,7 +55,7 @@ class IiwaDriver final : public plant::ClockDriver {
     return state;
   }
 
-  void send(const robot::Vector& tau) {
+  void send(const Vector& tau) {
     command_.utime = status_.utime;
     // The measured positions as set-points: nothing for a stiffness to pull at.
     command_.num_joints = status_.num_joints;
@@ -73,10 +73,10 @@ class IiwaDriver final : public plant::ClockDriver {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr auto role = loop::Role::plant;
-  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    IiwaDriver driver(node::parse_lcm_url(options.lcm_url));
-    return node::run_role(role, options, [&driver](const auto& scenario, auto& link) {
+  constexpr auto role = messages::Role::plant;
+  return session::run_process(role, argc, argv, [](const session::ProcessOptions& options) {
+    IiwaDriver driver(session::parse_lcm_url(options.lcm_url));
+    return session::run_role(role, options, [&driver](const auto& scenario, auto& link) {
       if (scenario.robot.channel_prefix == "IIWA") {
         throw scenario.complaint("robot.name",
                                  "iiwa: IIWA_COMMAND is drake-iiwa-driver's; take another name");

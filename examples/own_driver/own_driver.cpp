@@ -2,11 +2,11 @@
 
 #include <chrono>
 
-#include <tachless/node/options.h>
-#include <tachless/node/run_role.h>
 #include <tachless/plant/node.h>
 #include <tachless/plant/plant_model.h>
 #include <tachless/plant/robot_driver.h>
+#include <tachless/session/options.h>
+#include <tachless/session/run_role.h>
 #include "rig.h"
 
 using namespace tachless;
@@ -24,37 +24,37 @@ class RigDriver final : public plant::RobotDriver {
 
   plant::ArmState read() override {
     if (rig_.watchdog_has_tripped()) {
-      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
-                                 "the rig's drives had no torque for 500 ms and have braked");
+      throw base::Failure(base::ExitCode::protective_stop,
+                          "the rig's drives had no torque for 500 ms and have braked");
     }
     const auto now = std::chrono::steady_clock::now();
     plant::ArmState state;
     state.q = rig_.read_encoders();
     // For the log; no law sees it.
     const double passed_s = std::chrono::duration<double>(now - read_at_).count();
-    state.v = robot::Vector::Zero(state.q.size());
+    state.v = Vector::Zero(state.q.size());
     if (last_q_.size() != 0) state.v = (state.q - last_q_) / passed_s;
     last_q_ = state.q;
     read_at_ = now;
     return state;
   }
 
-  void hold(const robot::Vector& tau, double /*until_s*/) override { rig_.write_torque(tau); }
+  void hold(const Vector& tau, double /*until_s*/) override { rig_.write_torque(tau); }
 
   void stop() override { rig_.brake(); }
 
  private:
   own_driver::Rig& rig_;
-  robot::Vector last_q_;
+  Vector last_q_;
   std::chrono::steady_clock::time_point read_at_;
 };
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr auto role = loop::Role::plant;
-  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::run_role(role, options, [](const auto& scenario, auto& link) {
+  constexpr auto role = messages::Role::plant;
+  return session::run_process(role, argc, argv, [](const session::ProcessOptions& options) {
+    return session::run_role(role, options, [](const auto& scenario, auto& link) {
       own_driver::Rig rig(plant::plant_model(scenario));
       RigDriver driver(rig);
       plant::run_driver(scenario, link, driver);

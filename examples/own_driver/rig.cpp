@@ -16,11 +16,7 @@ constexpr double count = 2 * std::numbers::pi / (1 << 20);
 }  // namespace
 
 Rig::Rig(const robot::Model& model)
-    : model_(model),
-      q_(robot::Vector::Zero(model.num_joints)),
-      v_(q_),
-      tau_(q_),
-      now_(Clock::now()) {}
+    : model_(model), q_(Vector::Zero(model.num_joints)), v_(q_), tau_(q_), now_(Clock::now()) {}
 
 void Rig::move_on() {
   const auto until = Clock::now();
@@ -41,7 +37,7 @@ void Rig::move_on() {
   }
 }
 
-robot::Vector Rig::read_encoders() {
+Vector Rig::read_encoders() {
   move_on();
   return (q_ / count).array().round() * count;
 }
@@ -52,7 +48,7 @@ void Rig::enable() {
   written_ = now_;
 }
 
-void Rig::write_torque(const robot::Vector& tau) {
+void Rig::write_torque(const Vector& tau) {
   move_on();
   tau_ = tau;
   written_ = now_;

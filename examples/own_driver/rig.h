@@ -17,10 +17,10 @@ class Rig {
   /// Hangs still at q = 0, brakes closed.
   explicit Rig(const robot::Model& model);
 
-  [[nodiscard]] robot::Vector read_encoders();  ///< [rad]
-  void enable();                                ///< opens the brakes
-  void write_torque(const robot::Vector& tau);  ///< [N m], from now on
-  void brake();                                 ///< no torque, brakes closed
+  [[nodiscard]] Vector read_encoders();  ///< [rad]
+  void enable();                         ///< opens the brakes
+  void write_torque(const Vector& tau);  ///< [N m], from now on
+  void brake();                          ///< no torque, brakes closed
   /// Whether the drives have braked by themselves.
   [[nodiscard]] bool watchdog_has_tripped();
 
@@ -30,7 +30,7 @@ class Rig {
   void move_on();
 
   robot::Model model_;
-  robot::Vector q_, v_, tau_;
+  Vector q_, v_, tau_;
   Clock::time_point now_;  ///< of q_ and v_
   Clock::time_point written_;
   bool enabled_ = false;

@@ -6,17 +6,15 @@
 #include <tuple>
 #include <utility>
 
+#include <tachless/base/schema.h>
 #include <tachless/controller/law/law.h>
 #include <tachless/controller/program.h>
 #include <tachless/robot/dynamics.h>
 #include <tachless/robot/model.h>
-#include <tachless/schema/schema.h>
 
 using namespace tachless;
 
 namespace {
-
-using robot::Vector;
 
 /// Loria and Ortega's law for rigid joints, from positions alone:
 ///
@@ -27,7 +25,8 @@ class MyLaw {
  public:
   // What report, info and error messages say of it.
   static constexpr std::string_view name = "my_law";
-  static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
+  static constexpr std::array signals = {messages::Signal{"error", "rad"},
+                                         messages::Signal{"nu", "rad/s"}};
   static constexpr std::string_view source = "own work";
   static constexpr std::string_view proved = "nothing yet";
   static constexpr std::string_view conditions = "none known";
@@ -35,7 +34,7 @@ class MyLaw {
   static constexpr bool has_feedforward_lead = false;
 
   // What it is fed with, and so all that it can see.
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
   using Robot = robot::Model;
 
   // The scenario's controller.gains: names, units, allowed values.
@@ -43,12 +42,10 @@ class MyLaw {
     Vector kp, kd, a, b;
 
     static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
-            schema::positive),
-        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
-        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
+        base::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(base::positive),
+        base::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(base::positive),
+        base::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(base::positive),
+        base::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(base::positive)};
   };
 
   // What it keeps between ticks.
@@ -63,15 +60,15 @@ class MyLaw {
       : model_(std::move(model)), gains_(std::move(gains)), period_s_(settings.period_s) {}
 
   [[nodiscard]] Memory start(const Measurement& measurement,
-                             const loop::ReferencePoint& reference) const {
+                             const messages::ReferencePoint& reference) const {
     const Vector e = measurement.q - reference.q_ref;
     return {Vector::Zero(e.size()), e};
   }
 
   /// Once per period; after lost measurements the caller interpolates those in between.
-  [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
-                                                   const Measurement& measurement,
-                                                   const loop::ReferencePoint& reference) const {
+  [[nodiscard]] controller::law::Step<Memory> step(
+      const Memory& memory, const Measurement& measurement,
+      const messages::ReferencePoint& reference) const {
     const Vector e = measurement.q - reference.q_ref;
     const Vector shrinks = (1 + gains_.a.array() * period_s_).inverse();
     const Vector nu =

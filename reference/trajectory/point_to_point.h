@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <string_view>
 
-#include "loop/signals.h"
-#include "schema/schema.h"
+#include "base/schema.h"
+#include "messages/signals.h"
 
 namespace tachless::reference::trajectory {
 
@@ -12,26 +12,25 @@ namespace tachless::reference::trajectory {
 /// s = (t - start) / duration: the one polynomial of degree 9 that is at rest through snap at both
 /// ends. Before `start_s` it holds `from`, after start_s + duration_s `to`, so it is C4 everywhere.
 struct PointToPoint {
-  robot::Vector from_rad;  ///< [rad; m if prismatic]
-  robot::Vector to_rad;    ///< [rad; m if prismatic]
+  Vector from_rad;  ///< [rad; m if prismatic]
+  Vector to_rad;    ///< [rad; m if prismatic]
   double start_s = 0;
   double duration_s = 1;  ///< > 0
 
   static constexpr std::string_view name = "point_to_point";
   static constexpr std::tuple keys{
-      schema::Key{"from_rad", &PointToPoint::from_rad, "rad (m)",
-                  "Degree-9 polynomial, at rest through snap at both ends"},
-      schema::Key{"to_rad", &PointToPoint::to_rad, "rad (m)", "End of the motion"},
-      schema::Key{"start_s", &PointToPoint::start_s, "s", "Until then at `from_rad`"}
-          .in(schema::not_negative)
+      base::Key{"from_rad", &PointToPoint::from_rad, "rad (m)",
+                "Degree-9 polynomial, at rest through snap at both ends"},
+      base::Key{"to_rad", &PointToPoint::to_rad, "rad (m)", "End of the motion"},
+      base::Key{"start_s", &PointToPoint::start_s, "s", "Until then at `from_rad`"}
+          .in(base::not_negative)
           .by_default(),
-      schema::Key{"duration_s", &PointToPoint::duration_s, "s",
-                  "Of the motion; after it at `to_rad`"}
-          .in(schema::positive)
+      base::Key{"duration_s", &PointToPoint::duration_s, "s", "Of the motion; after it at `to_rad`"}
+          .in(base::positive)
           .by_default()};
 
   /// Position to snap at t [s], each in closed form.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
+  [[nodiscard]] messages::ReferencePoint at(double t_s) const;
 
  private:
   /// p(s) for s <= 1/2, where its terms do not cancel.
@@ -40,7 +39,7 @@ struct PointToPoint {
   }
 };
 
-inline loop::ReferencePoint PointToPoint::at(double t_s) const {
+inline messages::ReferencePoint PointToPoint::at(double t_s) const {
   const double s = std::clamp((t_s - start_s) / duration_s, 0.0, 1.0);
   // p'(s) = 630 u^4 with u = s (1 - s); the rest follows with u' = 1 - 2 s, u'' = -2.
   const double u = s * (1 - s);
@@ -51,8 +50,8 @@ inline loop::ReferencePoint PointToPoint::at(double t_s) const {
   const double jerk = 2520 * u * u * (3 - 14 * u) * rate * rate * rate;
   const double snap = 15120 * u * (1 - 7 * u) * u1 * rate * rate * rate * rate;
 
-  const robot::Vector way = to_rad - from_rad;
-  loop::ReferencePoint point;
+  const Vector way = to_rad - from_rad;
+  messages::ReferencePoint point;
   // p(s) = 1 - p(1 - s): each end is approached from itself, and reached exactly.
   if (s <= 0.5) {
     point.q_ref = from_rad + rise(s) * way;

@@ -6,26 +6,26 @@
 #include <tuple>
 #include <vector>
 
-#include "loop/signals.h"
+#include "base/schema.h"
+#include "messages/signals.h"
 #include "reference/trajectory/hold.h"
-#include "schema/schema.h"
 
 namespace tachless::reference::trajectory {
 
 /// One sine wave per joint; all vectors have one entry per joint.
 struct Sine {
-  robot::Vector amplitude_rad;  ///< [rad; m if prismatic]
-  robot::Vector frequency_hz;   ///< [Hz]
-  robot::Vector phase_rad;      ///< [rad]
+  Vector amplitude_rad;  ///< [rad; m if prismatic]
+  Vector frequency_hz;   ///< [Hz]
+  Vector phase_rad;      ///< [rad]
 
   static constexpr std::tuple keys{
-      schema::Key{"amplitude_rad", &Sine::amplitude_rad, "rad (m)",
-                  "amplitude sin(2π frequency t + phase)"},
-      schema::Key{"frequency_hz", &Sine::frequency_hz, "Hz", "Frequency"}.in(schema::not_negative),
-      schema::Key{"phase_rad", &Sine::phase_rad, "rad", "Phase at t = 0"}.by_default(0)};
+      base::Key{"amplitude_rad", &Sine::amplitude_rad, "rad (m)",
+                "amplitude sin(2π frequency t + phase)"},
+      base::Key{"frequency_hz", &Sine::frequency_hz, "Hz", "Frequency"}.in(base::not_negative),
+      base::Key{"phase_rad", &Sine::phase_rad, "rad", "Phase at t = 0"}.by_default(0)};
 
   /// Adds amplitude_i sin(2 pi frequency_i t + phase_i) and its derivatives.
-  void add_to(loop::ReferencePoint& point, double t_s) const {
+  void add_to(messages::ReferencePoint& point, double t_s) const {
     for (Eigen::Index i = 0; i < amplitude_rad.size(); ++i) {
       const double w = 2 * std::numbers::pi * frequency_hz[i];
       const double angle = w * t_s + phase_rad[i];
@@ -43,18 +43,18 @@ struct Sine {
 /// q_ref_i(t) = offset_i + sum over terms of amplitude_i sin(2 pi frequency_i t + phase_i),
 /// for all t.
 struct MultiSine {
-  robot::Vector offset_rad;  ///< [rad; m if prismatic]
+  Vector offset_rad;  ///< [rad; m if prismatic]
   std::vector<Sine> terms;
 
   static constexpr std::string_view name = "multi_sine";
   static constexpr std::tuple keys{
-      schema::Key{"offset_rad", &MultiSine::offset_rad, "rad (m)", "offset + sum of sinusoids"}
+      base::Key{"offset_rad", &MultiSine::offset_rad, "rad (m)", "offset + sum of sinusoids"}
           .by_default(0),
-      schema::Key{"terms", &MultiSine::terms, "", "One map per sinusoid"}};
+      base::Key{"terms", &MultiSine::terms, "", "One map per sinusoid"}};
 
   /// Position to snap at t [s], each differentiated in closed form.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const {
-    loop::ReferencePoint point = Hold{offset_rad}.at(t_s);
+  [[nodiscard]] messages::ReferencePoint at(double t_s) const {
+    messages::ReferencePoint point = Hold{offset_rad}.at(t_s);
     for (const Sine& term : terms) term.add_to(point, t_s);
     return point;
   }
@@ -62,17 +62,17 @@ struct MultiSine {
 
 /// q_ref_i(t) = offset_i + amplitude_i sin(2 pi frequency_i t + phase_i), for all t.
 struct Sinusoid : Sine {
-  robot::Vector offset_rad;  ///< [rad; m if prismatic]
+  Vector offset_rad;  ///< [rad; m if prismatic]
 
   static constexpr std::string_view name = "sinusoid";
   static constexpr auto keys = std::tuple_cat(
       Sine::keys,
       std::tuple{
-          schema::Key{"offset_rad", &Sinusoid::offset_rad, "rad (m)", "Middle"}.by_default(0)});
+          base::Key{"offset_rad", &Sinusoid::offset_rad, "rad (m)", "Middle"}.by_default(0)});
 
   /// Position to snap at t [s], each differentiated in closed form.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const {
-    loop::ReferencePoint point = Hold{offset_rad}.at(t_s);
+  [[nodiscard]] messages::ReferencePoint at(double t_s) const {
+    messages::ReferencePoint point = Hold{offset_rad}.at(t_s);
     add_to(point, t_s);
     return point;
   }

@@ -136,7 +136,7 @@ Eigen::MatrixXd positions_of(const Waypoints& points) {
 
 }  // namespace
 
-std::optional<schema::Refusal> Waypoints::refusal() const {
+std::optional<base::Refusal> Waypoints::refusal() const {
   if (time_s.size() < 2) {
     return {{"time_s", fmt::format("{} times; allowed: at least 2", time_s.size())}};
   }
@@ -152,7 +152,7 @@ std::optional<schema::Refusal> Waypoints::refusal() const {
     return {{"position_rad", fmt::format("{} positions; allowed: {}, one per time",
                                          position_rad.size(), time_s.size())}};
   }
-  for (const robot::Vector& position : position_rad) {
+  for (const Vector& position : position_rad) {
     if (position.size() != position_rad.front().size()) {
       return {{"position_rad",
                fmt::format("a position with {} entries, the first has {}; allowed: one per joint",
@@ -171,9 +171,9 @@ WaypointSpline::WaypointSpline(std::vector<double> time_s, Eigen::MatrixXd posit
       scale_((time_s_.back() - time_s_.front()) / static_cast<double>(time_s_.size() - 1)),
       inner_(solution(equations(time_s_, position_, scale_), position_.rows())) {}
 
-loop::ReferencePoint WaypointSpline::at(double t_s) const {
+messages::ReferencePoint WaypointSpline::at(double t_s) const {
   const Eigen::Index num_joints = position_.rows();
-  const robot::Vector zero = robot::Vector::Zero(num_joints);
+  const Vector zero = Vector::Zero(num_joints);
   if (t_s <= time_s_.front()) return {position_.col(0), zero, zero, zero, zero};
   const Eigen::Index last = position_.cols() - 1;
   if (t_s >= time_s_.back()) return {position_.col(last), zero, zero, zero, zero};
@@ -189,7 +189,7 @@ loop::ReferencePoint WaypointSpline::at(double t_s) const {
     return point == 0 || point == last ? 0.0 : inner_(2 * point - 2 + which, joint);
   };
 
-  loop::ReferencePoint point{zero, zero, zero, zero, zero};
+  messages::ReferencePoint point{zero, zero, zero, zero, zero};
   for (Eigen::Index joint = 0; joint < num_joints; ++joint) {
     const Coefficients c =
         piece(index, num_pieces, position_(joint, i), unknown(i, 0, joint) * ratio,

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "loop/signals.h"
-#include "schema/schema.h"
+#include "base/schema.h"
+#include "messages/signals.h"
 
 namespace tachless::reference::trajectory {
 
@@ -29,7 +29,7 @@ class WaypointSpline {
   WaypointSpline(std::vector<double> time_s, Eigen::MatrixXd position);
 
   /// Position to snap at t [s], each differentiated in closed form.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
+  [[nodiscard]] messages::ReferencePoint at(double t_s) const;
 
   [[nodiscard]] const std::vector<double>& time_s() const { return time_s_; }
 
@@ -44,25 +44,25 @@ class WaypointSpline {
 
 /// Positions and when to be there.
 struct Waypoints {
-  std::vector<double> time_s;               ///< at least two, strictly increasing
-  std::vector<robot::Vector> position_rad;  ///< one per time, of one length [rad; m if prismatic]
+  std::vector<double> time_s;        ///< at least two, strictly increasing
+  std::vector<Vector> position_rad;  ///< one per time, of one length [rad; m if prismatic]
 
   static constexpr std::string_view name = "waypoints";
   static constexpr std::tuple keys{
-      schema::Key{"time_s", &Waypoints::time_s, "s",
-                  "At least two, increasing: C4 spline, at rest at both ends"}
-          .in(schema::not_negative),
-      schema::Key{"position_rad", &Waypoints::position_rad, "rad (m)", "One entry per time"}};
+      base::Key{"time_s", &Waypoints::time_s, "s",
+                "At least two, increasing: C4 spline, at rest at both ends"}
+          .in(base::not_negative),
+      base::Key{"position_rad", &Waypoints::position_rad, "rad (m)", "One entry per time"}};
 
   using Shape = WaypointSpline;
 
   /// Too few times, times out of order, or positions that are not one per time and of one length.
-  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
 };
 
 /// Waypoints from a table, which stays a file: a scenario, its messages and its logs name it with a
 /// digest of its bytes. Whoever reads the scenario's file reads the table too
-/// (experiment/motion_file.h); who has the scenario from a log or a message has no motion.
+/// (core/scenario/motion_file.h); who has the scenario from a log or a message has no motion.
 struct MotionFile {
   std::string path;
   std::string digest;
@@ -70,15 +70,14 @@ struct MotionFile {
 
   static constexpr std::string_view name = "file";
   static constexpr std::tuple keys{
-      schema::Key{"path", &MotionFile::path, "",
-                  "Table of times and positions, relative to the scenario (docs/trajectories.md); "
-                  "`file: motion.csv` is short for `file: {path: motion.csv}`"},
-      schema::Key{"digest", &MotionFile::digest, "",
-                  "Of the table's bytes: another table is refused"}
+      base::Key{"path", &MotionFile::path, "",
+                "Table of times and positions, relative to the scenario (docs/trajectories.md); "
+                "`file: motion.csv` is short for `file: {path: motion.csv}`"},
+      base::Key{"digest", &MotionFile::digest, "", "Of the table's bytes: another table is refused"}
           .by_default("that of the table found")};
 
   /// Position to snap at t [s]. Precondition: the file was read (`make_trajectory` sees to it).
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const { return motion->at(t_s); }
+  [[nodiscard]] messages::ReferencePoint at(double t_s) const { return motion->at(t_s); }
 };
 
 }  // namespace tachless::reference::trajectory

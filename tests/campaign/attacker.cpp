@@ -4,17 +4,17 @@
 #include <chrono>
 #include <utility>
 
-#include "diagnostics/failure.h"
+#include "base/failure.h"
 
 namespace tachless::campaign {
 
 using namespace std::chrono_literals;
-using loop::Clock;
+using base::Clock;
 
 void Lies::note(std::span<const std::byte> payload) {
-  if (payload.size() < bus::stamp_end) return;
+  if (payload.size() < messages::stamp_end) return;
   const std::lock_guard lock(mutex_);
-  ticks_.insert(bus::stamp_of(payload).tick);
+  ticks_.insert(messages::stamp_of(payload).tick);
 }
 
 std::set<std::int64_t> Lies::ticks() const {
@@ -60,8 +60,8 @@ void Attacker::listen() {
 /// A tick is over when its TRUTH is out.
 void Attacker::acknowledge() {
   if (received_.back().channel != "ARM_TRUTH") return;
-  const loop::Stamp stamp = bus::stamp_of(received_.back().payload);
-  endpoint_->publish("ARM_LOG_ACK", acks_.encode(stamp, loop::LogAck{}));
+  const messages::Stamp stamp = messages::stamp_of(received_.back().payload);
+  endpoint_->publish("ARM_LOG_ACK", acks_.encode(stamp, messages::LogAck{}));
   ++num_sent_;
 }
 
@@ -153,7 +153,7 @@ void Afflicted::count() {
 
 void Afflicted::throw_if_failing() const {
   if (!happened_ || mishap_.kind != Mishap::Kind::fail) return;
-  throw diagnostics::Failure(diagnostics::ExitCode::peer_lost, "the bus fails");
+  throw base::Failure(base::ExitCode::peer_lost, "the bus fails");
 }
 
 void Afflicted::publish(std::string_view channel, std::span<const std::byte> payload) {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "bus/transport.h"
-#include "bus/wire.h"
+#include "messages/wire.h"
 #include "tests/campaign/forger.h"
 #include "tests/campaign/plan.h"
 #include "tests/system/wrapped.h"
@@ -72,7 +72,7 @@ class Attacker {
   const std::vector<Sent>& recording_;
   Lies& lies_;
   std::function<void(std::size_t)> on_received_;
-  bus::Codec<loop::LogAck> acks_{loop::Layout{}};
+  messages::Codec<messages::LogAck> acks_{messages::Layout{}};
   std::vector<Sent> received_;
   std::size_t replayed_ = 0;  ///< of the recording, in order
   std::size_t flooded_ = 0;   ///< bytes
@@ -115,7 +115,7 @@ class Afflicted : public system_test::Wrapped {
         happened_(happened),
         interrupt_(std::move(interrupt)) {}
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
-  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override;
+  std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override;
 
  private:
   [[nodiscard]] bool dead() const { return happened_ && mishap_.kind == Mishap::Kind::kill; }

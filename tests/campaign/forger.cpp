@@ -8,17 +8,17 @@
 #include <string>
 #include <type_traits>
 
-#include "bus/codec.h"
-#include "loop/messages.h"
-#include "loop/truth/plant_truth.h"
+#include "messages/codec.h"
+#include "messages/messages.h"
+#include "messages/truth/plant_truth.h"
 
 namespace tachless::campaign {
 namespace {
 
-using loop::Count;
-using loop::Kind;
+using messages::Count;
+using messages::Kind;
 
-constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
+constexpr messages::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
 
 std::size_t entries_of(Count count) {
   const int rows = count == Count::signals ? layout.num_signals : 1;
@@ -63,10 +63,10 @@ class FieldList {
 template <class Value>
 void list(FieldList& to) {
   for (const auto* name : {"fingerprint", "utime", "run", "tick"}) to.add(name, Kind::int64, 8);
-  if constexpr (loop::has_count<Value>(Count::signals)) to.add("num_signals", Kind::int32, 4);
-  if constexpr (loop::has_joint_count<Value>()) to.add("num_joints", Kind::int32, 4);
-  if constexpr (loop::has_count<Value>(Count::motors)) to.add("num_motors", Kind::int32, 4);
-  loop::for_each_field<Value>([&](const auto& field) {
+  if constexpr (messages::has_count<Value>(Count::signals)) to.add("num_signals", Kind::int32, 4);
+  if constexpr (messages::has_joint_count<Value>()) to.add("num_joints", Kind::int32, 4);
+  if constexpr (messages::has_count<Value>(Count::motors)) to.add("num_motors", Kind::int32, 4);
+  messages::for_each_field<Value>([&](const auto& field) {
     if (field.kind == Kind::text) return to.add_text(field.name);
     for (std::size_t i = 0; i < entries_of(field.count); ++i) {
       to.add(field.name, field.kind, bus::detail::size_of(field.kind));
@@ -79,10 +79,10 @@ void list(FieldList& to) {
 std::vector<FieldAt> fields_of(std::string_view channel, std::span<const std::byte> payload) {
   FieldList fields(payload);
   const auto list_if = [&]<class Value>(std::type_identity<Value>) {
-    if (channel == loop::channel<Value>("ARM")) list<Value>(fields);
+    if (channel == messages::channel<Value>("ARM")) list<Value>(fields);
   };
-  loop::for_each_type(loop::Messages(), list_if);
-  list_if(std::type_identity<loop::truth::PlantTruth>());
+  messages::for_each_type(messages::Messages(), list_if);
+  list_if(std::type_identity<messages::truth::PlantTruth>());
   return fields.take();
 }
 
@@ -147,7 +147,7 @@ std::vector<std::byte> Forger::forge(const Sent& honest) {
 std::vector<std::byte> Forger::contradict(const Sent& honest) {
   auto forged = honest.payload;
   const auto fields = fields_of(honest.channel, forged);
-  const bool announcement = honest.channel == loop::channel<loop::Participant>("ARM");
+  const bool announcement = honest.channel == messages::channel<messages::Participant>("ARM");
   for (auto field = fields.rbegin(); field != fields.rend(); ++field) {
     const auto bytes = std::span(forged).subspan(field->offset, field->size);
     if (announcement) {

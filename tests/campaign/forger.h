@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "loop/field.h"
+#include "messages/field.h"
 
 /// The fault campaign: docs/security.md.
 namespace tachless::campaign {
@@ -24,7 +24,7 @@ struct FieldAt {
   std::string_view name;
   std::size_t offset = 0;
   std::size_t size = 0;
-  loop::Kind kind = loop::Kind::int64;
+  messages::Kind kind = messages::Kind::int64;
 };
 
 /// Every number and text of a message of robot ARM with two rigid joints and two signals, the
@@ -50,7 +50,7 @@ class Forger {
   std::vector<std::byte> garbage();
 
  private:
-  void change(std::span<std::byte> value, loop::Kind kind);
+  void change(std::span<std::byte> value, messages::Kind kind);
   std::uint64_t below(std::uint64_t bound) { return random_() % bound; }
 
   std::mt19937_64 random_;

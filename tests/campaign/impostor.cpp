@@ -14,7 +14,7 @@
 
 #include "bus/authenticated.h"
 #include "bus/lcm_packet.h"
-#include "node/options.h"
+#include "session/options.h"
 
 namespace tachless::campaign {
 namespace {
@@ -22,8 +22,8 @@ namespace {
 // Sequence numbers by which it recognises its own datagrams; no other sender gets so far.
 constexpr std::uint32_t first_own = 0x80000000;
 
-process::FileDescriptor raw_socket() {
-  process::FileDescriptor fd(socket(AF_INET, SOCK_RAW | SOCK_CLOEXEC, IPPROTO_RAW));
+base::FileDescriptor raw_socket() {
+  base::FileDescriptor fd(socket(AF_INET, SOCK_RAW | SOCK_CLOEXEC, IPPROTO_RAW));
   if (fd.get() < 0) throw std::system_error(errno, std::generic_category(), "raw socket");
   return fd;
 }
@@ -44,27 +44,27 @@ void append(std::vector<std::byte>& bytes, const Header& header) {
 }  // namespace
 
 Impostor::Impostor(std::string_view whom) : bus_(bus::LcmUrl()), sequence_(first_own) {
-  for (int i = 0; i < loop::num_roles; ++i) {
-    const auto role = static_cast<loop::Role>(i);
-    if (whom == std::string(loop::name(role)) + "'s endpoint") whom_ = role;
+  for (int i = 0; i < messages::num_roles; ++i) {
+    const auto role = static_cast<messages::Role>(i);
+    if (whom == std::string(messages::name(role)) + "'s endpoint") whom_ = role;
   }
   if (whom_) raw_ = raw_socket();
 }
 
 void Impostor::look_for_member(const bus::Datagram& datagram) {
   if (!whom_ || port_ != 0 || !datagram.channel.ends_with("_PARTICIPANT")) return;
-  loop::Stamp stamp;
-  loop::Participant who;
+  messages::Stamp stamp;
+  messages::Participant who;
   auto payload = datagram.payload;
-  if (codec_.decode(payload, stamp, who) != bus::Rejection::none) {
+  if (codec_.decode(payload, stamp, who) != messages::Rejection::none) {
     if (payload.size() <= bus::tag_size) return;
     payload = payload.first(payload.size() - bus::tag_size);
-    if (codec_.decode(payload, stamp, who) != bus::Rejection::none) return;
+    if (codec_.decode(payload, stamp, who) != messages::Rejection::none) return;
   }
   if (who.role == *whom_) port_ = port_of(datagram.sender);
 }
 
-std::optional<bus::Datagram> Impostor::receive(loop::Clock::time_point deadline) {
+std::optional<bus::Datagram> Impostor::receive(base::Clock::time_point deadline) {
   while (const auto datagram = bus_.receive(deadline)) {
     if (datagram->sequence >= first_own) continue;
     look_for_member(*datagram);

@@ -5,9 +5,9 @@
 #include <string>
 #include <string_view>
 
+#include "base/file_descriptor.h"
 #include "bus/udp_transport.h"
-#include "bus/wire.h"
-#include "process/file_descriptor.h"
+#include "messages/wire.h"
 
 namespace tachless::campaign {
 
@@ -22,15 +22,15 @@ class Impostor final : public bus::Transport {
 
   void subscribe(const std::string& channel) override { bus_.subscribe(channel); }
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
-  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override;
+  std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override;
 
  private:
   void look_for_member(const bus::Datagram& datagram);
 
   bus::UdpTransport bus_;
-  std::optional<loop::Role> whom_;
-  bus::Codec<loop::Participant> codec_{loop::Layout{}};
-  process::FileDescriptor raw_;
+  std::optional<messages::Role> whom_;
+  messages::Codec<messages::Participant> codec_{messages::Layout{}};
+  base::FileDescriptor raw_;
   std::uint16_t port_ = 0;  ///< the member's, once it is known
   std::uint32_t sequence_;
 };

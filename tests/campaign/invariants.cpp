@@ -11,8 +11,8 @@
 namespace tachless::campaign {
 namespace {
 
-using diagnostics::ExitCode;
-using loop::Role;
+using base::ExitCode;
+using messages::Role;
 using system_test::all_roles;
 
 constexpr std::size_t per_tick = 6;
@@ -87,7 +87,8 @@ std::string a_good_end_has_a_whole_log(const Evidence& evidence) {
     if (role == Role::plant && logger_is_impersonated(evidence)) continue;
     const auto missing =
         evidence.plan.lockstep() ? missing_in_lockstep(evidence) : missing_in_realtime(evidence);
-    if (!missing.empty()) return fmt::format("the {} ends with 0: {}", loop::name(role), missing);
+    if (!missing.empty())
+      return fmt::format("the {} ends with 0: {}", messages::name(role), missing);
   }
   return "";
 }
@@ -120,18 +121,19 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence) {
     const auto& [code, fault, statistics] = evidence.of(role);
     if (code == ExitCode::done || !evidence.lives(role)) continue;
     if (std::ranges::find(documented, code) == documented.end()) {
-      return fmt::format("the {} ends with {}", loop::name(role), static_cast<int>(code));
+      return fmt::format("the {} ends with {}", messages::name(role), static_cast<int>(code));
     }
     if (fault.empty() || fault.ends_with(": ") ||
         fault.find("internal error") != std::string::npos) {
-      return fmt::format("the {} does not say why it ends", loop::name(role));
+      return fmt::format("the {} does not say why it ends", messages::name(role));
     }
     if (fault.find('\n') != std::string::npos) {
-      return fmt::format("the {} tells more than one cause: {}", loop::name(role), fault);
+      return fmt::format("the {} tells more than one cause: {}", messages::name(role), fault);
     }
     for (std::size_t i = 0; i + a_sentence <= fault.size(); ++i) {
       if (fault.find(fault.substr(i, a_sentence), i + 1) != std::string::npos) {
-        return fmt::format("the {} says twice '{}'", loop::name(role), fault.substr(i, a_sentence));
+        return fmt::format("the {} says twice '{}'", messages::name(role),
+                           fault.substr(i, a_sentence));
       }
     }
   }
@@ -170,7 +172,7 @@ std::string the_log_has_sound_names(const Evidence& evidence) {
     for (const FieldAt& field : fields_of(event.channel, std::as_bytes(std::span(event.data)))) {
       if (field.name != "law" && field.name != "signals") continue;
       const auto text = std::string_view(event.data).substr(field.offset, field.size);
-      if (field.kind == loop::Kind::text &&
+      if (field.kind == messages::Kind::text &&
           std::ranges::any_of(text, [](unsigned char c) { return c < ' ' || c == 0x7f; })) {
         return fmt::format("the log has {} with control characters in a name", event.channel);
       }

@@ -4,13 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "bus/wire.h"
+#include "messages/wire.h"
 
 namespace tachless::campaign {
 namespace {
 
-using diagnostics::ExitCode;
-using loop::Role;
+using base::ExitCode;
+using messages::Role;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -18,9 +18,9 @@ using testing::IsEmpty;
 const std::string reason = "interrupted";
 
 Event fault_event() {
-  bus::Codec<loop::Participant> codec(loop::Layout{});
-  loop::Participant who;
-  who.state = loop::ParticipantState::fault;
+  messages::Codec<messages::Participant> codec(messages::Layout{});
+  messages::Participant who;
+  who.state = messages::ParticipantState::fault;
   who.fault = reason;
   const auto bytes = codec.encode({0, 7, 1}, who);
   return {"ARM_PARTICIPANT", 1, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}};
@@ -156,8 +156,8 @@ TEST(Invariants, SayThatAnOutsiderFillsTheDiskOrNamesSomethingInTheLog) {
   EXPECT_THAT(violations(evidence), ElementsAre("the log has 1049577 bytes, the clean one 1000"));
   evidence = failed();
   // No codec encodes such a name: a space in its place becomes an escape afterwards.
-  bus::Codec<loop::Participant> codec(loop::Layout{});
-  loop::Participant who;
+  messages::Codec<messages::Participant> codec(messages::Layout{});
+  messages::Participant who;
   who.law = "a law";
   const auto bytes = codec.encode({0, 7, 1}, who);
   std::string data(reinterpret_cast<const char*>(bytes.data()), bytes.size());

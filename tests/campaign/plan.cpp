@@ -37,8 +37,9 @@ Hostility hostility_of(Draw& draw) {
   plan.from = draw.chance(0.3) ? 0 : static_cast<int>(draw.below(1800));
   if (draw.chance(0.2)) plan.races = std::pow(10, -3 * draw.share());
   if (draw.chance(0.5)) plan.drops = 0.3 * draw.share();
-  const auto role = static_cast<loop::Role>(draw.below(loop::num_roles));
-  plan.sender = draw.chance(0.7) ? "an outsider" : std::string(loop::name(role)) + "'s endpoint";
+  const auto role = static_cast<messages::Role>(draw.below(messages::num_roles));
+  plan.sender =
+      draw.chance(0.7) ? "an outsider" : std::string(messages::name(role)) + "'s endpoint";
   if (plan.acknowledges) plan.sender = "logger's endpoint";
   return plan;
 }
@@ -63,7 +64,7 @@ Plan plan_of(std::uint64_t seed) {
   if (draw.chance(0.9)) plan.hostility = hostility_of(draw);
   if (draw.chance(0.25)) {
     plan.mishap = Mishap{static_cast<Mishap::Kind>(draw.below(3)),
-                         static_cast<loop::Role>(draw.below(loop::num_roles)),
+                         static_cast<messages::Role>(draw.below(messages::num_roles)),
                          static_cast<int>(draw.below(900)), static_cast<int>(draw.below(400))};
     if (!plan.lockstep() && plan.mishap->kind != Mishap::Kind::stop) {
       plan.pace = Pace::realtime_long;
@@ -122,7 +123,7 @@ std::string describe(const Plan& plan) {
     if (hostile->races > 0) text += fmt::format(" drops {:.2f}", hostile->drops);
   }
   if (plan.mishap) {
-    text += fmt::format(", the {} at its {}th datagram ({} ms)", loop::name(plan.mishap->role),
+    text += fmt::format(", the {} at its {}th datagram ({} ms)", messages::name(plan.mishap->role),
                         plan.mishap->at, plan.mishap->stop_ms);
   }
   return text;

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "loop/messages.h"
+#include "messages/messages.h"
 #include "tests/support/in_memory.h"
 
 namespace tachless::campaign {
@@ -40,7 +40,7 @@ inline constexpr std::size_t flood_bytes = 8 << 20;
 struct Mishap {
   enum class Kind { kill, stop, interrupt, fail };  ///< fail: its transport throws from then on
   Kind kind = Kind::kill;
-  loop::Role role = loop::Role::plant;
+  messages::Role role = messages::Role::plant;
   int at = 0;       ///< it has sent and received so many datagrams
   int stop_ms = 0;  ///< how long it stands still
 };

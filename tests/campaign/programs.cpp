@@ -17,9 +17,9 @@
 #include <thread>
 #include <vector>
 
+#include "base/logging.h"
 #include "bus/udp_transport.h"
-#include "diagnostics/logging.h"
-#include "node/options.h"
+#include "session/options.h"
 #include "tests/campaign/attacker.h"
 #include "tests/campaign/impostor.h"
 #include "tests/support/packet_loss.h"
@@ -30,9 +30,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using diagnostics::ExitCode;
-using loop::Clock;
-using loop::Role;
+using base::Clock;
+using base::ExitCode;
+using messages::Role;
 using system_test::all_roles;
 
 constexpr auto hung_after = 30s;
@@ -42,10 +42,10 @@ std::string causes_in(const std::string& output) {
   std::istringstream lines(output);
   std::string causes;
   for (std::string line; std::getline(lines, line);) {
-    if (!line.starts_with(diagnostics::error_mark)) continue;
+    if (!line.starts_with(base::error_mark)) continue;
     const auto name = line.find(": ");
     causes += (causes.empty() ? "" : "\n") +
-              line.substr(name == std::string::npos ? diagnostics::error_mark.size() : name + 2);
+              line.substr(name == std::string::npos ? base::error_mark.size() : name + 2);
   }
   return causes;
 }
@@ -94,7 +94,8 @@ class Programs {
       outcome.fault = causes_in(program->errors());
       std::ifstream file(statistics_path(role));
       try {
-        outcome.statistics = node::statistics_from_json({std::istreambuf_iterator<char>(file), {}});
+        outcome.statistics =
+            session::statistics_from_json({std::istreambuf_iterator<char>(file), {}});
       } catch (const std::invalid_argument&) {  // killed, or refused its command line
         // Before it catches signals a process ends by them, as any other does, without a word.
         if (outcome.code == ExitCode::interrupted && outcome.fault.empty()) {
@@ -108,7 +109,7 @@ class Programs {
 
  private:
   [[nodiscard]] fs::path statistics_path(Role role) const {
-    return directory_ / fmt::format("{}.json", loop::name(role));
+    return directory_ / fmt::format("{}.json", messages::name(role));
   }
 
   void start(Role role) {
@@ -118,7 +119,7 @@ class Programs {
         "--quiet",
         "--mark-levels",
         "--lcm-url",
-        node::default_lcm_url,
+        session::default_lcm_url,
         "--wait-s",
         fmt::format("{}", wait_s),
         "--stats",
@@ -131,7 +132,7 @@ class Programs {
       arguments.insert(arguments.end(), {"--run-id", "7"});
     }
     if (role == Role::logger) arguments.insert(arguments.end(), {"--out-log", log_path()});
-    programs_[role] = std::make_unique<Program>(node::program_name(role), arguments, directory_);
+    programs_[role] = std::make_unique<Program>(session::program_name(role), arguments, directory_);
   }
 
   bool all_ended() {

@@ -61,9 +61,9 @@ TEST(AFlood, OfGarbageAndCopiesChangesNeitherTheLogNorTheMemory) {
     Attacker attacker(std::make_unique<Impostor>(""), plan, 5, nothing, lies,
                       [&](std::size_t count) { received = count; });
     run.start_all();
-    const auto until = loop::Clock::now() + std::chrono::seconds(120);
+    const auto until = base::Clock::now() + std::chrono::seconds(120);
     const auto wait_for = [&](std::size_t count) {
-      while (received < count && loop::Clock::now() < until && run["plant"].running()) {
+      while (received < count && base::Clock::now() < until && run["plant"].running()) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
       }
     };

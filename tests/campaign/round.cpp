@@ -13,16 +13,16 @@
 #include <optional>
 #include <system_error>
 
-#include "bus/wire.h"
 #include "logger/log_file.h"
+#include "messages/wire.h"
 #include "tests/campaign/attacker.h"
 
 namespace tachless::campaign {
 namespace {
 
 using namespace std::chrono_literals;
-using loop::Clock;
-using loop::Role;
+using base::Clock;
+using messages::Role;
 using system_test::FourThreads;
 
 // No round needs longer: waiting for members, then noticing that one is lost.
@@ -30,7 +30,7 @@ constexpr auto hung_after = 30s;
 
 /// The run of this experiment that nothing happens to, and everything that is said in it.
 struct Clean {
-  experiment::Scenario scenario;
+  scenario::Scenario scenario;
   std::vector<Event> log;
   std::uintmax_t log_bytes = 0;
   std::vector<Sent> recording;
@@ -51,7 +51,7 @@ void finish(FourThreads& threads, Evidence& into) {
   into.result = result.get();
 }
 
-experiment::Scenario scenario_of(Pace pace) {
+scenario::Scenario scenario_of(Pace pace) {
   const Experiment what = experiment_of(pace);
   return system_test::scenario(what.name, what.overrides);
 }
@@ -110,23 +110,23 @@ void read_log(const std::filesystem::path& path, Evidence& into) {
   into.log_bytes = size;
   logger::LogReader log(path);
   while (const auto event = log.next()) {
-    const bool stamped = event->data.size() >= bus::stamp_end;
+    const bool stamped = event->data.size() >= messages::stamp_end;
     into.log.push_back({std::string(event->channel),
-                        stamped ? bus::stamp_of(event->data).tick : -2,
+                        stamped ? messages::stamp_of(event->data).tick : -2,
                         {reinterpret_cast<const char*>(event->data.data()), event->data.size()}});
   }
   into.log_damaged = log.damage().any();
 }
 
 bool Event::is_fault() const {
-  static const std::string participants = loop::channel<loop::Participant>("ARM");
+  static const std::string participants = messages::channel<messages::Participant>("ARM");
   if (channel != participants) return false;
-  const bus::Codec<loop::Participant> codec(loop::Layout{});
-  loop::Stamp stamp;
-  loop::Participant who;
+  const messages::Codec<messages::Participant> codec(messages::Layout{});
+  messages::Stamp stamp;
+  messages::Participant who;
   const auto bytes = std::as_bytes(std::span(data));
-  return codec.decode(bytes, stamp, who) == bus::Rejection::none &&
-         who.state == loop::ParticipantState::fault;
+  return codec.decode(bytes, stamp, who) == messages::Rejection::none &&
+         who.state == messages::ParticipantState::fault;
 }
 
 bool Evidence::lives(Role role) const {

@@ -43,9 +43,11 @@ struct Evidence {
   bool hung = false;  ///< had to be interrupted
   double wall_s = 0;
 
-  [[nodiscard]] const system_test::Outcome& of(loop::Role role) const { return result.of.at(role); }
+  [[nodiscard]] const system_test::Outcome& of(messages::Role role) const {
+    return result.of.at(role);
+  }
   /// Whether the member is there to the end.
-  [[nodiscard]] bool lives(loop::Role role) const;
+  [[nodiscard]] bool lives(messages::Role role) const;
   [[nodiscard]] bool all_done() const { return result.complaints().empty(); }
 };
 

@@ -24,11 +24,11 @@ typename L::Robot arm() {
 template <class L>
 L example() {
   typename L::Gains gains;
-  schema::for_each_key<typename L::Gains>(
-      [&]<class Member>(const schema::Key<typename L::Gains, Member>& key) {
-        if constexpr (std::is_same_v<Member, robot::Vector>) {
+  base::for_each_key<typename L::Gains>(
+      [&]<class Member>(const base::Key<typename L::Gains, Member>& key) {
+        if constexpr (std::is_same_v<Member, Vector>) {
           gains.*key.member = vector(10, 10);
-        } else if constexpr (std::is_same_v<Member, robot::Matrix>) {
+        } else if constexpr (std::is_same_v<Member, Matrix>) {
           gains.*key.member = vector(10, 10).asDiagonal();
         } else {
           gains.*key.member = 2;
@@ -37,13 +37,13 @@ L example() {
   return L(arm<L>(), gains, Settings{});
 }
 
-void measure(loop::PositionMeasurement& m) { m.q = vector(0.1, 0.2); }
-void measure(loop::MotorPositionMeasurement& m) { m.theta = vector(0.1, 0.2); }
-void measure(loop::LinkStateMeasurement& m) {
+void measure(messages::PositionMeasurement& m) { m.q = vector(0.1, 0.2); }
+void measure(messages::MotorPositionMeasurement& m) { m.theta = vector(0.1, 0.2); }
+void measure(messages::LinkStateMeasurement& m) {
   m.q = m.theta = vector(0.1, 0.2);
   m.v = vector(1, 2);
 }
-void measure(loop::StateMeasurement& m) {
+void measure(messages::StateMeasurement& m) {
   m.q = m.theta = vector(0.1, 0.2);
   m.v = m.thetadot = vector(1, 2);
 }
@@ -60,11 +60,11 @@ struct TypesOf<LawList<L...>> {
 TYPED_TEST_SUITE(Allocation, TypesOf<Laws>::type);
 
 TYPED_TEST(Allocation, NoneInStartAndSteps) {
-  experiment::LoopSpec loop;
-  loop.mode = experiment::Mode::realtime;
+  scenario::LoopSpec loop;
+  loop.mode = scenario::Mode::realtime;
   LawWithMemory<TypeParam> law(example<TypeParam>(), loop);
-  const robot::Vector r = vector(0.3, 0.4);
-  const loop::ReferencePoint ref{r, r, r, r, r};
+  const Vector r = vector(0.3, 0.4);
+  const messages::ReferencePoint ref{r, r, r, r, r};
   typename TypeParam::Measurement measured;
   measure(measured);
 

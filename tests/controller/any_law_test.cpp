@@ -16,20 +16,20 @@ namespace {
 
 using law::LoriaOrtegaRigid;
 
-experiment::Scenario scenario(std::vector<std::string> overrides) {
+scenario::Scenario scenario(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(), "loop.mode=realtime");
-  return experiment::load_scenario(
+  return scenario::load_scenario(
       std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
-loop::ReferencePoint at_zero() {
-  const robot::Vector zero = robot::Vector::Zero(2);
+messages::ReferencePoint at_zero() {
+  const Vector zero = Vector::Zero(2);
   return {zero, zero, zero, zero, zero};
 }
 
 /// An error that is a ramp in time: what a first-order hold takes every error for.
-loop::PositionMeasurement ramp(std::int64_t tick) {
-  loop::PositionMeasurement measurement;
+messages::PositionMeasurement ramp(std::int64_t tick) {
+  messages::PositionMeasurement measurement;
   measurement.q.resize(2);
   measurement.q << 1e-3 * static_cast<double>(tick), 0.1 - 4e-3 * static_cast<double>(tick);
   return measurement;
@@ -37,13 +37,13 @@ loop::PositionMeasurement ramp(std::int64_t tick) {
 
 using Stepper = LawWithMemory<LoriaOrtegaRigid>;
 
-Stepper stepper_of(const experiment::Scenario& scenario) {
+Stepper stepper_of(const scenario::Scenario& scenario) {
   return {make_law<LoriaOrtegaRigid>(scenario), scenario.loop};
 }
 
 /// An outcome that outlives the next step.
 struct Taken {
-  robot::Vector tau, nu;
+  Vector tau, nu;
   std::int64_t skipped;
   bool restarted;
 };
@@ -55,7 +55,7 @@ Taken take(Stepper& stepper, std::int64_t tick) {
 
 TEST(AnyLaw, AGapDoesNotCheatTheFilter) {
   // Exact for the first-order hold, so to rounding: nu is of order 1, and takes at most 20 steps.
-  const experiment::Scenario s = scenario({"controller.filter=first_order_hold"});
+  const scenario::Scenario s = scenario({"controller.filter=first_order_hold"});
   for (const std::int64_t gap : {2, 3, 7, 21}) {
     Stepper every = stepper_of(s);
     Stepper gapped = stepper_of(s);
@@ -75,7 +75,7 @@ TEST(AnyLaw, AGapDoesNotCheatTheFilter) {
 }
 
 TEST(AnyLaw, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
-  const experiment::Scenario s = scenario({"controller.filter=first_order_hold"});
+  const scenario::Scenario s = scenario({"controller.filter=first_order_hold"});
   const auto usual = make_law<LoriaOrtegaRigid>(s);
   Stepper stepper = stepper_of(s), leaping = stepper_of(s);
   for (std::int64_t k = 0; k <= 20; ++k) {
@@ -94,7 +94,7 @@ TEST(AnyLaw, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
 }
 
 TEST(AnyLaw, BeginsAnewAfterTooLongAGapAndSaysSo) {
-  const experiment::Scenario s = scenario({"loop.max_missed=4"});
+  const scenario::Scenario s = scenario({"loop.max_missed=4"});
   Stepper stepper = stepper_of(s);
   EXPECT_EQ(stepper.longest_gap(), 5);
   for (std::int64_t k = 0; k <= 20; ++k) take(stepper, k);
@@ -102,12 +102,12 @@ TEST(AnyLaw, BeginsAnewAfterTooLongAGapAndSaysSo) {
   const auto anew = take(stepper, 31);
   EXPECT_TRUE(anew.restarted);
   EXPECT_EQ(anew.skipped, 5);
-  EXPECT_EQ(anew.nu, robot::Vector::Zero(2));
+  EXPECT_EQ(anew.nu, Vector::Zero(2));
 }
 
 TEST(AnyLaw, WithoutGapsIsTheLawItselfBitForBit) {
   for (const auto* mode : {"loop.mode=realtime", "loop.mode=lockstep"}) {
-    const experiment::Scenario s = scenario({mode});
+    const scenario::Scenario s = scenario({mode});
     const auto law = make_law<LoriaOrtegaRigid>(s);
     Stepper stepper = stepper_of(s);
     auto memory = law.start(ramp(0), at_zero());
@@ -127,16 +127,16 @@ TEST(AnyLaw, BridgesNoGapInLockstepAndBoundedOnesInRealtime) {
 }
 
 TEST(AnyLaw, FeedsFrictionForwardFromTheReference) {
-  experiment::Scenario s =
+  scenario::Scenario s =
       scenario({"controller.friction.viscous=[3, 0]", "controller.friction.coulomb=[0, 2]",
                 "controller.friction.smoothing=0.5"});
   ScenarioLaw with = scenario_law(s);
   s.controller.friction = {};
   ScenarioLaw without = scenario_law(s);
-  loop::ReferencePoint reference = at_zero();
+  messages::ReferencePoint reference = at_zero();
   reference.v_ref << 0.25, -0.5;
-  const robot::Vector tau = with->step(0, ramp(0), reference).command.tau -
-                            without->step(0, ramp(0), reference).command.tau;
+  const Vector tau = with->step(0, ramp(0), reference).command.tau -
+                     without->step(0, ramp(0), reference).command.tau;
   // Differences of torques of some 300 N m.
   EXPECT_NEAR(tau[0], 3 * 0.25, 1e-12);
   EXPECT_NEAR(tau[1], 2 * std::tanh(-1.0), 1e-12);
@@ -151,16 +151,16 @@ TEST(AnyLaw, RefusesToGoBack) {
 
 /// With other gains from its reference of a tick on.
 TEST(AnyLaw, TakesTheGainsOfAReferenceFromItsTickOnAndKeepsItsMemory) {
-  const experiment::Scenario s = scenario({"controller.gains_may_change=true"});
+  const scenario::Scenario s = scenario({"controller.gains_may_change=true"});
   const ScenarioLaw changed = scenario_law(s), unchanged = scenario_law(s);
   const std::string gains = "kp=300,100;kd=20,5";
   const auto softer = make_law<LoriaOrtegaRigid>(with_gains(s, gains));
   auto memory = make_law<LoriaOrtegaRigid>(s).start(ramp(0), at_zero());
   for (std::int64_t k = 0; k < 30; ++k) {
-    loop::ReferencePoint reference = at_zero();
+    messages::ReferencePoint reference = at_zero();
     if (k >= 10) reference.gains = gains;
-    const robot::Vector tau = changed->step(k, ramp(k), reference).command.tau;
-    const robot::Vector before = unchanged->step(k, ramp(k), at_zero()).command.tau;
+    const Vector tau = changed->step(k, ramp(k), reference).command.tau;
+    const Vector before = unchanged->step(k, ramp(k), at_zero()).command.tau;
     if (k < 10) {
       EXPECT_EQ(tau, before) << k;
       memory = make_law<LoriaOrtegaRigid>(s).step(memory, ramp(k), at_zero()).memory;
@@ -188,7 +188,7 @@ TEST(AnyLaw, KeepsTheCountsThatItsMemoryHasTheSizeOf) {
     const ScenarioLaw law = scenario_law(scenario({fmt::format(
         "controller={{law: {}, gains: {{kp: 400, kd: 60, {}}}, gains_may_change: true}}", of.law,
         of.gains)}));
-    loop::ReferencePoint reference = at_zero();
+    messages::ReferencePoint reference = at_zero();
     law->step(0, ramp(0), reference);
     reference.gains = of.softer;
     EXPECT_TRUE(law->step(1, ramp(1), reference).command.tau.allFinite()) << of.law;
@@ -196,8 +196,8 @@ TEST(AnyLaw, KeepsTheCountsThatItsMemoryHasTheSizeOf) {
     try {
       law->step(2, ramp(2), reference);
       ADD_FAILURE() << of.law;
-    } catch (const diagnostics::Failure& failure) {
-      EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::protective_stop);
       EXPECT_THAT(failure.what(), testing::HasSubstr("stays as the run began"));
     }
   }
@@ -206,12 +206,12 @@ TEST(AnyLaw, KeepsTheCountsThatItsMemoryHasTheSizeOf) {
 TEST(AnyLaw, StopsForGainsThatAreNoneOfItsOwn) {
   const auto fault = [](const std::string& gains, const char* may_change) -> std::string {
     const ScenarioLaw law = scenario_law(scenario({may_change}));
-    loop::ReferencePoint reference = at_zero();
+    messages::ReferencePoint reference = at_zero();
     reference.gains = gains;
     try {
       law->step(0, ramp(0), reference);
-    } catch (const diagnostics::Failure& failure) {
-      EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::protective_stop);
       return failure.what();
     }
     return "";

@@ -63,7 +63,7 @@ TEST(LawPages, SayWhatTheLawDeclares) {
       EXPECT_THAT(page, HasSubstr(quoted(parameter.name)));
       EXPECT_THAT(page, HasSubstr("[" + std::string(parameter.unit) + "]"));
     }
-    for (const loop::Signal& signal : law.signals)
+    for (const messages::Signal& signal : law.signals)
       EXPECT_THAT(page, HasSubstr(quoted(signal.name)));
   }
 }
@@ -72,7 +72,7 @@ TEST(LawPages, HeadersEndWithTheLockThatTheirMeasurementAsksFor) {
   const std::map<std::string_view, std::string> locks = {
       {"POSITION", "static_assert(OutputFeedbackLaw<"},
       {"MOTOR_POSITION", "static_assert(OutputFeedbackLaw<"},
-      {"LINK_STATE", "::Measurement, loop::LinkStateMeasurement>);"},
+      {"LINK_STATE", "::Measurement, messages::LinkStateMeasurement>);"},
       {"STATE", "static_assert(!OutputFeedbackLaw<"}};
   for (const LawFacts& law : laws()) {
     const std::string header = text_of(root / "controller/law" / (std::string(law.name) + ".h"));

@@ -6,9 +6,9 @@
 #include <fstream>
 #include <sstream>
 
+#include "base/failure.h"
 #include "controller/law/loria_ortega_matrix.h"
 #include "controller/law/loria_ortega_rigid.h"
-#include "diagnostics/failure.h"
 #include "robot/dynamics.h"
 
 namespace tachless::controller {
@@ -19,8 +19,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-robot::Vector pair(double x, double y) {
-  robot::Vector v(2);
+Vector pair(double x, double y) {
+  Vector v(2);
   v << x, y;
   return v;
 }
@@ -32,8 +32,8 @@ std::string two_link_urdf() {
   return text.str();
 }
 
-experiment::Scenario rigid_scenario() {
-  experiment::Scenario scenario;
+scenario::Scenario rigid_scenario() {
+  scenario::Scenario scenario;
   scenario.source = "arm.yaml";
   scenario.where = {{"controller.law", "arm.yaml:20"},
                     {"controller.gains", "arm.yaml:21"},
@@ -52,8 +52,8 @@ experiment::Scenario rigid_scenario() {
   return scenario;
 }
 
-experiment::Scenario flexible_scenario(const std::string& law) {
-  experiment::Scenario scenario = rigid_scenario();
+scenario::Scenario flexible_scenario(const std::string& law) {
+  scenario::Scenario scenario = rigid_scenario();
   scenario.robot.flexible = plant::FlexibleDrive{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0), {}};
   scenario.controller.law = law;
   scenario.controller.gains.clear();
@@ -64,11 +64,11 @@ experiment::Scenario flexible_scenario(const std::string& law) {
 }
 
 /// The one line with which a scenario is refused.
-std::string refusal(const experiment::Scenario& scenario) {
+std::string refusal(const scenario::Scenario& scenario) {
   try {
     scenario_law(scenario);
-  } catch (const diagnostics::Failure& failure) {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
     const std::string text = failure.what();
     EXPECT_EQ(text.find('\n'), std::string::npos) << text;
     return text;
@@ -78,7 +78,7 @@ std::string refusal(const experiment::Scenario& scenario) {
 
 TEST(Registry, MakesEveryLawByItsName) {
   for (const std::string_view name : law_names()) {
-    experiment::Scenario scenario = flexible_scenario(std::string(name));
+    scenario::Scenario scenario = flexible_scenario(std::string(name));
     scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     const ScenarioLaw law = scenario_law(scenario);
     EXPECT_EQ(law->name(), name);
@@ -105,39 +105,39 @@ TEST(Registry, KnowsWhatEachLawIsFedWith) {
 }
 
 TEST(Registry, NamesFiltersAndGains) {
-  EXPECT_EQ(loop::text_of(law_facts("loria_ortega_rigid").signals), "error:rad,nu:rad/s");
-  EXPECT_EQ(loop::text_of(law_facts("loria_ortega_flexible").signals),
+  EXPECT_EQ(messages::text_of(law_facts("loria_ortega_rigid").signals), "error:rad,nu:rad/s");
+  EXPECT_EQ(messages::text_of(law_facts("loria_ortega_flexible").signals),
             "error_1:rad,nu_1:rad/s,error_2:rad,nu_2:rad/s");
-  EXPECT_EQ(loop::text_of(law_facts("slotine_li").signals), "error:rad,edot:rad/s");
+  EXPECT_EQ(messages::text_of(law_facts("slotine_li").signals), "error:rad,edot:rad/s");
   EXPECT_THAT(parameter_names(law_facts("loria_ortega_flexible")),
               ElementsAre("kp1", "kd1", "a1", "b1", "kp2", "kd2", "a2", "b2"));
 }
 
 TEST(Registry, GivesTheLawItsGainsAndSampling) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   scenario.loop.period_s = 2e-3;
   scenario.loop.command_delay = 1;
   scenario.controller.filter = law::Discretisation::tustin;
   scenario.controller.filter_start = law::FilterStart::zero;
-  scenario.controller.feedforward_lead = experiment::FeedforwardLead::half_tick_plus_delay;
+  scenario.controller.feedforward_lead = controller::FeedforwardLead::half_tick_plus_delay;
   const law::Settings settings = law_settings(scenario);
   EXPECT_EQ(settings.period_s, 2e-3);
   EXPECT_EQ(settings.filter, law::Discretisation::tustin);
   EXPECT_EQ(settings.filter_start, law::FilterStart::zero);
   EXPECT_EQ(settings.feedforward_lead_s, 1.5 * 2e-3);
 
-  const loop::PositionMeasurement measured{pair(0.3, -0.4)};
-  const robot::Vector zero = pair(0, 0);
-  const loop::ReferencePoint ref{zero, pair(1, 2), pair(3, 4), pair(5, 6), pair(7, 8)};
+  const messages::PositionMeasurement measured{pair(0.3, -0.4)};
+  const Vector zero = pair(0, 0);
+  const messages::ReferencePoint ref{zero, pair(1, 2), pair(3, 4), pair(5, 6), pair(7, 8)};
   const law::LoriaOrtegaRigid expected(
       rigid_model(scenario), {pair(5, 6), pair(7, 8), pair(9, 10), pair(11, 12)}, settings);
   const ScenarioLaw law = scenario_law(scenario);
-  const robot::Vector tau = law->step(0, measured, ref).command.tau;
+  const Vector tau = law->step(0, measured, ref).command.tau;
   EXPECT_EQ(tau, expected.step(expected.start(measured, ref), measured, ref).command.tau);
 }
 
 TEST(Registry, TellsTheLawHowFarTheEncodersPositionsAreOff) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   EXPECT_EQ(law_settings(scenario).position_std, pair(0, 0));
   scenario.plant.encoder.resolution_bits = pair(16, 16);
   const double count = 2 * 3.14159265358979 / 65536;
@@ -147,7 +147,7 @@ TEST(Registry, TellsTheLawHowFarTheEncodersPositionsAreOff) {
 }
 
 TEST(Registry, RefusesAKalmanFilterThatKnowsNoMeasurementNoise) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   scenario.controller.law = "kalman_velocity";
   scenario.controller.gains = {{"kp", pair(5, 6)}, {"kd", pair(7, 8)}};
   scenario.controller.gains["process_noise"] = pair(1, 1);
@@ -163,14 +163,14 @@ TEST(Registry, RefusesAKalmanFilterThatKnowsNoMeasurementNoise) {
 }
 
 TEST(Registry, ReadsMatricesByRowsOrByTheirDiagonalAndRefusesOthers) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   scenario.controller.law = "loria_ortega_matrix";
   scenario.controller.gains["a"] = scenario.controller.gains["b"] = pair(300, 300);
   const auto kp = [&](const Eigen::VectorXd& value) {
     scenario.controller.gains["kp"] = value;
     return gains_of<law::MatrixGains>(scenario, law_facts(scenario.controller.law)).kp;
   };
-  EXPECT_EQ(kp(pair(5, 6)), robot::Matrix(pair(5, 6).asDiagonal()));
+  EXPECT_EQ(kp(pair(5, 6)), Matrix(pair(5, 6).asDiagonal()));
   EXPECT_EQ(kp(Eigen::Vector4d(5, 1, 1, 6))(1, 0), 1);
   for (const Eigen::Vector4d& refused : {Eigen::Vector4d(5, 1, 2, 6), {5, 9, 9, 6}}) {
     scenario.controller.gains["kp"] = refused;
@@ -180,21 +180,20 @@ TEST(Registry, ReadsMatricesByRowsOrByTheirDiagonalAndRefusesOthers) {
 }
 
 TEST(Registry, RefusesFrictionFedForwardThroughSprings) {
-  experiment::Scenario scenario = flexible_scenario("loria_ortega_flexible");
+  scenario::Scenario scenario = flexible_scenario("loria_ortega_flexible");
   scenario.controller.friction = {pair(1, 1), pair(0, 0), pair(1, 1)};
   EXPECT_THAT(refusal(scenario), HasSubstr("controller.friction: given, and the joints are flex"));
 }
 
 TEST(Registry, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
-  experiment::Scenario scenario = flexible_scenario("loria_ortega_rigid");
+  scenario::Scenario scenario = flexible_scenario("loria_ortega_rigid");
   robot::Model on_the_moon = *scenario.model;
   on_the_moon.gravity = {0, 0, -1.62};
   scenario.model = std::make_shared<const robot::Model>(on_the_moon);
-  const robot::Vector q = pair(0.4, 0.7);
+  const Vector q = pair(0.4, 0.7);
   const robot::Model rigid = rigid_model(scenario);
   const law::FlexibleRobot flexible = flexible_robot(scenario);
-  const robot::Matrix difference =
-      robot::mass_matrix(rigid, q) - robot::mass_matrix(flexible.links, q);
+  const Matrix difference = robot::mass_matrix(rigid, q) - robot::mass_matrix(flexible.links, q);
   // M_l + J less M_l: one rounding of entries of up to 10.
   EXPECT_NEAR(difference(0, 0), 0.1, 4e-15);
   EXPECT_NEAR(difference(1, 1), 0.2, 4e-15);
@@ -210,15 +209,15 @@ TEST(Registry, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
 }
 
 TEST(Registry, DoesNotTellTheControllerOfThePayload) {
-  experiment::Scenario loaded = rigid_scenario();
+  scenario::Scenario loaded = rigid_scenario();
   loaded.plant.payload.mass_kg = 3;
-  const robot::Vector q = pair(0.4, 0.7);
+  const Vector q = pair(0.4, 0.7);
   EXPECT_EQ(robot::mass_matrix(rigid_model(loaded), q),
             robot::mass_matrix(rigid_model(rigid_scenario()), q));
 }
 
 TEST(Registry, RefusesAnUnknownLawNamingTheNearest) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   scenario.controller.law = "loria_ortega_ridgid";
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("arm.yaml:20: controller.law:"), HasSubstr("loria_ortega_ridgid"),
@@ -228,11 +227,11 @@ TEST(Registry, RefusesAnUnknownLawNamingTheNearest) {
   scenario.controller.law = "nothing";
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("no law \"nothing\"; Allowed"), Not(HasSubstr("did you mean"))));
-  EXPECT_THROW(law_facts("nothing"), diagnostics::Failure);
+  EXPECT_THROW(law_facts("nothing"), base::Failure);
 }
 
 TEST(Registry, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   scenario.controller.gains.erase("kd");
   EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("arm.yaml:21: controller.gains:"),
                                        HasSubstr("kd is missing"), HasSubstr("kp, kd, a, b")));
@@ -252,13 +251,13 @@ TEST(Registry, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
   }
 
   scenario = rigid_scenario();
-  scenario.controller.gains["kp"] = robot::Vector::Ones(3);
+  scenario.controller.gains["kp"] = Vector::Ones(3);
   EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("arm.yaml:22: controller.gains.kp:"),
                                        HasSubstr("3 entries; needed: one per joint, 2")));
 }
 
 TEST(Registry, RefusesGainsOfOtherLawsAndNamesItsOwnWithTheirUnits) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   scenario.controller.law = "computed_torque";
   EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains.a: computed_torque has no such"),
                                        HasSubstr("kp [1/s^2]")));
@@ -267,7 +266,7 @@ TEST(Registry, RefusesGainsOfOtherLawsAndNamesItsOwnWithTheirUnits) {
 TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {
   for (const char* law :
        {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible", "lanari_wen"}) {
-    experiment::Scenario scenario = flexible_scenario(law);
+    scenario::Scenario scenario = flexible_scenario(law);
     scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     EXPECT_EQ(refusal(scenario), "accepted");
     scenario.robot.flexible.reset();
@@ -285,8 +284,8 @@ TEST(Registry, RefusesRegulatorsWithAMovingReference) {
 }
 
 TEST(Registry, RefusesALeadThatTheLawDoesNotHave) {
-  experiment::Scenario scenario = flexible_scenario("loria_ortega_flexible");
-  scenario.controller.feedforward_lead = experiment::FeedforwardLead::half_tick_plus_delay;
+  scenario::Scenario scenario = flexible_scenario("loria_ortega_flexible");
+  scenario.controller.feedforward_lead = controller::FeedforwardLead::half_tick_plus_delay;
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("controller.feedforward_lead"), HasSubstr("allowed: none")));
 }
@@ -294,7 +293,7 @@ TEST(Registry, RefusesALeadThatTheLawDoesNotHave) {
 TEST(Registry, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
   using plant::EncoderSide;
   const auto with_side = [](const char* law, EncoderSide side) {
-    experiment::Scenario scenario = flexible_scenario(law);
+    scenario::Scenario scenario = flexible_scenario(law);
     scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     scenario.plant.encoder.side = side;
     return refusal(scenario);
@@ -309,30 +308,29 @@ TEST(Registry, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
 }
 
 struct MixedGains {
-  robot::Vector kp;
-  robot::Vector friction;
+  Vector kp;
+  Vector friction;
   double cutoff_hz = 50;
   int order = 2;
   static constexpr std::tuple keys{
-      schema::Key{"kp", &MixedGains::kp, "N m/rad"}.in(schema::positive),
-      schema::Key{"friction", &MixedGains::friction, "N m"}.in(schema::not_negative).by_default(0),
-      schema::Key{"cutoff_hz", &MixedGains::cutoff_hz, "Hz"}.in(schema::positive).by_default(),
-      schema::Key{"order", &MixedGains::order}.in({1, 9}).by_default()};
+      base::Key{"kp", &MixedGains::kp, "N m/rad"}.in(base::positive),
+      base::Key{"friction", &MixedGains::friction, "N m"}.in(base::not_negative).by_default(0),
+      base::Key{"cutoff_hz", &MixedGains::cutoff_hz, "Hz"}.in(base::positive).by_default(),
+      base::Key{"order", &MixedGains::order}.in({1, 9}).by_default()};
 };
 
 LawFacts mixed_facts() {
   LawFacts facts;
   facts.name = "mixed";
-  schema::for_each_key<MixedGains>([&]<class Member>(const schema::Key<MixedGains, Member>& key) {
-    facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
-                                key.range, schema::allowed_text(key),
-                                key.fallback == schema::Default::required});
+  base::for_each_key<MixedGains>([&]<class Member>(const base::Key<MixedGains, Member>& key) {
+    facts.parameters.push_back({key.name, key.unit, key.meaning, base::shape_of<Member>, key.range,
+                                base::allowed_text(key), key.fallback == base::Default::required});
   });
   return facts;
 }
 
 TEST(Registry, ReadsParametersPerJointNumbersAndCountsWithTheirDefaults) {
-  experiment::Scenario scenario = rigid_scenario();
+  scenario::Scenario scenario = rigid_scenario();
   MixedGains gains = gains_of<MixedGains>(scenario, mixed_facts());
   EXPECT_EQ(gains.kp, pair(5, 6));
   EXPECT_EQ(gains.friction, pair(0, 0));
@@ -348,9 +346,9 @@ TEST(Registry, ReadsParametersPerJointNumbersAndCountsWithTheirDefaults) {
 }
 
 TEST(Registry, RefusesAnotherCountAndNoOtherParameter) {
-  experiment::Scenario before = rigid_scenario();
+  scenario::Scenario before = rigid_scenario();
   before.controller.gains["order"] = pair(3, 3);
-  experiment::Scenario after = before;
+  scenario::Scenario after = before;
   after.controller.gains["kp"] = pair(1, 2);
   after.controller.gains["cutoff_hz"] = pair(20, 20);
   EXPECT_NO_THROW(require_same_counts(before, after, mixed_facts()));
@@ -358,20 +356,20 @@ TEST(Registry, RefusesAnotherCountAndNoOtherParameter) {
   try {
     require_same_counts(before, after, mixed_facts());
     ADD_FAILURE();
-  } catch (const diagnostics::Failure& failure) {
+  } catch (const base::Failure& failure) {
     EXPECT_THAT(failure.what(),
                 AllOf(HasSubstr("controller.gains.order: a count"), HasSubstr("as the run began")));
   }
 }
 
 TEST(Registry, RefusesParametersOutOfTheirShapeOrRange) {
-  const auto refused = [](const std::string& name, const robot::Vector& value) -> std::string {
-    experiment::Scenario scenario = rigid_scenario();
+  const auto refused = [](const std::string& name, const Vector& value) -> std::string {
+    scenario::Scenario scenario = rigid_scenario();
     scenario.controller.gains[name] = value;
     try {
       gains_of<MixedGains>(scenario, mixed_facts());
       return "accepted";
-    } catch (const diagnostics::Failure& failure) {
+    } catch (const base::Failure& failure) {
       return failure.what();
     }
   };

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "diagnostics/failure.h"
+#include "base/failure.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
 
@@ -42,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (record.tick <= last) std::abort();
       last = record.tick;
     }
-  } catch (const diagnostics::Failure&) {
+  } catch (const base::Failure&) {
     // No run in it; said in one line.
   }
   return 0;

@@ -2,15 +2,15 @@
 
 #include <type_traits>
 
-#include "loop/messages.h"
-#include "loop/truth/plant_truth.h"
+#include "messages/messages.h"
+#include "messages/truth/plant_truth.h"
 
 /// The message types that the fuzzers know, numbered: the first byte of an input chooses one.
 namespace tachless::fuzz {
 
 template <class... Value>
-loop::TypeList<Value..., loop::truth::PlantTruth> with_truth(loop::TypeList<Value...>);
-using Messages = decltype(with_truth(loop::Messages()));
+messages::TypeList<Value..., messages::truth::PlantTruth> with_truth(messages::TypeList<Value...>);
+using Messages = decltype(with_truth(messages::Messages()));
 
 template <class Value>
 constexpr int number_of() {

@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "bus/truth/truth_wire.h"
-#include "bus/wire.h"
 #include "logger/log_file.h"
+#include "messages/truth/truth_wire.h"
+#include "messages/wire.h"
 #include "tests/fuzz/message_list.h"
 
 using namespace tachless;
 
 namespace {
 
-constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
+constexpr messages::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
 constexpr std::int64_t num_ticks = 3;
 
 struct Message {
@@ -29,11 +29,13 @@ struct Message {
 
 template <class Value>
 void add(std::vector<Message>& messages, const Value& value, std::int64_t tick) {
-  bus::Codec<Value> codec(layout);
+  messages::Codec<Value> codec(layout);
   const std::int64_t utime = tick < 0 ? 0 : tick * 1000;
   const auto bytes = codec.encode({utime, 7, tick}, value);
-  messages.push_back(
-      {fuzz::number_of<Value>(), loop::channel<Value>("ARM"), {bytes.begin(), bytes.end()}, utime});
+  messages.push_back({fuzz::number_of<Value>(),
+                      messages::channel<Value>("ARM"),
+                      {bytes.begin(), bytes.end()},
+                      utime});
 }
 
 std::string contents(const std::filesystem::path& path) {
@@ -44,7 +46,7 @@ std::string contents(const std::filesystem::path& path) {
 /// Of one run; those of the log first, in its order.
 std::vector<Message> messages() {
   std::vector<Message> all;
-  loop::RunInfo info;
+  messages::RunInfo info;
   info.num_ticks = num_ticks;
   info.period_s = 1e-3;
   info.version = "1.0";
@@ -57,21 +59,21 @@ std::vector<Message> messages() {
   info.scenario.replace(info.scenario.find(duration), duration.size(), "duration_s: 0.003");
   info.robot_description = contents(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
   add(all, info, -1);
-  const robot::Vector x = robot::Vector::Constant(2, 0.5);
+  const Vector x = Vector::Constant(2, 0.5);
   for (std::int64_t k = 0; k < num_ticks; ++k) {
-    add(all, loop::Tick{k + 1 == num_ticks}, k);
-    add(all, loop::PositionMeasurement{x}, k);
-    add(all, loop::ReferencePoint{x, x, x, x, x}, k);
-    add(all, loop::TorqueCommand{x}, k);
-    loop::LawSignals state;
+    add(all, messages::Tick{k + 1 == num_ticks}, k);
+    add(all, messages::PositionMeasurement{x}, k);
+    add(all, messages::ReferencePoint{x, x, x, x, x}, k);
+    add(all, messages::TorqueCommand{x}, k);
+    messages::LawSignals state;
     state.num = 2;
     state.value[0] = state.value[1] = x;
     add(all, state, k);
-    loop::truth::PlantTruth truth;
+    messages::truth::PlantTruth truth;
     truth.q = truth.v = truth.tau = truth.disturbance = x;
     add(all, truth, k);
   }
-  loop::Participant participant;
+  messages::Participant participant;
   participant.instance = 5;
   participant.host = "host";
   participant.scenario = "practical_rigid";
@@ -79,7 +81,7 @@ std::vector<Message> messages() {
   participant.signals = "error:rad,nu:rad/s";
   participant.fault = "fault";
   add(all, participant, 2);
-  add(all, loop::LogAck{5}, 2);
+  add(all, messages::LogAck{5}, 2);
   return all;
 }
 

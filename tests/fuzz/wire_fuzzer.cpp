@@ -9,8 +9,8 @@
 #include <tuple>
 #include <utility>
 
-#include "bus/truth/truth_wire.h"
-#include "bus/wire.h"
+#include "messages/truth/truth_wire.h"
+#include "messages/wire.h"
 #include "tests/fuzz/message_list.h"
 
 using namespace tachless;
@@ -21,19 +21,19 @@ using bus::all_finite;
 
 template <class Value>
 struct Subject {
-  explicit Subject(const loop::Layout& layout) : codec(layout), second(layout) {}
-  bus::Codec<Value> codec;
-  bus::Codec<Value> second;
+  explicit Subject(const messages::Layout& layout) : codec(layout), second(layout) {}
+  messages::Codec<Value> codec;
+  messages::Codec<Value> second;
   Value value{};
 
   void decode(std::span<const std::byte> payload) {
-    loop::Stamp stamp;
-    if (codec.decode(payload, stamp, value) != bus::Rejection::none) return;
+    messages::Stamp stamp;
+    if (codec.decode(payload, stamp, value) != messages::Rejection::none) return;
     if (!all_finite(value)) std::abort();
     const auto again = second.encode(stamp, value);
     Value copy{};
-    loop::Stamp stamp_again;
-    if (codec.decode(again, stamp_again, copy) != bus::Rejection::none ||
+    messages::Stamp stamp_again;
+    if (codec.decode(again, stamp_again, copy) != messages::Rejection::none ||
         stamp_again.run != stamp.run || stamp_again.tick != stamp.tick ||
         stamp_again.utime != stamp.utime || again.size() != payload.size()) {
       std::abort();
@@ -42,12 +42,12 @@ struct Subject {
 };
 
 template <class... Value>
-std::tuple<Subject<Value>...> subjects_of(loop::TypeList<Value...>);
+std::tuple<Subject<Value>...> subjects_of(messages::TypeList<Value...>);
 using Subjects = decltype(subjects_of(fuzz::Messages()));
 constexpr std::size_t num_subjects = std::tuple_size_v<Subjects>;
 
 template <std::size_t... I>
-Subjects make(const loop::Layout& layout, std::index_sequence<I...>) {
+Subjects make(const messages::Layout& layout, std::index_sequence<I...>) {
   return Subjects(std::tuple_element_t<I, Subjects>(layout)...);
 }
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "diagnostics/failure.h"
+#include "base/failure.h"
 #include "logger/export.h"
 #include "logger/info.h"
 #include "logger/run_log.h"
@@ -65,8 +65,8 @@ TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
         ASSERT_GT(summary.gaps(), 0u);
       }
       export_run(run_log, csv_, true);
-    } catch (const diagnostics::Failure& failure) {
-      ASSERT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    } catch (const base::Failure& failure) {
+      ASSERT_EQ(failure.code(), base::ExitCode::bad_usage);
       ASSERT_NE(std::string(failure.what()).find(path_.string()), std::string::npos)
           << failure.what();
     }

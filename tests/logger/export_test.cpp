@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "diagnostics/failure.h"
+#include "base/failure.h"
 #include "logger/table.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/recorded_run.h"
@@ -54,8 +54,8 @@ void change_urdf(RecordedRun& recorded, const std::string& before, const std::st
     urdf.replace(at, before.size(), after);
   }
   recorded.info.robot_description = urdf;
-  bus::Codec<loop::RunInfo> codec(loop::Layout{1, 0, 0});
-  const auto bytes = codec.encode(loop::Stamp{0, recorded.run, -1}, recorded.info);
+  messages::Codec<messages::RunInfo> codec(messages::Layout{1, 0, 0});
+  const auto bytes = codec.encode(messages::Stamp{0, recorded.run, -1}, recorded.info);
   recorded.messages[0].data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
 }
 
@@ -85,8 +85,8 @@ class Export : public testing::Test {
   std::string failure_of(Call call) {
     try {
       call();
-    } catch (const diagnostics::Failure& failure) {
-      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
       return failure.what();
     }
     return "no failure";
@@ -151,7 +151,9 @@ TEST_F(Export, CsvHoldsEveryNumberInFull) {
   expect_column("nu_1_shoulder_rad_per_s", [](Tick t) { return t.controller_state->value[1](0); });
   expect_column("nu_2_elbow_rad_per_s", [](Tick t) { return t.controller_state->value[3](1); });
   expect_column("error_2_shoulder_rad", [](Tick t) { return t.controller_state->value[2](0); });
-  const auto measured = [](Tick t) { return std::get<loop::LinkStateMeasurement>(*t.measurement); };
+  const auto measured = [](Tick t) {
+    return std::get<messages::LinkStateMeasurement>(*t.measurement);
+  };
   expect_column("q_measured_shoulder_rad", [&](Tick t) { return measured(t).q(0); });
   expect_column("v_measured_elbow_rad_per_s", [&](Tick t) { return measured(t).v(1); });
   expect_column("theta_measured_elbow_rad", [&](Tick t) { return measured(t).theta(1); });

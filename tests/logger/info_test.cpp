@@ -129,7 +129,7 @@ TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
   const auto refusal = [&](const std::string& text) -> std::string {
     try {
       (void)info_of(text);
-    } catch (const diagnostics::Failure& failure) {
+    } catch (const base::Failure& failure) {
       return failure.what();
     }
     return "accepted";

@@ -16,7 +16,7 @@
 #include <random>
 #include <set>
 
-#include "diagnostics/failure.h"
+#include "base/failure.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/temporary_directory.h"
 
@@ -59,8 +59,8 @@ class LogFile : public testing::Test {
   std::string failure_of(Call call) {
     try {
       call();
-    } catch (const diagnostics::Failure& failure) {
-      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
       return failure.what();
     }
     return "no failure";

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <random>
 
+#include "base/failure.h"
+#include "base/version.h"
 #include "bus/authenticated.h"
-#include "diagnostics/failure.h"
-#include "diagnostics/version.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/temporary_directory.h"
@@ -19,14 +19,14 @@ namespace {
 using testing::HasSubstr;
 
 /// Bit for bit: what is compared went through encoder and decoder, which do not compute.
-void expect_equal(const robot::Vector& a, const robot::Vector& b) {
+void expect_equal(const Vector& a, const Vector& b) {
   ASSERT_EQ(a.size(), b.size());
   for (Eigen::Index i = 0; i < a.size(); ++i) EXPECT_EQ(a(i), b(i));
 }
 
 void expect_equal(const TickRecord& a, const TickRecord& b) {
   EXPECT_EQ(a.tick, b.tick);
-  for (const Slot piece : loop::all_slots) ASSERT_EQ(has(a, piece), has(b, piece)) << a.tick;
+  for (const Slot piece : messages::all_slots) ASSERT_EQ(has(a, piece), has(b, piece)) << a.tick;
   if (a.reference) {
     expect_equal(a.reference->q_ref, b.reference->q_ref);
     expect_equal(a.reference->snap_ref, b.reference->snap_ref);
@@ -34,7 +34,7 @@ void expect_equal(const TickRecord& a, const TickRecord& b) {
   if (a.command) expect_equal(a.command->tau, b.command->tau);
   if (a.controller_state) {
     EXPECT_EQ(a.controller_state->num, b.controller_state->num);
-    for (std::size_t i = 0; i < loop::max_signals; ++i) {
+    for (std::size_t i = 0; i < messages::max_signals; ++i) {
       expect_equal(a.controller_state->value[i], b.controller_state->value[i]);
     }
   }
@@ -47,11 +47,11 @@ void expect_equal(const TickRecord& a, const TickRecord& b) {
   ASSERT_EQ(a.measurement.has_value(), b.measurement.has_value());
   if (!a.measurement) return;
   EXPECT_EQ(a.measurement->index(), b.measurement->index());
-  if (const auto* x = std::get_if<loop::PositionMeasurement>(&*a.measurement)) {
-    expect_equal(x->q, std::get<loop::PositionMeasurement>(*b.measurement).q);
+  if (const auto* x = std::get_if<messages::PositionMeasurement>(&*a.measurement)) {
+    expect_equal(x->q, std::get<messages::PositionMeasurement>(*b.measurement).q);
   }
-  if (const auto* x = std::get_if<loop::LinkStateMeasurement>(&*a.measurement)) {
-    expect_equal(x->theta, std::get<loop::LinkStateMeasurement>(*b.measurement).theta);
+  if (const auto* x = std::get_if<messages::LinkStateMeasurement>(&*a.measurement)) {
+    expect_equal(x->theta, std::get<messages::LinkStateMeasurement>(*b.measurement).theta);
   }
 }
 
@@ -82,8 +82,8 @@ class RunLogTest : public testing::Test {
   std::string failure_of(const std::vector<Recorded>& messages) {
     try {
       open(messages);
-    } catch (const diagnostics::Failure& failure) {
-      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
       return failure.what();
     }
     return "no failure";
@@ -148,7 +148,7 @@ TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
   EXPECT_EQ(duplicates, copies);
   ASSERT_EQ(log.summary().faults.size(), 1u);
   EXPECT_EQ(log.summary().faults[0].text, "encoder lost");
-  EXPECT_EQ(log.summary().faults[0].role, loop::Role::controller);
+  EXPECT_EQ(log.summary().faults[0].role, messages::Role::controller);
   EXPECT_EQ(log.summary().faults[0].tick, 17);
 }
 
@@ -269,9 +269,9 @@ TEST_F(RunLogTest, CountsWhatCannotBeDecodedByReason) {
   auto log = open(messages);
   read_all(log);
   const auto& undecodable = log.summary().undecodable;
-  EXPECT_EQ(undecodable.at(bus::Rejection::wrong_size), 1u);
-  EXPECT_EQ(undecodable.at(bus::Rejection::non_finite), 1u);
-  EXPECT_EQ(undecodable.at(bus::Rejection::wrong_type), 1u);
+  EXPECT_EQ(undecodable.at(messages::Rejection::wrong_size), 1u);
+  EXPECT_EQ(undecodable.at(messages::Rejection::non_finite), 1u);
+  EXPECT_EQ(undecodable.at(messages::Rejection::wrong_type), 1u);
   EXPECT_EQ(log.summary().gaps(), 3u);
 }
 
@@ -323,10 +323,10 @@ TEST(LogOf_0_1_0, IsRefusedWithTheVersionThatReadsIt) {
   try {
     RunLog::open(old_log);
     FAIL() << "not refused";
-  } catch (const diagnostics::Failure& failure) {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
-    EXPECT_THAT(failure.what(), HasSubstr("was recorded by tachless 0.1.0; this is " +
-                                          std::string(diagnostics::version)));
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(),
+                HasSubstr("was recorded by tachless 0.1.0; this is " + std::string(base::version)));
     EXPECT_THAT(failure.what(), HasSubstr("use 0.1.0 to read it"));
   }
 }

@@ -4,13 +4,13 @@
 
 #include <cstring>
 
-#include "tests/protocol/bytes_of.h"
+#include "tests/core/session/bytes_of.h"
 
 namespace tachless::logger {
 namespace {
 
-using loop::num_slots;
-using protocol::Verdict;
+using messages::num_slots;
+using session::Verdict;
 using Slot = TickTally::Slot;
 
 void record_all(TickTally& tally, std::int64_t tick) {

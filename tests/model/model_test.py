@@ -1,7 +1,7 @@
 """The Promela models of the protocol, checked by Spin: model_test.py PROGRAM_WITH_THE_TRACES
 
 Each model has to be searched to its end without an error; each mutant, with one rule broken, has to have one.
-Traces of simulated runs of the implementation (tests/protocol/run_test.cpp) have to be runs of the tick model,
+Traces of simulated runs of the implementation (tests/core/session/run_test.cpp) have to be runs of the tick model,
 and changed ones must not be.
 """
 

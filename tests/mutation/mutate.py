@@ -36,9 +36,9 @@ ARGUED = pathlib.Path(__file__).with_name("argued.txt")
 # Area: files, and the test programs that are to notice. Not fuzzers, whole runs or compile-fail tests.
 AREAS = {
     "law": ("controller/law/*", r"test_controller_(laws|registry|any_law)|test_certificate_lyapunov"),
-    "membership": ("protocol/membership* protocol/peers.h", r"test_protocol_membership"),
-    "ticks": ("protocol/tick_master.h protocol/responders.h protocol/message_ring.h "
-              "protocol/log_window.h", r"test_protocol_ticks"),
+    "membership": ("protocol/membership* core/session/peers.h", r"test_protocol_membership"),
+    "ticks": ("core/session/tick_master.h core/session/responders.h core/session/message_ring.h "
+              "core/session/log_window.h", r"test_protocol_ticks"),
     "codec": ("bus/*wire* bus/codec* bus/lcm_packet* bus/truth/* loop/field*",
               r"test_bus_(wire|truth_wire|udp_transport)|test_loop"),
     "robot": ("robot/*", r"test_robot_\w+|test_certificate_(error_system|norm_conditions)"),

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/failure.h"
 #include "controller/registry.h"
-#include "diagnostics/failure.h"
 #include "plant/guarded_robot.h"
 #include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
@@ -24,14 +24,14 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-experiment::Scenario scenario(std::vector<std::string> overrides) {
+scenario::Scenario scenario(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(),
                    {"plant.encoder.resolution_bits=null", "plant.drive.torque_limit_Nm=[400, 400]",
                     "plant.initial.torque=hold", "plant.initial.position_rad=[0.3, -0.2]",
                     "reference={hold: {position_rad: [0.3, -0.2]}}", "loop.duration_s=2",
                     "controller.gains.kp=[200, 50]", "controller.gains.kd=[100, 20]",
                     "controller.gains.a=[50, 50]", "controller.gains.b=[50, 50]"});
-  return experiment::load_scenario(
+  return scenario::load_scenario(
       std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
@@ -39,7 +39,7 @@ experiment::Scenario scenario(std::vector<std::string> overrides) {
 /// elsewhere and turns the other way.
 class MakersArm final : public RobotDriver {
  public:
-  explicit MakersArm(const experiment::Scenario& s) : model_(plant_model(s)), robot_(s, model_) {}
+  explicit MakersArm(const scenario::Scenario& s) : model_(plant_model(s)), robot_(s, model_) {}
   [[nodiscard]] bool measures_velocity() const override { return false; }
   void start() override { robot_.start(); }
   ArmState read() override {
@@ -50,8 +50,8 @@ class MakersArm final : public RobotDriver {
     state.v[1] = -state.v[1];
     return state;
   }
-  void hold(const robot::Vector& tau, double until_s) override {
-    robot::Vector sum = tau;
+  void hold(const Vector& tau, double until_s) override {
+    Vector sum = tau;
     sum[1] = -sum[1];
     sum += robot::gravity_torque(model_, q_);
     robot_.hold(sum, until_s);
@@ -64,11 +64,11 @@ class MakersArm final : public RobotDriver {
  private:
   robot::Model model_;
   EmulatedRobot robot_;
-  robot::Vector first_ = robot_.read().q, q_ = first_;
+  Vector first_ = robot_.read().q, q_ = first_;
 };
 
 /// Where the loop ends, with a driver or in emulation.
-robot::Vector end_of_run(const experiment::Scenario& scenario, RobotDriver* driver) {
+Vector end_of_run(const scenario::Scenario& scenario, RobotDriver* driver) {
   const controller::ScenarioLaw law = controller::scenario_law(scenario);
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   GuardedRobot robot(scenario, driver);
@@ -97,11 +97,11 @@ TEST(ArmConventions, MakeAnArmThatAddsGravityTheLoopOfTheEmulator) {
   const std::string away = "plant.initial.position_rad=[0.25, -0.1]";
   const auto told = scenario(and_also(and_also(elbow, "robot.compensates=gravity"), away));
   MakersArm arm(told);
-  const robot::Vector q = end_of_run(told, &arm);
+  const Vector q = end_of_run(told, &arm);
   EXPECT_GT(arm.moved, 0.01);
   // g at the last reading is taken away one tick after the law's own g was computed: of 40 N m/rad
   // times the 1e-3 rad or so that it moves in a tick, held against by 100 N m/rad.
-  const robot::Vector emulated = end_of_run(scenario({away}), nullptr);
+  const Vector emulated = end_of_run(scenario({away}), nullptr);
   EXPECT_LT((q - emulated).norm(), 2e-3) << q << "\n" << emulated;
 }
 
@@ -111,8 +111,8 @@ TEST(ArmConventions, NotToldOfDoubleGravityAndStopTheArmWithinAFewHundredthsOfAR
   try {
     end_of_run(trap, &arm);
     FAIL() << "gravity twice goes unnoticed";
-  } catch (const diagnostics::Failure& stop) {
-    EXPECT_EQ(stop.code(), diagnostics::ExitCode::protective_stop);
+  } catch (const base::Failure& stop) {
+    EXPECT_EQ(stop.code(), base::ExitCode::protective_stop);
     EXPECT_THAT(stop.what(), AllOf(HasSubstr("from its reference at tick"),
                                    HasSubstr("plant.following_error_rad: 0.05"),
                                    HasSubstr("robot.compensates")));
@@ -127,7 +127,7 @@ TEST(ArmConventions, NotToldOfAnotherZeroRefuseToStart) {
   try {
     end_of_run(elsewhere, &arm);
     FAIL() << "it is not where the scenario begins";
-  } catch (const diagnostics::Failure& refused) {
+  } catch (const base::Failure& refused) {
     EXPECT_THAT(refused.what(), HasSubstr("joint 2 (elbow), which is at 1.45"));
   }
 }

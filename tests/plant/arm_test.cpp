@@ -16,14 +16,13 @@
 #include <vector>
 
 #include "robot/dynamics.h"
+#include "tests/core/robot/energy.h"
 #include "tests/plant/arms.h"
-#include "tests/robot/energy.h"
 #include "tests/support/counting_new.h"
 
 namespace tachless::plant {
 namespace {
 
-using robot::Vector;
 using ::testing::HasSubstr;
 using testing::Random;
 using testing::rigid_state;
@@ -79,7 +78,7 @@ TEST_P(EveryArm, HasTheClosedFormsInertiaMatrixAndBias) {
     const robot::testing::TwoLinkClosedForm closed{payload};
     const auto mechanics = multibody(robot::testing::two_link(payload));
     const Multibody::Terms terms = mechanics->evaluate(q, v);
-    const robot::Matrix M = closed.M<double>(q);
+    const Matrix M = closed.M<double>(q);
     const Vector bias = closed.C<double>(q, v) * v + closed.g<double>(q);
     EXPECT_LT((terms.M - M).norm(), 1e-13 * M.norm());  // rounding
     EXPECT_LT((terms.bias - bias).norm(), 1e-13 * bias.norm());

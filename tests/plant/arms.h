@@ -8,7 +8,7 @@
 
 #include "plant/arm.h"
 #include "robot/dynamics.h"
-#include "tests/robot/robots.h"
+#include "tests/core/robot/robots.h"
 
 /// Robots, states and an independent integration that the tests of this room share.
 namespace tachless::plant::testing {
@@ -24,8 +24,8 @@ class Random {
   double operator()(double lower, double upper) {
     return lower + (upper - lower) * static_cast<double>(engine_()) / 4294967295.0;
   }
-  robot::Vector vector(int size, double bound) {
-    robot::Vector x(size);
+  Vector vector(int size, double bound) {
+    Vector x(size);
     for (int i = 0; i < size; ++i) x[i] = (*this)(-bound, bound);
     return x;
   }
@@ -59,7 +59,7 @@ inline robot::Body random_body(Random& random, int parent, int coordinate) {
 inline void finish(robot::Model& model, int num_joints) {
   model.num_joints = num_joints;
   model.gravity = {0.3, -0.4, -9.6};
-  model.rotor_inertia = robot::Vector::Zero(num_joints);
+  model.rotor_inertia = Vector::Zero(num_joints);
 }
 
 /// Seven revolute joints about random axes.
@@ -87,7 +87,7 @@ inline robot::Model random_tree() {
   model.bodies[6].multiplier = 1.5;
   model.bodies[6].offset = -0.1;
   finish(model, 5);
-  model.rotor_inertia = robot::Vector::Constant(5, 0.05);
+  model.rotor_inertia = Vector::Constant(5, 0.05);
   return model;
 }
 
@@ -107,7 +107,7 @@ inline robot::Model turntable(double inertia) {
   return model;
 }
 
-inline ArmState rigid_state(const robot::Vector& q, const robot::Vector& v) {
+inline ArmState rigid_state(const Vector& q, const Vector& v) {
   ArmState state;
   state.q = q;
   state.v = v;

@@ -12,7 +12,6 @@
 namespace tachless::plant {
 namespace {
 
-using robot::Vector;
 using std::numbers::pi;
 
 constexpr double I = 0.5, h = 1e-3, T = 3;

@@ -13,8 +13,7 @@
 namespace tachless::plant {
 namespace {
 
-using loop::TorqueCommand;
-using robot::Vector;
+using messages::TorqueCommand;
 
 TorqueCommand command(double first, double second) { return {Eigen::Vector2d(first, second)}; }
 

@@ -6,13 +6,12 @@
 #include <stdexcept>
 
 #include "robot/dynamics.h"
+#include "tests/core/robot/energy.h"
 #include "tests/plant/arms.h"
-#include "tests/robot/energy.h"
 
 namespace tachless::plant {
 namespace {
 
-using robot::Vector;
 using testing::Random;
 using testing::rigid_state;
 using testing::turntable;
@@ -170,12 +169,12 @@ TEST_P(DryFriction, LetsALinkGoInTheMiddleOfATickWhenItsSpringPullsHardEnough) {
 
 /// The accelerations by trying all 3^n choices of what sticks and what slides, and in which
 /// direction.
-Vector by_trial(const robot::Matrix& M, const Vector& r, double held) {
+Vector by_trial(const Matrix& M, const Vector& r, double held) {
   const auto n = static_cast<int>(r.size());
   int choices = 1;
   for (int i = 0; i < n; ++i) choices *= 3;
   for (int c = 0; c < choices; ++c) {
-    robot::Matrix A = M;
+    Matrix A = M;
     Vector F = Vector::Zero(n), b = r;
     std::vector<int> direction;
     for (int i = 0, rest = c; i < n; ++i, rest /= 3) {

@@ -12,11 +12,10 @@
 namespace tachless::plant {
 namespace {
 
-using robot::Vector;
 using ::testing::HasSubstr;
 
-experiment::Scenario scenario(bool flexible = false) {
-  experiment::Scenario s;
+scenario::Scenario scenario(bool flexible = false) {
+  scenario::Scenario s;
   s.source = "test.yaml";
   s.controller.law = "a_law";
   if (flexible) s.robot.flexible = FlexibleDrive{};
@@ -46,13 +45,13 @@ ArmState state(double first, double second) {
 TEST(Encoder, IsExactByDefault) {
   const Encoder encoder(scenario(true), revolute_and_prismatic());
   const ArmState s = state(1.234567890123, -0.2);
-  EXPECT_EQ(encoder.measure<loop::PositionMeasurement>(s, 5).q, s.q);
-  EXPECT_EQ(encoder.measure<loop::MotorPositionMeasurement>(s, 5).theta, s.theta);
-  const auto link = encoder.measure<loop::LinkStateMeasurement>(s, 5);
+  EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(s, 5).q, s.q);
+  EXPECT_EQ(encoder.measure<messages::MotorPositionMeasurement>(s, 5).theta, s.theta);
+  const auto link = encoder.measure<messages::LinkStateMeasurement>(s, 5);
   EXPECT_EQ(link.q, s.q);
   EXPECT_EQ(link.v, s.v);
   EXPECT_EQ(link.theta, s.theta);
-  const auto all = encoder.measure<loop::StateMeasurement>(s, 5);
+  const auto all = encoder.measure<messages::StateMeasurement>(s, 5);
   EXPECT_EQ(all.q, s.q);
   EXPECT_EQ(all.v, s.v);
   EXPECT_EQ(all.theta, s.theta);
@@ -60,40 +59,41 @@ TEST(Encoder, IsExactByDefault) {
 }
 
 TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
-  experiment::Scenario s = scenario();
+  scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Eigen::Vector2d(10, 4);
   const Encoder encoder(s, revolute_and_prismatic());
   const double turn = 2 * std::numbers::pi / 1024, slide = 2.0 / 16;
-  EXPECT_EQ(experiment::encoder_count(s, revolute_and_prismatic())[0], turn);
-  EXPECT_EQ(experiment::encoder_count(s, revolute_and_prismatic())[1], slide);
+  EXPECT_EQ(scenario::encoder_count(s, revolute_and_prismatic())[0], turn);
+  EXPECT_EQ(scenario::encoder_count(s, revolute_and_prismatic())[1], slide);
   const auto measured = [&](double first, double second) {
-    return encoder.measure<loop::PositionMeasurement>(state(first, second), 0).q;
+    return encoder.measure<messages::PositionMeasurement>(state(first, second), 0).q;
   };
   EXPECT_EQ(measured(7.4 * turn, -3.6 * slide), Vector(Eigen::Vector2d(7 * turn, -4 * slide)));
   EXPECT_EQ(measured(-7.6 * turn, 3.4 * slide), Vector(Eigen::Vector2d(-8 * turn, 3 * slide)));
 }
 
 TEST(Encoder, OfALinkThatTurnsIsEccentric) {
-  experiment::Scenario s = scenario(true);
+  scenario::Scenario s = scenario(true);
   s.plant.encoder.eccentricity_rad = Vector::Constant(2, 1e-3);
   s.plant.encoder.eccentricity_phase_rad = Eigen::Vector2d(0.4, 0.4);
   const ArmState at = state(0.7, 0.3);
-  const auto read = Encoder(s, revolute_and_prismatic()).measure<loop::LinkStateMeasurement>(at, 0);
+  const auto read =
+      Encoder(s, revolute_and_prismatic()).measure<messages::LinkStateMeasurement>(at, 0);
   EXPECT_EQ(read.q, Vector(at.q + Eigen::Vector2d(1e-3 * std::sin(1.1), 0)));
   EXPECT_EQ(read.theta, at.theta);
 }
 
 TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
-  experiment::Scenario s = scenario();
+  scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Vector::Constant(2, 12);
   const Encoder encoder(s, revolute_and_prismatic());
-  const double count = experiment::encoder_count(s, revolute_and_prismatic())[0];
+  const double count = scenario::encoder_count(s, revolute_and_prismatic())[0];
   testing::Random random(3);
   double sum_of_squares = 0, largest = 0;
   constexpr int n = 20000;
   for (int k = 0; k < n; ++k) {
     const ArmState exact = state(random(-4, 4), 0);
-    const double error = encoder.measure<loop::PositionMeasurement>(exact, k).q[0] - exact.q[0];
+    const double error = encoder.measure<messages::PositionMeasurement>(exact, k).q[0] - exact.q[0];
     sum_of_squares += error * error;
     largest = std::max(largest, std::abs(error));
   }
@@ -103,7 +103,7 @@ TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
 }
 
 TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
-  experiment::Scenario s = scenario();
+  scenario::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
   s.plant.encoder.velocity_noise_std_rad_per_s = 0.3;
   const Encoder encoder(s, revolute_and_prismatic());
@@ -111,7 +111,7 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
   constexpr int n = 40000;
   double mean[4] = {}, square[4] = {}, fourth = 0, product = 0, beside = 0, last = 0;
   for (int k = 0; k < n; ++k) {
-    const auto measured = encoder.measure<loop::StateMeasurement>(exact, k);
+    const auto measured = encoder.measure<messages::StateMeasurement>(exact, k);
     const double x[4] = {(measured.q[0] - exact.q[0]) / 0.01, (measured.q[1] - exact.q[1]) / 0.01,
                          (measured.v[0] - exact.v[0]) / 0.3, (measured.v[1] - exact.v[1]) / 0.3};
     for (int i = 0; i < 4; ++i) {
@@ -134,26 +134,26 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
 }
 
 TEST(Encoder, RepeatsTheNoiseOfARepeatedTick) {
-  experiment::Scenario s = scenario();
+  scenario::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
   const Encoder encoder(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
-  const Vector first = encoder.measure<loop::PositionMeasurement>(exact, 7).q;
-  EXPECT_NE(encoder.measure<loop::PositionMeasurement>(exact, 8).q, first);
-  EXPECT_EQ(encoder.measure<loop::PositionMeasurement>(exact, 7).q, first);
+  const Vector first = encoder.measure<messages::PositionMeasurement>(exact, 7).q;
+  EXPECT_NE(encoder.measure<messages::PositionMeasurement>(exact, 8).q, first);
+  EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(exact, 7).q, first);
   s.plant.encoder.seed = 2;
-  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<loop::PositionMeasurement>(exact, 7).q,
+  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<messages::PositionMeasurement>(exact, 7).q,
             first);
 }
 
 TEST(Encoder, GivesTheSameNoiseToEveryKindOfMeasurement) {
-  experiment::Scenario s = scenario(true);
+  scenario::Scenario s = scenario(true);
   s.plant.encoder.noise_std_rad = 0.01;
   const Encoder encoder(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
-  const auto all = encoder.measure<loop::StateMeasurement>(exact, 3);
-  EXPECT_EQ(encoder.measure<loop::PositionMeasurement>(exact, 3).q, all.q);
-  EXPECT_EQ(encoder.measure<loop::MotorPositionMeasurement>(exact, 3).theta, all.theta);
+  const auto all = encoder.measure<messages::StateMeasurement>(exact, 3);
+  EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(exact, 3).q, all.q);
+  EXPECT_EQ(encoder.measure<messages::MotorPositionMeasurement>(exact, 3).theta, all.theta);
   EXPECT_NE(Vector(all.q - exact.q), Vector(all.theta - exact.theta));
 }
 
@@ -169,15 +169,15 @@ TEST(StandardNormal, ComesFromTheKnownAnswerOfPhilox) {
 }
 
 TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
-  experiment::Scenario s = scenario();
+  scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Vector::Constant(2, 10);
   robot::Model model = revolute_and_prismatic();
   model.upper[1] = robot::Model::unlimited;
   try {
     const Encoder encoder(s, model);
     FAIL();
-  } catch (const diagnostics::Failure& failure) {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("plant.encoder.resolution_bits"));
     EXPECT_THAT(failure.what(), HasSubstr("\"slide\""));
   }
@@ -185,21 +185,21 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
 
 /// Of POSITION, MOTOR_POSITION, LINK_STATE and STATE, those whose encoders the robot has: 1.
 std::string measurable(bool flexible, EncoderSide side) {
-  experiment::Scenario s = scenario(flexible);
+  scenario::Scenario s = scenario(flexible);
   s.plant.encoder.side = side;
   std::string result;
   const auto note = [&](auto measurement) {
     try {
-      experiment::require_encoders(s, decltype(measurement)::suffix);
+      scenario::require_encoders(s, decltype(measurement)::suffix);
       result += '1';
-    } catch (const diagnostics::Failure&) {
+    } catch (const base::Failure&) {
       result += '0';
     }
   };
-  note(loop::PositionMeasurement());
-  note(loop::MotorPositionMeasurement());
-  note(loop::LinkStateMeasurement());
-  note(loop::StateMeasurement());
+  note(messages::PositionMeasurement());
+  note(messages::MotorPositionMeasurement());
+  note(messages::LinkStateMeasurement());
+  note(messages::StateMeasurement());
   return result;
 }
 

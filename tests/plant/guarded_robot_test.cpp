@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnostics/logging.h"
+#include "base/logging.h"
 #include "tests/support/limited_elbow.h"
 
 namespace tachless::plant {
@@ -22,19 +22,19 @@ constexpr const char* narrow = R"(lower="-0.05" upper="2" effort="100" velocity=
 constexpr const char* slow = R"(lower="-3" upper="3" effort="100" velocity="1.5")";
 
 /// The elbow moves at some -2 rad/s, and nothing acts on it.
-experiment::Scenario moving(const std::string& name, const std::string& limit,
-                            std::vector<std::string> overrides = {}) {
+scenario::Scenario moving(const std::string& name, const std::string& limit,
+                          std::vector<std::string> overrides = {}) {
   overrides.insert(overrides.end(),
                    {"robot.gravity_m_per_s2=0", "loop.period_s=0.001", "loop.duration_s=0.1",
                     "plant.initial.velocity_rad_per_s=[1.5, -2]"});
   return with_limited_elbow(
-      experiment::load_scenario(fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, name),
-                                overrides),
+      scenario::load_scenario(fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, name),
+                              overrides),
       limit);
 }
 
 void coast(GuardedRobot& robot, std::int64_t tick) {
-  robot.accept({robot::Vector::Zero(2)});
+  robot.accept({Vector::Zero(2)});
   robot.advance(tick);
   robot.end_tick();
 }
@@ -49,8 +49,8 @@ End run(GuardedRobot& robot) {
   for (std::int64_t k = 0; k < 100; ++k) {
     try {
       robot.read(k);
-    } catch (const diagnostics::Failure& failure) {
-      EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::protective_stop);
       return {failure.what(), k};
     }
     coast(robot, k);
@@ -59,7 +59,7 @@ End run(GuardedRobot& robot) {
 }
 
 TEST(GuardedRobot, StopsAnEmulatedJointThatLeavesItsRangeAtTheFirstTickOutside) {
-  const experiment::Scenario s = moving("practical_rigid", narrow);
+  const scenario::Scenario s = moving("practical_rigid", narrow);
   GuardedRobot robot(s);
   const End end = run(robot);
   EXPECT_THAT(end.fault,
@@ -73,7 +73,7 @@ TEST(GuardedRobot, StopsAnEmulatedJointThatLeavesItsRangeAtTheFirstTickOutside) 
 }
 
 TEST(GuardedRobot, StopsAnEmulatedJointThatIsTooFast) {
-  const experiment::Scenario s = moving("practical_rigid", slow);
+  const scenario::Scenario s = moving("practical_rigid", slow);
   GuardedRobot robot(s);
   const End end = run(robot);
   EXPECT_EQ(end.tick, 0);
@@ -84,7 +84,7 @@ TEST(GuardedRobot, StopsAnEmulatedJointThatIsTooFast) {
 TEST(GuardedRobot, LetsAJointMoveAtItsLimitButForRounding) {
   // The elbow starts at -2 rad/s, beyond its limit by 1e-12.
   const char* almost = R"(lower="-3" upper="3" effort="100" velocity="1.999999999999")";
-  const experiment::Scenario s = moving("practical_rigid", almost);
+  const scenario::Scenario s = moving("practical_rigid", almost);
   GuardedRobot robot(s);
   robot.start();
   EXPECT_NO_THROW(robot.read(0));
@@ -92,18 +92,18 @@ TEST(GuardedRobot, LetsAJointMoveAtItsLimitButForRounding) {
 
 TEST(GuardedRobot, LetsAJointGoThatHasNoLimit) {
   // A velocity of 0 is none, and a continuous joint has no range.
-  const experiment::Scenario s =
+  const scenario::Scenario s =
       moving("practical_rigid", R"(lower="-3" upper="3" effort="0" velocity="0")");
   GuardedRobot robot(s);
   EXPECT_EQ(run(robot).fault, "");
 }
 
 TEST(GuardedRobot, WarnsOncePerJointAndMarksEachTickWhereTheScenarioSaysSo) {
-  const experiment::Scenario s = moving("practical_rigid", narrow, {"plant.on_limit=warn"});
+  const scenario::Scenario s = moving("practical_rigid", narrow, {"plant.on_limit=warn"});
   GuardedRobot robot(s);
   int outside = 0, marked = 0;
   ::testing::internal::CaptureStderr();
-  diagnostics::start_logging("tachless-plant", diagnostics::Verbosity::quiet);
+  base::start_logging("tachless-plant", base::Verbosity::quiet);
   robot.start();
   for (std::int64_t k = 0; k < 100; ++k) {
     robot.read(k);
@@ -124,7 +124,7 @@ TEST(GuardedRobot, WatchesTheLinksOfFlexibleJointsNotTheirMotors) {
   // The motor begins outside of the link's range and faster than the link may be.
   const std::vector<std::string> motor = {"plant.initial.motor_position_rad=[0, -0.06]",
                                           "plant.initial.motor_velocity_rad_per_s=[1.5, -20]"};
-  const experiment::Scenario s = moving("practical_flexible", narrow, motor);
+  const scenario::Scenario s = moving("practical_flexible", narrow, motor);
   GuardedRobot robot(s);
   robot.start();
   EXPECT_NO_THROW(robot.read(0));
@@ -135,7 +135,7 @@ TEST(GuardedRobot, WatchesTheLinksOfFlexibleJointsNotTheirMotors) {
 }
 
 TEST(GuardedRobot, IsReadOnBeyondItsLimitsOnceItIsStopped) {
-  const experiment::Scenario s = moving("practical_rigid", narrow);
+  const scenario::Scenario s = moving("practical_rigid", narrow);
   GuardedRobot robot(s);
   const End end = run(robot);
   ASSERT_NE(end.fault, "");
@@ -150,16 +150,16 @@ TEST(GuardedRobot, IsReadOnBeyondItsLimitsOnceItIsStopped) {
 
 TEST(GuardedRobot, IsSensedAsItWasSomeTicksAgo) {
   for (const int latency : {0, 1, 5, 16}) {
-    const experiment::Scenario scenario =
+    const scenario::Scenario scenario =
         moving("paper_rigid", R"(lower="-3" upper="3" effort="100" velocity="10")",
                {fmt::format("plant.encoder.latency_ticks={}", latency)});
     GuardedRobot robot(scenario);
     robot.feed("POSITION");
     robot.start();
-    std::vector<robot::Vector> q;
+    std::vector<Vector> q;
     for (std::int64_t k = 0; k < 40; ++k) {
       q.push_back(robot.read(k).q);
-      EXPECT_EQ(std::get<loop::PositionMeasurement>(robot.measure(k)).q,
+      EXPECT_EQ(std::get<messages::PositionMeasurement>(robot.measure(k)).q,
                 q.at(static_cast<std::size_t>(std::max<std::int64_t>(k - latency, 0))));
       coast(robot, k);
     }
@@ -168,13 +168,13 @@ TEST(GuardedRobot, IsSensedAsItWasSomeTicksAgo) {
 }
 
 TEST(GuardedRobot, FeedsALawWithNothingThatIsNoMeasurement) {
-  const experiment::Scenario scenario = moving("paper_rigid", slow);
+  const scenario::Scenario scenario = moving("paper_rigid", slow);
   GuardedRobot robot(scenario);
   try {
     robot.feed("COMMAND");
     FAIL();
-  } catch (const diagnostics::Failure& failure) {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::protocol_violated);
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::protocol_violated);
     EXPECT_THAT(failure.what(), HasSubstr("'COMMAND'"));
   }
 }

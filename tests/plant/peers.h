@@ -15,27 +15,27 @@
 #include <utility>
 #include <vector>
 
-#include "bus/truth/truth_wire.h"
-#include "bus/wire.h"
-#include "node/link.h"
+#include "messages/truth/truth_wire.h"
+#include "messages/wire.h"
 #include "plant/node.h"
-#include "protocol/membership.h"
+#include "session/link.h"
+#include "session/membership.h"
 
 namespace tachless::plant {
 
 inline constexpr auto controllers_address = "controller's address";
 
-inline experiment::Scenario scenario(std::vector<std::string> overrides) {
+inline scenario::Scenario scenario(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(),
                    {"loop.mode=realtime", "loop.duration_s=0.03", "robot.gravity_m_per_s2=0",
                     "plant.encoder.resolution_bits=null"});
-  return experiment::load_scenario(
+  return scenario::load_scenario(
       std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
 /// A torque that tells its tick.
-inline robot::Vector torque_of(std::int64_t tick) {
-  robot::Vector tau(2);
+inline Vector torque_of(std::int64_t tick) {
+  Vector tau(2);
   tau << 1 + 0.5 * static_cast<double>(tick), -0.25 * static_cast<double>(tick);
   return tau;
 }
@@ -43,7 +43,7 @@ inline robot::Vector torque_of(std::int64_t tick) {
 /// Reference, controller and logger as the plant sees them, on a bus of their own.
 class Peers : public bus::Transport {
  public:
-  explicit Peers(const experiment::Scenario& scenario) : digest_(scenario.digest) {
+  explicit Peers(const scenario::Scenario& scenario) : digest_(scenario.digest) {
     // The controller answers at once, until a test says otherwise.
     on_measurement = [this](std::int64_t tick) { command(tick, torque_of(tick)); };
   }
@@ -55,18 +55,18 @@ class Peers : public bus::Transport {
   std::string law = "loria_ortega_rigid";  ///< what the controller announces
   std::string measurement = "POSITION";    ///< what it asks for
 
-  std::vector<loop::truth::PlantTruth> truths;
+  std::vector<messages::truth::PlantTruth> truths;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
-  std::vector<loop::Participant> heard_plant;
+  std::vector<messages::Participant> heard_plant;
 
-  void command(std::int64_t tick, const robot::Vector& tau,
-               std::string sender = controllers_address, std::int64_t run = 0) {
-    bus::Codec<loop::TorqueCommand> codec(layout_);
+  void command(std::int64_t tick, const Vector& tau, std::string sender = controllers_address,
+               std::int64_t run = 0) {
+    messages::Codec<messages::TorqueCommand> codec(layout_);
     queue("ARM_COMMAND", codec.encode({0, run != 0 ? run : run_, tick}, {tau}), std::move(sender));
   }
   /// The same with NaN for the last torque.
   void non_finite_command(std::int64_t tick, std::string sender) {
-    bus::Codec<loop::TorqueCommand> codec(layout_);
+    messages::Codec<messages::TorqueCommand> codec(layout_);
     const auto sound = codec.encode({0, run_, tick}, {torque_of(tick)});
     std::vector<std::byte> bytes(sound.begin(), sound.end());
     std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
@@ -76,7 +76,7 @@ class Peers : public bus::Transport {
   std::chrono::microseconds answering_time{0};
 
   void queue(std::string channel, std::span<const std::byte> bytes, std::string sender) {
-    const auto at = loop::Clock::now() +
+    const auto at = base::Clock::now() +
                     (channel == "ARM_COMMAND" ? answering_time : std::chrono::microseconds(0));
     messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender), at});
   }
@@ -87,10 +87,10 @@ class Peers : public bus::Transport {
   std::function<void()> on_fault = [] {};
 
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
-    loop::Stamp stamp;
+    messages::Stamp stamp;
     if (channel == "ARM_PARTICIPANT") {
-      loop::Participant plant;
-      ASSERT_EQ(participants_.decode(payload, stamp, plant), bus::Rejection::none);
+      messages::Participant plant;
+      ASSERT_EQ(participants_.decode(payload, stamp, plant), messages::Rejection::none);
       if (!plant.fault.empty()) on_fault();
       run_ = stamp.run;
       if (heard_plant.empty()) {
@@ -98,13 +98,14 @@ class Peers : public bus::Transport {
         start_members();
       }
       heard_plant.push_back(plant);
-      const auto now = loop::Clock::now();
-      for (protocol::Membership& each : members_) {
+      const auto now = base::Clock::now();
+      for (session::Membership& each : members_) {
         each.handle(stamp, plant, "plant's address", now);
         if (each.plant_finished()) each.finished(now);
         const auto& own = each.announce(now);
-        const std::string address = std::string(loop::name(own.participant.role)) + "'s address";
-        for (protocol::Membership& other : members_) {
+        const std::string address =
+            std::string(messages::name(own.participant.role)) + "'s address";
+        for (session::Membership& other : members_) {
           other.handle(own.stamp, own.participant, address, now);
         }
         queue("ARM_PARTICIPANT", participants_.encode(own.stamp, own.participant), address);
@@ -112,25 +113,25 @@ class Peers : public bus::Transport {
     } else if (channel == "ARM_RUN_INFO") {
       on_run_info();
     } else if (channel == "ARM_POSITION") {
-      loop::PositionMeasurement position;
-      ASSERT_EQ(positions_.decode(payload, stamp, position), bus::Rejection::none);
+      messages::PositionMeasurement position;
+      ASSERT_EQ(positions_.decode(payload, stamp, position), messages::Rejection::none);
       on_measurement(stamp.tick);
     } else if (channel == "ARM_TICK") {
-      loop::Tick tick;
-      ASSERT_EQ(ticks_.decode(payload, stamp, tick), bus::Rejection::none);
+      messages::Tick tick;
+      ASSERT_EQ(ticks_.decode(payload, stamp, tick), messages::Rejection::none);
       ticks.push_back(stamp.tick);
       tick_utimes.push_back(stamp.utime);
     } else if (channel == "ARM_TRUTH") {
       truths.emplace_back();
-      ASSERT_EQ(truths_.decode(payload, stamp, truths.back()), bus::Rejection::none);
+      ASSERT_EQ(truths_.decode(payload, stamp, truths.back()), messages::Rejection::none);
       truth_ticks.push_back(stamp.tick);
     }
   }
 
-  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override {
+  std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override {
     const bool any = !messages_.empty();
     std::this_thread::sleep_until(any ? std::min(deadline, messages_.front().at) : deadline);
-    if (!any || messages_.front().at > loop::Clock::now()) return std::nullopt;
+    if (!any || messages_.front().at > base::Clock::now()) return std::nullopt;
     current_ = std::move(messages_.front());
     messages_.pop_front();
     return bus::Datagram{current_.channel, current_.payload, current_.sender};
@@ -141,52 +142,52 @@ class Peers : public bus::Transport {
     std::string channel;
     std::vector<std::byte> payload;
     std::string sender;
-    loop::Clock::time_point at;  ///< it arrives then
+    base::Clock::time_point at;  ///< it arrives then
   };
 
   void start_members() {
-    for (const loop::Role role :
-         {loop::Role::reference, loop::Role::controller, loop::Role::logger}) {
-      protocol::Membership::Self self;
+    for (const messages::Role role :
+         {messages::Role::reference, messages::Role::controller, messages::Role::logger}) {
+      session::Membership::Self self;
       self.who.role = role;
       self.who.instance = 100 + static_cast<int>(role);
       self.who.scenario_digest = digest_;
       self.counters_required = false;
-      if (role == loop::Role::controller) {
+      if (role == messages::Role::controller) {
         self.who.law = law;
         self.who.measurement = measurement;
       }
-      members_.emplace_back(self, loop::Clock::now()).complete();
+      members_.emplace_back(self, base::Clock::now()).complete();
     }
   }
 
   std::int64_t digest_;
   std::int64_t run_ = 0;
-  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_signals = 0};
-  bus::Codec<loop::Participant> participants_{layout_};
-  bus::Codec<loop::PositionMeasurement> positions_{layout_};
-  bus::Codec<loop::Tick> ticks_{layout_};
-  bus::Codec<loop::truth::PlantTruth> truths_{layout_};
-  std::list<protocol::Membership> members_;
+  messages::Layout layout_{.num_joints = 2, .num_motors = 0, .num_signals = 0};
+  messages::Codec<messages::Participant> participants_{layout_};
+  messages::Codec<messages::PositionMeasurement> positions_{layout_};
+  messages::Codec<messages::Tick> ticks_{layout_};
+  messages::Codec<messages::truth::PlantTruth> truths_{layout_};
+  std::list<session::Membership> members_;
   std::list<Message> messages_;
   Message current_;
 };
 
 struct Outcome {
-  diagnostics::ExitCode code = diagnostics::ExitCode::done;
+  base::ExitCode code = base::ExitCode::done;
   std::string fault;
-  node::Statistics statistics;
+  session::Statistics statistics;
 };
 
 /// The plant's part; `driver`: of the robot in the emulator's place.
-inline Outcome run(const experiment::Scenario& scenario, Peers& peers,
+inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
                    const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
-  node::Link link(scenario, peers,
-                  {.role = loop::Role::plant,
-                   .run_id = 7,
-                   .wait_s = 10,
-                   .interrupted = interrupted,
-                   .instance = 1});
+  session::Link link(scenario, peers,
+                     {.role = messages::Role::plant,
+                      .run_id = 7,
+                      .wait_s = 10,
+                      .interrupted = interrupted,
+                      .instance = 1});
   Outcome outcome;
   try {
     link.guard([&] {
@@ -196,7 +197,7 @@ inline Outcome run(const experiment::Scenario& scenario, Peers& peers,
         run_node(scenario, link);
       }
     });
-  } catch (const diagnostics::Failure& failure) {
+  } catch (const base::Failure& failure) {
     outcome.code = failure.code();
     outcome.fault = failure.what();
   }

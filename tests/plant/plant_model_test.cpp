@@ -13,13 +13,12 @@
 namespace tachless::plant {
 namespace {
 
-using robot::Vector;
 using ::testing::HasSubstr;
 
-experiment::Scenario scenario(const std::string& name,
-                              const std::vector<std::string>& overrides = {}) {
-  return experiment::load_scenario(
-      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/" + name + ".yaml", overrides);
+scenario::Scenario scenario(const std::string& name,
+                            const std::vector<std::string>& overrides = {}) {
+  return scenario::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/" + name + ".yaml",
+                                 overrides);
 }
 
 TEST(PlantModel, HasTheScenariosGravityPayloadAndRotorInertia) {
@@ -28,7 +27,7 @@ TEST(PlantModel, HasTheScenariosGravityPayloadAndRotorInertia) {
                                "robot.joints={rigid: {rotor_inertia_kgm2: [0.1, 0.2]}}"}));
   const robot::testing::TwoLinkClosedForm closed{0.5, 9.8};
   const Vector q = Eigen::Vector2d(0.7, -0.4);
-  robot::Matrix M = closed.M<double>(q);
+  Matrix M = closed.M<double>(q);
   M(0, 0) += 0.1;
   M(1, 1) += 0.2;
   EXPECT_LT((robot::mass_matrix(model, q) - M).norm(), 1e-13);  // rounding at |M| = 10
@@ -36,20 +35,20 @@ TEST(PlantModel, HasTheScenariosGravityPayloadAndRotorInertia) {
 }
 
 TEST(PlantModel, NamesAPayloadLinkThatIsNotThere) {
-  experiment::Scenario s = scenario("paper_rigid", {"plant.payload.mass_kg=0.5"});
+  scenario::Scenario s = scenario("paper_rigid", {"plant.payload.mass_kg=0.5"});
   s.plant.payload.link = "elbow_pad";
   try {
     (void)plant_model(s);
     FAIL();
-  } catch (const diagnostics::Failure& failure) {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("plant.payload"));
     EXPECT_THAT(failure.what(), HasSubstr("elbow_pad"));
   }
 }
 
 TEST(InitialState, PutsMotorsInStaticBalance) {
-  const experiment::Scenario s = scenario(
+  const scenario::Scenario s = scenario(
       "paper_flexible", {"plant.initial.position_rad=[0.8, -0.3]", "plant.payload.mass_kg=0.5"});
   const robot::Model model = plant_model(s);
   Arm arm = make_arm(s, model, initial_state(s, model));
@@ -61,7 +60,7 @@ TEST(InitialState, PutsMotorsInStaticBalance) {
 }
 
 TEST(InitialState, TakesMotorsAsGiven) {
-  const experiment::Scenario s =
+  const scenario::Scenario s =
       scenario("paper_flexible", {"plant.initial.motor_position_rad=[0.1, 0.2]",
                                   "plant.initial.motor_velocity_rad_per_s=[3, 4]"});
   const ArmState state = initial_state(s, plant_model(s));
@@ -71,7 +70,7 @@ TEST(InitialState, TakesMotorsAsGiven) {
 
 TEST(MakeDrive, LimitsAsTheScenarioSays) {
   const auto applied = [](const std::vector<std::string>& overrides) {
-    const experiment::Scenario s = scenario("paper_rigid", overrides);
+    const scenario::Scenario s = scenario("paper_rigid", overrides);
     Drive drive = make_drive(s, plant_model(s));
     drive.accept({Eigen::Vector2d(1e5, -1e5)});
     return drive.applied().tau;
@@ -81,7 +80,7 @@ TEST(MakeDrive, LimitsAsTheScenarioSays) {
 }
 
 TEST(MakeDrive, HoldsTheInitialPostureUntilTheFirstCommand) {
-  const experiment::Scenario s =
+  const scenario::Scenario s =
       scenario("practical_rigid", {"plant.initial={position_rad: [0.5, 1], torque: hold}",
                                    "reference={hold: {position_rad: [0.5, 1]}}"});
   const robot::Model model = plant_model(s);
@@ -92,7 +91,7 @@ TEST(MakeDrive, HoldsTheInitialPostureUntilTheFirstCommand) {
 
 TEST(ProtectiveStop, BringsARobotToRest) {
   for (const char* name : {"paper_rigid", "paper_flexible"}) {
-    const experiment::Scenario s =
+    const scenario::Scenario s =
         scenario(name, {"plant.initial.velocity_rad_per_s=[2, -3]", "robot.gravity_m_per_s2=0"});
     const robot::Model model = plant_model(s);
     Arm arm = make_arm(s, model, initial_state(s, model));
@@ -103,7 +102,7 @@ TEST(ProtectiveStop, BringsARobotToRest) {
 }
 
 /// Moving without gravity, with a payload.
-experiment::Scenario loaded_scenario(const std::string& name, std::vector<std::string> overrides) {
+scenario::Scenario loaded_scenario(const std::string& name, std::vector<std::string> overrides) {
   overrides.insert(overrides.end(),
                    {"robot.gravity_m_per_s2=0", "loop.period_s=0.001", "loop.duration_s=0.1",
                     "plant.initial.velocity_rad_per_s=[1.5, -2]", "plant.payload.mass_kg=0.5"});
@@ -116,10 +115,10 @@ TEST(PayloadWithInertia, AddsItAboutEveryJointThatTurnsIt) {
     return robot::mass_matrix(plant_model(loaded_scenario("paper_rigid", overrides)), q);
   };
   // Both joints of the planar arm turn about y.
-  const robot::Matrix more = M({"plant.payload.inertia_kgm2=[0.03, 0, 0, 0.02, 0, 0.04]"}) - M({});
-  EXPECT_LT((more - 0.02 * robot::Matrix::Ones(2, 2)).norm(), 1e-14);  // rounding at |M| = 10
+  const Matrix more = M({"plant.payload.inertia_kgm2=[0.03, 0, 0, 0.02, 0, 0.04]"}) - M({});
+  EXPECT_LT((more - 0.02 * Matrix::Ones(2, 2)).norm(), 1e-14);  // rounding at |M| = 10
   // The link points along -z: further out is as a longer link with the mass there.
-  const robot::Matrix out = M({"plant.payload.center_of_mass_m=[0, 0, -0.5]"}) - M({});
+  const Matrix out = M({"plant.payload.center_of_mass_m=[0, 0, -0.5]"}) - M({});
   EXPECT_NEAR(out(1, 1), 0.5 * (1.5 * 1.5 - 1), 1e-14);
 }
 

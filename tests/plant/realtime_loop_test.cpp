@@ -17,8 +17,8 @@ namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
-using diagnostics::ExitCode;
-using loop::truth::DriveFault;
+using base::ExitCode;
+using messages::truth::DriveFault;
 using testing::HasSubstr;
 
 std::vector<double> first_torques(const Peers& peers) {
@@ -28,13 +28,13 @@ std::vector<double> first_torques(const Peers& peers) {
 }
 
 TEST(RealtimeLoop, AppliesEachCommandOverTheNextTickAndNothingOverTheFirst) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   ASSERT_EQ(s.loop.command_delay, 1);
   Peers peers(s);
   const Outcome outcome = run(s, peers);
   ASSERT_EQ(outcome.fault, "");
   ASSERT_EQ(peers.truths.size(), 30u);
-  EXPECT_EQ(peers.truths[0].tau, robot::Vector::Zero(2));
+  EXPECT_EQ(peers.truths[0].tau, Vector::Zero(2));
   for (std::size_t k = 1; k < 30; ++k) {
     EXPECT_EQ(peers.truths[k].tau, torque_of(static_cast<std::int64_t>(k) - 1)) << k;
     EXPECT_EQ(peers.truths[k].fault, DriveFault::none) << k;
@@ -45,8 +45,8 @@ TEST(RealtimeLoop, AppliesEachCommandOverTheNextTickAndNothingOverTheFirst) {
 }
 
 TEST(RealtimeLoop, DelayShiftsTheTorquesByExactlyOneTick) {
-  const experiment::Scenario late = scenario({});
-  const experiment::Scenario prompt = scenario({"loop.command_delay=0"});
+  const scenario::Scenario late = scenario({});
+  const scenario::Scenario prompt = scenario({"loop.command_delay=0"});
   Peers late_peers(late);
   Peers prompt_peers(prompt);
   ASSERT_EQ(run(late, late_peers).fault, "");
@@ -62,7 +62,7 @@ TEST(RealtimeLoop, DelayShiftsTheTorquesByExactlyOneTick) {
 TEST(RealtimeLoop, HoldsTheLastTorqueWhenCommandsAreMissed) {
   for (const std::int64_t delay : {0, 1}) {
     SCOPED_TRACE(delay);
-    const experiment::Scenario s = scenario({"loop.command_delay=" + std::to_string(delay)});
+    const scenario::Scenario s = scenario({"loop.command_delay=" + std::to_string(delay)});
     Peers peers(s);
     peers.on_measurement = [&](std::int64_t k) {
       if (k < 5 || k > 7) peers.command(k, torque_of(k));
@@ -83,7 +83,7 @@ TEST(RealtimeLoop, HoldsTheLastTorqueWhenCommandsAreMissed) {
 }
 
 TEST(RealtimeLoop, CountsALateCommandAndDoesNotApplyIt) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     if (k == 6) peers.command(5, torque_of(5));
@@ -98,10 +98,10 @@ TEST(RealtimeLoop, CountsALateCommandAndDoesNotApplyIt) {
 }
 
 TEST(RealtimeLoop, IgnoresACommandOfATickThatHasNotBegun) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
-    peers.command(k + 1, robot::Vector::Constant(2, 1e6));
+    peers.command(k + 1, Vector::Constant(2, 1e6));
     peers.command(k, torque_of(k));
   };
   const Outcome outcome = run(s, peers);
@@ -111,7 +111,7 @@ TEST(RealtimeLoop, IgnoresACommandOfATickThatHasNotBegun) {
 }
 
 TEST(RealtimeLoop, BeginsNoTickBeforeItsDeadlineAndNumbersThemAll) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   ASSERT_EQ(run(s, peers).fault, "");
   ASSERT_EQ(peers.ticks.size(), 30u);
@@ -122,7 +122,7 @@ TEST(RealtimeLoop, BeginsNoTickBeforeItsDeadlineAndNumbersThemAll) {
 }
 
 TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     peers.command(k, torque_of(k));
@@ -141,7 +141,7 @@ TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
 TEST(RealtimeLoop, NotesThatMoreDeadlinesWereMissedThanTheScenarioAllows) {
   for (const char* share : {"0.1", "1"}) {
     SCOPED_TRACE(share);
-    const experiment::Scenario s = scenario({std::string("loop.max_missed_share=") + share});
+    const scenario::Scenario s = scenario({std::string("loop.max_missed_share=") + share});
     Peers peers(s);
     peers.on_measurement = [&](std::int64_t k) {
       peers.command(k, torque_of(k));
@@ -161,7 +161,7 @@ TEST(RealtimeLoop, NotesThatMoreDeadlinesWereMissedThanTheScenarioAllows) {
 }
 
 TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
-  const experiment::Scenario s = scenario({"loop.duration_s=0.1"});
+  const scenario::Scenario s = scenario({"loop.duration_s=0.1"});
   ASSERT_EQ(s.loop.max_missed, 20);
   Peers peers(s);
   peers.answering_time = 200us;
@@ -188,14 +188,14 @@ TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
 
 class Stopping : public testing::Test {
  protected:
-  const experiment::Scenario s_ = scenario(
+  const scenario::Scenario s_ = scenario(
       {"loop.duration_s=2", "loop.max_missed=3", "plant.initial.velocity_rad_per_s=[1.5, -2]"});
   Peers peers_{s_};
 };
 
 TEST_F(Stopping, BrakesViscouslyWhenTooManyCommandsAreMissed) {
   peers_.on_measurement = [&](std::int64_t k) {
-    if (k < 10) peers_.command(k, robot::Vector::Zero(2));
+    if (k < 10) peers_.command(k, Vector::Zero(2));
   };
   const Outcome outcome = run(s_, peers_);
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
@@ -210,7 +210,7 @@ TEST_F(Stopping, BrakesViscouslyWhenTooManyCommandsAreMissed) {
     const auto fault = peers_.truths[k].fault;
     if (k >= 14) {
       EXPECT_EQ(fault, DriveFault::protective_stop) << k;
-      EXPECT_EQ(peers_.truths[k].tau, robot::Vector::Zero(2)) << k;
+      EXPECT_EQ(peers_.truths[k].tau, Vector::Zero(2)) << k;
     } else {
       EXPECT_EQ(fault, k > 10 ? DriveFault::command_missed : DriveFault::none) << k;
     }
@@ -229,11 +229,11 @@ TEST_F(Stopping, TellsTheOthersAtOnceAndEndsWhenTheRobotIsAtRest) {
   const Outcome outcome = run(s_, peers_);
   ASSERT_EQ(outcome.code, ExitCode::protective_stop);
   const auto told = std::ranges::find_if(
-      peers_.heard_plant, [](const loop::Participant& each) { return !each.fault.empty(); });
+      peers_.heard_plant, [](const messages::Participant& each) { return !each.fault.empty(); });
   ASSERT_NE(told, peers_.heard_plant.end());
-  EXPECT_EQ(told->state, loop::ParticipantState::running) << "it still has to brake";
+  EXPECT_EQ(told->state, messages::ParticipantState::running) << "it still has to brake";
   EXPECT_EQ(told->fault_code, 5);
-  EXPECT_EQ(peers_.heard_plant.back().state, loop::ParticipantState::fault);
+  EXPECT_EQ(peers_.heard_plant.back().state, messages::ParticipantState::fault);
   EXPECT_EQ(peers_.heard_plant.back().fault, outcome.fault);
 }
 
@@ -249,7 +249,7 @@ TEST_F(Stopping, StopsAtATorqueThatIsNotFinite) {
 }
 
 TEST_F(Stopping, DropsAStrangersTorqueThatIsNotFinite) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     peers.non_finite_command(k, "a stranger's address");
@@ -274,7 +274,7 @@ TEST_F(Stopping, BrakesBeforeItEndsWhenTwoProcessesCommand) {
 
 TEST_F(Stopping, SaysSoWhenThePlantItselfWasLate) {
   peers_.on_measurement = [&](std::int64_t k) {
-    if (k < 10) peers_.command(k, robot::Vector::Zero(2));
+    if (k < 10) peers_.command(k, Vector::Zero(2));
     if (k == 10) std::this_thread::sleep_for(8ms);
   };
   const Outcome outcome = run(s_, peers_);
@@ -296,7 +296,7 @@ TEST_F(Stopping, BrakesBeforeItEndsWhenInterrupted) {
 }
 
 TEST(RealtimeStart, IsRefusedWhenACommandComesDuringTheRendezvous) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   peers.on_first_announcement = [&] { peers.command(812, torque_of(1), "10.0.0.9:4000", 3); };
   const Outcome outcome = run(s, peers);
@@ -307,7 +307,7 @@ TEST(RealtimeStart, IsRefusedWhenACommandComesDuringTheRendezvous) {
 }
 
 TEST(RealtimeStart, IsRefusedWhenACommandComesBeforeTheFirstTick) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   peers.on_run_info = [&] { peers.command(0, torque_of(0)); };
   const Outcome outcome = run(s, peers);
@@ -317,7 +317,7 @@ TEST(RealtimeStart, IsRefusedWhenACommandComesBeforeTheFirstTick) {
 }
 
 TEST(RealtimeStart, IsNotStoppedByNoiseOnTheCommandChannel) {
-  const experiment::Scenario s = scenario({});
+  const scenario::Scenario s = scenario({});
   Peers peers(s);
   const std::vector<std::byte> noise(57, std::byte{0x5a});
   peers.on_first_announcement = [&] { peers.queue("ARM_COMMAND", noise, "10.0.0.9:4000"); };
@@ -325,35 +325,36 @@ TEST(RealtimeStart, IsNotStoppedByNoiseOnTheCommandChannel) {
 }
 
 TEST_F(Stopping, BrakesAnEmulatedRobotThatLeavesItsRange) {
-  const experiment::Scenario s =
+  const scenario::Scenario s =
       with_limited_elbow(s_, R"(lower="-0.05" upper="2" effort="100" velocity="10")");
   Peers peers(s);
-  peers.on_measurement = [&](std::int64_t k) { peers.command(k, robot::Vector::Zero(2)); };
+  peers.on_measurement = [&](std::int64_t k) { peers.command(k, Vector::Zero(2)); };
   const Outcome outcome = run(s, peers);
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("joint 2 (elbow) is at -0.05"));
   // The stop is recorded from the tick outside to rest.
-  const auto first = std::ranges::find_if(peers.truths, [](const loop::truth::PlantTruth& each) {
-    return each.fault == DriveFault::protective_stop;
-  });
+  const auto first =
+      std::ranges::find_if(peers.truths, [](const messages::truth::PlantTruth& each) {
+        return each.fault == DriveFault::protective_stop;
+      });
   ASSERT_NE(first, peers.truths.end());
   EXPECT_LT(first->q[1], -0.05);
   EXPECT_LT(peers.truths.back().v.norm(), 0.05 * first->v.norm());
 }
 
 TEST_F(Stopping, GoesOnBeyondALimitWhereTheScenarioSaysSoAndCounts) {
-  const experiment::Scenario s = with_limited_elbow(
+  const scenario::Scenario s = with_limited_elbow(
       scenario({"plant.on_limit=warn", "plant.initial.velocity_rad_per_s=[0, -2]"}),
       R"(lower="-3" upper="2" effort="100" velocity="1.5")");
   Peers peers(s);
-  peers.on_measurement = [&](std::int64_t k) { peers.command(k, robot::Vector::Zero(2)); };
+  peers.on_measurement = [&](std::int64_t k) { peers.command(k, Vector::Zero(2)); };
   const Outcome outcome = run(s, peers);
   EXPECT_EQ(outcome.fault, "");
   EXPECT_EQ(outcome.statistics.plant().beyond_limit_ticks, (std::vector<std::int64_t>{0, 30}));
 }
 
 TEST(RealtimeLoop, FlagsAndCountsSaturationPerJoint) {
-  const experiment::Scenario s = scenario({"plant.drive.torque_limit_Nm=[4, 1000]"});
+  const scenario::Scenario s = scenario({"plant.drive.torque_limit_Nm=[4, 1000]"});
   Peers peers(s);
   const Outcome outcome = run(s, peers);
   ASSERT_EQ(outcome.fault, "");

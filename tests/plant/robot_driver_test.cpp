@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnostics/logging.h"
+#include "base/logging.h"
 #include "plant/guarded_robot.h"
 #include "robot/dynamics.h"
 #include "tests/plant/peers.h"
@@ -25,8 +25,8 @@ namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
-using diagnostics::ExitCode;
-using loop::truth::DriveFault;
+using base::ExitCode;
+using messages::truth::DriveFault;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
@@ -42,7 +42,7 @@ class Recording : public RobotDriver {
     if (present == at) fault();
     return state;
   }
-  void hold(const robot::Vector& tau, double until_s) override {
+  void hold(const Vector& tau, double until_s) override {
     calls += 'h';
     torques.push_back(tau);
     ends.push_back(until_s);
@@ -59,13 +59,13 @@ class Recording : public RobotDriver {
   std::function<void()> fault = [] {};
 
   bool velocity = false;
-  ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}};
+  ArmState state{Vector::Zero(2), Vector::Zero(2), {}, {}};
   std::string calls;
-  std::vector<robot::Vector> torques;
+  std::vector<Vector> torques;
   std::vector<double> ends;
 };
 
-experiment::Scenario limited(std::vector<std::string> overrides = {}) {
+scenario::Scenario limited(std::vector<std::string> overrides = {}) {
   overrides.insert(overrides.begin(), {"plant.drive.torque_limit_Nm=[4, 1000]",
                                        // What belongs to the emulator changes nothing.
                                        "plant.encoder.noise_std_rad=1", "plant.payload.mass_kg=3",
@@ -74,7 +74,7 @@ experiment::Scenario limited(std::vector<std::string> overrides = {}) {
   return scenario(std::move(overrides));
 }
 
-Outcome drive(const experiment::Scenario& scenario, Recording& robot) {
+Outcome drive(const scenario::Scenario& scenario, Recording& robot) {
   Peers peers(scenario);
   return run(scenario, peers, nullptr, &robot);
 }
@@ -87,7 +87,7 @@ void expect_stopped(const Recording& robot) {
 }
 
 TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
-  const experiment::Scenario s = limited();
+  const scenario::Scenario s = limited();
   Peers peers(s);
   Recording robot;
   robot.state.q << 0.004, -0.003;
@@ -97,7 +97,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   for (int k = 0; k < 30; ++k) expected += "rh";
   EXPECT_EQ(robot.calls, expected + 'x');
   ASSERT_EQ(robot.torques.size(), 30U);
-  EXPECT_EQ(robot.torques[0], robot::Vector::Zero(2));
+  EXPECT_EQ(robot.torques[0], Vector::Zero(2));
   EXPECT_EQ(robot.torques[5], torque_of(4));
   EXPECT_EQ(robot.torques[20][0], 4) << "within the limit";
   EXPECT_EQ(robot.torques[20][1], torque_of(19)[1]);
@@ -108,7 +108,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
 }
 
 TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
-  const experiment::Scenario s = limited(
+  const scenario::Scenario s = limited(
       {"robot.gravity_m_per_s2=9.81", "robot.compensates=gravity", "robot.joint_signs=[-1, 1]",
        "robot.joint_offsets_rad=[0.5, -0.25]", "plant.drive.torque_limit_Nm=1000"});
   Peers peers(s);
@@ -116,12 +116,12 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   robot.state.q << 0.504, 0.247;
   robot.state.v << 2, 3;
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
-  const loop::truth::PlantTruth& truth = peers.truths[5];
-  EXPECT_EQ(truth.q, robot::Vector(Eigen::Vector2d(0.5 - 0.504, 0.247 - 0.25)));
-  EXPECT_EQ(truth.v, robot::Vector(Eigen::Vector2d(-2, 3)));
+  const messages::truth::PlantTruth& truth = peers.truths[5];
+  EXPECT_EQ(truth.q, Vector(Eigen::Vector2d(0.5 - 0.504, 0.247 - 0.25)));
+  EXPECT_EQ(truth.v, Vector(Eigen::Vector2d(-2, 3)));
   EXPECT_EQ(truth.tau, torque_of(4)) << "the log has the whole torque";
-  const robot::Vector sent = torque_of(4) - robot::gravity_torque(*s.model, truth.q);
-  EXPECT_EQ(robot.torques[5], robot::Vector(Eigen::Vector2d(-sent[0], sent[1])));
+  const Vector sent = torque_of(4) - robot::gravity_torque(*s.model, truth.q);
+  EXPECT_EQ(robot.torques[5], Vector(Eigen::Vector2d(-sent[0], sent[1])));
   // Before the first command: what holds it at rest is what it adds itself, but for the 4 mrad
   // between where it is and where the scenario begins.
   EXPECT_LT(robot.torques[0].norm(), 1);
@@ -133,21 +133,21 @@ class Ticking : public ClockDriver {
   [[nodiscard]] bool measures_velocity() const override { return false; }
   void start() override {}
   void stop() override { stopped = true; }
-  ArmState exchange(const robot::Vector& tau) override {
+  ArmState exchange(const Vector& tau) override {
     if (tau.size() > 0) torques.push_back(tau);
     state.time_s += torques.size() == 10 ? tenth_s : period_s;
     return state;
   }
 
   double period_s = 1e-3, tenth_s = 2e-3;  // it misses one
-  ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}, {}, {}, 5};
-  std::vector<robot::Vector> torques;
+  ArmState state{Vector::Zero(2), Vector::Zero(2), {}, {}, {}, {}, 5};
+  std::vector<Vector> torques;
   bool stopped = false;
 };
 
 TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
   for (const int delay : {0, 1}) {
-    const experiment::Scenario s =
+    const scenario::Scenario s =
         limited({fmt::format("loop.command_delay={}", delay), "plant.drive.torque_limit_Nm=1000"});
     Peers peers(s);
     Ticking robot;
@@ -155,7 +155,7 @@ TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
     ASSERT_EQ(outcome.fault, "");
     EXPECT_EQ(outcome.statistics.plant().missed_deadlines, 1);
     ASSERT_EQ(robot.torques.size(), 30U);
-    EXPECT_EQ(robot.torques[0], delay == 0 ? torque_of(0) : robot::Vector::Zero(2));
+    EXPECT_EQ(robot.torques[0], delay == 0 ? torque_of(0) : Vector::Zero(2));
     EXPECT_EQ(robot.torques[20], torque_of(20 - delay));
     EXPECT_EQ(outcome.statistics.plant().missed_commands, 0);
     EXPECT_EQ(outcome.statistics.plant().wake_up_jitter_us.count(), 30);
@@ -164,7 +164,7 @@ TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
 }
 
 TEST(RobotDriver, ThatIsTheClockComesToRestInItsOwnTime) {
-  const experiment::Scenario s = limited({"loop.period_s=0.01", "loop.duration_s=10"});
+  const scenario::Scenario s = limited({"loop.period_s=0.01", "loop.duration_s=10"});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     if (k == 300) return peers.non_finite_command(k, controllers_address);
@@ -173,34 +173,34 @@ TEST(RobotDriver, ThatIsTheClockComesToRestInItsOwnTime) {
   Ticking robot;
   robot.period_s = 0.01;
   robot.tenth_s = 0.02;
-  const auto begin = loop::Clock::now();
+  const auto begin = base::Clock::now();
   EXPECT_EQ(run(s, peers, nullptr, &robot).code, ExitCode::protective_stop);
   EXPECT_EQ(peers.truths.back().fault, DriveFault::protective_stop);
   // By the wall clock tick 301 is 3 s after the start, and this robot's ticks take microseconds.
-  EXPECT_LT(loop::Clock::now() - begin, 2s);
+  EXPECT_LT(base::Clock::now() - begin, 2s);
 }
 
 TEST(RobotDriver, IsHeldFromTheFirstTickOnUnlessTheScenarioSaysOtherwise) {
   const std::vector<std::string> hanging = {
       "robot.gravity_m_per_s2=9.81", "plant.drive.torque_limit_Nm=1000",
       "plant.initial.position_rad=[0.3, 0.2]", "plant.following_error_rad=100"};
-  const auto first_torque = [](const experiment::Scenario& s) {
+  const auto first_torque = [](const scenario::Scenario& s) {
     Recording robot;
     robot.state.q << 0.3, 0.2;
     EXPECT_EQ(drive(s, robot).fault, "");
     return robot.torques.at(0);
   };
-  const experiment::Scenario s = limited(hanging);
-  const robot::Vector q = s.plant.initial.position_rad;
+  const scenario::Scenario s = limited(hanging);
+  const Vector q = s.plant.initial.position_rad;
   EXPECT_EQ(first_torque(s), robot::gravity_torque(*s.model, q));
   EXPECT_GT(first_torque(s).norm(), 1);
   std::vector<std::string> without = hanging;
   without.emplace_back("plant.initial.torque=zero");
-  EXPECT_EQ(first_torque(limited(without)), robot::Vector::Zero(2));
+  EXPECT_EQ(first_torque(limited(without)), Vector::Zero(2));
 }
 
 TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnything) {
-  const experiment::Scenario s = limited({"plant.dry_run=true"});
+  const scenario::Scenario s = limited({"plant.dry_run=true"});
   Peers peers(s);
   Recording robot;
   robot.state.q << 1, -2;
@@ -223,14 +223,14 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
 
 /// In 2 of each 20 ticks, for `commission`.
 TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
-  const experiment::Scenario s = limited({"plant.withheld_ticks=2"});
+  const scenario::Scenario s = limited({"plant.withheld_ticks=2"});
   Peers peers(s);
   Recording robot;
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
   std::string expected = "rs";
   for (int tick = 0; tick < 30; ++tick) expected += tick == 18 || tick == 19 ? "r-" : "rh";
   EXPECT_EQ(robot.calls, expected + "x");
-  EXPECT_THROW(GuardedRobot{s}, diagnostics::Failure);  // emulated
+  EXPECT_THROW(GuardedRobot{s}, base::Failure);  // emulated
 }
 
 TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
@@ -238,7 +238,7 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
   /// lasts longer than the time over which speed is measured however fast the machine is.
   class Moving final : public Ticking {
    public:
-    ArmState exchange(const robot::Vector& tau) override {
+    ArmState exchange(const Vector& tau) override {
       const auto until = std::chrono::steady_clock::now() + 50us;
       while (std::chrono::steady_clock::now() < until) continue;
       if (tau.size() > 0) state.q[1] += step;
@@ -247,7 +247,7 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
     double step = 0;
   };
   const auto fault = [](double step, bool tells_time) {
-    const experiment::Scenario s =
+    const scenario::Scenario s =
         with_limited_elbow(limited({"plant.following_error_rad=1e9", "loop.duration_s=3"}),
                            R"(lower="-1e9" upper="1e9" effort="100" velocity="1.5")");
     Peers peers(s);
@@ -268,7 +268,7 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
 TEST(RobotDriver, ThatIsTheClockIsRefusedWhenItsTicksAreNotTheScenarios) {
   Ticking robot;
   robot.period_s = 2e-3;
-  const experiment::Scenario s = limited();
+  const scenario::Scenario s = limited();
   Peers peers(s);
   EXPECT_THAT(run(s, peers, nullptr, &robot).fault,
               HasSubstr("loop.period_s: 0.001 s, but the arm's ticks are 0.002 s apart"));
@@ -276,7 +276,7 @@ TEST(RobotDriver, ThatIsTheClockIsRefusedWhenItsTicksAreNotTheScenarios) {
 }
 
 TEST(RobotDriver, IsStoppedWhenItsTimeGoesBackOrStandsStillWhileItMoves) {
-  const experiment::Scenario s = limited({"plant.drive.torque_limit_Nm=1000"});
+  const scenario::Scenario s = limited({"plant.drive.torque_limit_Nm=1000"});
   for (const double step_s : {-1e-3, 0.0}) {
     Ticking clock;
     clock.tenth_s = step_s;
@@ -306,15 +306,13 @@ class AFailingRobot : public testing::Test {
   AFailingRobot() { robot_.at = 10; }
   Outcome run_it() { return run(s_, peers_, nullptr, &robot_); }
 
-  const experiment::Scenario s_ = limited({"loop.duration_s=2"});
+  const scenario::Scenario s_ = limited({"loop.duration_s=2"});
   Peers peers_{s_};
   Recording robot_;
 };
 
 TEST_F(AFailingRobot, IsStoppedAndSaysWhy) {
-  robot_.fault = [] {
-    throw diagnostics::Failure(ExitCode::protective_stop, "drive 2 is too hot");
-  };
+  robot_.fault = [] { throw base::Failure(ExitCode::protective_stop, "drive 2 is too hot"); };
   const Outcome outcome = run_it();
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("drive 2 is too hot"));
@@ -344,7 +342,7 @@ TEST_F(AFailingRobot, IsStoppedBeforeTheOthersAreInformedWhateverTheBusDoes) {
     robot.at = 10;
     robot.fault = [&robot] {
       robot.at = -1;
-      throw diagnostics::Failure(ExitCode::protective_stop, "drive 2 is too hot");
+      throw base::Failure(ExitCode::protective_stop, "drive 2 is too hot");
     };
     Peers peers(s_);
     bool announced = false;
@@ -365,13 +363,13 @@ TEST_F(AFailingRobot, IsStoppedBeforeTheOthersAreInformedWhateverTheBusDoes) {
 
 TEST_F(AFailingRobot, IsStoppedByASecondAttemptWhenTheFirstThrows) {
   for (const bool at_the_end : {false, true}) {
-    const experiment::Scenario s = limited();
+    const scenario::Scenario s = limited();
     Recording robot;
     robot.failing_stops = 1;
     robot.at = at_the_end ? -1 : 10;
-    robot.fault = [] { throw diagnostics::Failure(ExitCode::protective_stop, "too hot"); };
+    robot.fault = [] { throw base::Failure(ExitCode::protective_stop, "too hot"); };
     testing::internal::CaptureStderr();
-    diagnostics::start_logging("tachless-plant", diagnostics::Verbosity::quiet);
+    base::start_logging("tachless-plant", base::Verbosity::quiet);
     const Outcome outcome = drive(s, robot);
     EXPECT_THAT(testing::internal::GetCapturedStderr(),
                 HasSubstr("the driver's stop failed, attempts: 1, the brake's line is open; the "
@@ -384,11 +382,11 @@ TEST_F(AFailingRobot, IsStoppedByASecondAttemptWhenTheFirstThrows) {
 
 TEST_F(AFailingRobot, IsReportedAsNotStoppedWhenItsStopKeepsFailing) {
   for (const bool at_the_end : {false, true}) {
-    const experiment::Scenario s = limited();
+    const scenario::Scenario s = limited();
     Recording robot;
     robot.failing_stops = 1000;
     robot.at = at_the_end ? -1 : 10;
-    robot.fault = [] { throw diagnostics::Failure(ExitCode::peer_lost, "too hot"); };
+    robot.fault = [] { throw base::Failure(ExitCode::peer_lost, "too hot"); };
     const Outcome outcome = drive(s, robot);
     EXPECT_EQ(outcome.code, at_the_end ? ExitCode::protective_stop : ExitCode::peer_lost);
     EXPECT_THAT(outcome.fault,
@@ -435,19 +433,19 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
   robot_.fault = [this] {
     robot_.state.v << 0.5, 0.5;
     robot_.at = -1;
-    throw diagnostics::Failure(ExitCode::protective_stop, "drive 2 is too hot");
+    throw base::Failure(ExitCode::protective_stop, "drive 2 is too hot");
   };
   EXPECT_EQ(run_it().code, ExitCode::protective_stop);
   expect_stopped(robot_);
   EXPECT_EQ(peers_.truths.back().fault, DriveFault::protective_stop);
-  EXPECT_EQ(peers_.truths.back().tau, robot::Vector::Zero(2));
+  EXPECT_EQ(peers_.truths.back().tau, Vector::Zero(2));
   // It never comes to rest, so for as long as that may take.
   EXPECT_EQ(std::ranges::count(robot_.calls.substr(robot_.calls.find('x')), 'r'), 500);
 }
 
 TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
   // A real robot is not told to go on.
-  const experiment::Scenario s = with_limited_elbow(
+  const scenario::Scenario s = with_limited_elbow(
       limited({"plant.on_limit=warn"}), R"(lower="-1.5" upper="2" effort="100" velocity="10")");
   Recording robot;
   robot.at = 10;
@@ -471,7 +469,7 @@ TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
       before_ = allocations;
       return state_;
     }
-    void hold(const robot::Vector& /*tau*/, double /*until_s*/) override {
+    void hold(const Vector& /*tau*/, double /*until_s*/) override {
       if (++ticks > 5) allocated += allocations - before_;
     }
     void stop() override {}
@@ -480,10 +478,10 @@ TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
     std::size_t allocated = 0;
 
    private:
-    ArmState state_{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}};
+    ArmState state_{Vector::Zero(2), Vector::Zero(2), {}, {}};
     std::size_t before_ = 0;
   };
-  const experiment::Scenario s = limited({"robot.compensates=gravity"});
+  const scenario::Scenario s = limited({"robot.compensates=gravity"});
   Peers peers(s);
   peers.on_measurement = [](std::int64_t) {};
   peers.truths.reserve(100);
@@ -518,7 +516,7 @@ TEST(RobotDriver, IsRefusedInLockstepAndWithoutTorqueLimits) {
 }
 
 TEST(RobotDriver, ThatMeasuresNoVelocityIsRefusedByALawThatNeedsIt) {
-  const experiment::Scenario s = limited({"loop.max_missed=20"});
+  const scenario::Scenario s = limited({"loop.max_missed=20"});
   for (const bool measured : {false, true}) {
     Recording robot;
     robot.velocity = measured;

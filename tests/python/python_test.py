@@ -512,7 +512,7 @@ class TheCommands(Folder):
             tachless.sweep(scenario, out=self.folder / "none")
 
     def test_identify_finds_the_friction_of_the_emulated_arm(self):
-        # The motion of tests/identify/verb_test.cpp, shorter.
+        # The motion of tests/analysis/identify/verb_test.cpp, shorter.
         tachless_command(
             "run", scenarios / "practical_rigid.yaml", "--in-process", "--any-outcome", "--duration", 3, "--out",
             self.folder / "run", "--set", "plant.mechanics=native", "--set",

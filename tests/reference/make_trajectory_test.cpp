@@ -22,9 +22,9 @@ constexpr const char* pendulum = R"(<robot name="pendulum">
     <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="10" velocity="10"/></joint>
 </robot>)";
 
-experiment::Scenario with_reference(const std::string& reference,
-                                    const std::string& duration_s = "2") {
-  return experiment::parse_scenario(
+scenario::Scenario with_reference(const std::string& reference,
+                                  const std::string& duration_s = "2") {
+  return scenario::parse_scenario(
       "name: swing\nrobot: {urdf: pendulum.urdf}\ncontroller: {law: a_law, gains: {}}\n"
       "loop: {duration_s: " +
           duration_s + "}\nreference: " + reference + "\n",
@@ -34,8 +34,8 @@ experiment::Scenario with_reference(const std::string& reference,
 std::string refusal(const std::string& reference, const std::string& duration_s = "2") {
   try {
     (void)make_trajectory(with_reference(reference, duration_s));
-  } catch (const diagnostics::Failure& failure) {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
     return failure.what();
   }
   return "accepted";
@@ -67,7 +67,7 @@ TEST(MakeTrajectory, GivesWhatTheScenarioAsksFor) {
 }
 
 Motion motion(const std::string& reference, const std::string& duration_s) {
-  const experiment::Scenario scenario = with_reference(reference, duration_s);
+  const scenario::Scenario scenario = with_reference(reference, duration_s);
   return {scenario, make_trajectory(scenario)};
 }
 

@@ -28,7 +28,7 @@ ignored = (root / ".dockerignore").read_text().split()
 assert {"build", "out"} <= set(ignored), "a build of the host's would be copied"
 
 script = f"{tree}/tachless"
-verbs = re.findall(r"^TACHLESS_VERB\((\w+)\)", (root / "launch/verbs.inc").read_text(), re.MULTILINE)
+verbs = re.findall(r"^TACHLESS_VERB\((\w+)\)", (root / "tools/cli/verbs.inc").read_text(), re.MULTILINE)
 assert "run" in verbs
 commands = [command.split() for name, text in lines if name == "RUN" for command in text.split("&&")]
 assert [script] == [command[0] for command in commands if command[0].startswith("/")]

@@ -25,7 +25,7 @@ class InMemoryNetwork::Endpoint : public Transport {
     network_.deliver(this, name_, channel, payload);
   }
 
-  std::optional<Datagram> receive(loop::Clock::time_point deadline) override {
+  std::optional<Datagram> receive(base::Clock::time_point deadline) override {
     std::unique_lock lock(network_.mutex_);
     const auto there = [this] { return !mailbox_.queue.empty(); };
     if (!mailbox_.arrived.wait_until(lock, deadline, there)) {

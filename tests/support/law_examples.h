@@ -38,8 +38,8 @@ inline std::string ruled_gains(const controller::LawFacts& law) {
   const auto gains = law.tuned(tuning);
   std::string all;
   for (const controller::Parameter& each : law.parameters) {
-    const robot::Vector& of = gains.at(std::string(each.name));
-    const bool one = each.shape != schema::Shape::joints;
+    const Vector& of = gains.at(std::string(each.name));
+    const bool one = each.shape != base::Shape::joints;
     all += fmt::format("{}{}: {}", all.empty() ? "" : ", ", each.name,
                        one ? fmt::format("{}", of[0]) : fmt::format("[{}, {}]", of[0], of[1]));
   }

@@ -4,21 +4,21 @@
 #include <string>
 #include <string_view>
 
-#include "experiment/scenario.h"
+#include "scenario/scenario.h"
 
 namespace tachless {
 
 /// A scenario of the two-link arm, which has no limits, with these attributes of <limit> for its
 /// elbow: `lower="-1" upper="2" effort="100" velocity="10"`.
-inline experiment::Scenario with_limited_elbow(const experiment::Scenario& scenario,
-                                               const std::string& attributes) {
+inline scenario::Scenario with_limited_elbow(const scenario::Scenario& scenario,
+                                             const std::string& attributes) {
   constexpr std::string_view elbow = R"(<joint name="elbow" type="continuous">)";
   std::string urdf = scenario.robot.urdf_text;
   const std::size_t at = urdf.find(elbow);
   if (at == std::string::npos) throw std::logic_error("not the two-link arm");
   urdf.replace(at, elbow.size(),
                R"(<joint name="elbow" type="revolute"><limit )" + attributes + "/>");
-  return experiment::parse_scenario(scenario.text, urdf, scenario.source);
+  return scenario::parse_scenario(scenario.text, urdf, scenario.source);
 }
 
 }  // namespace tachless

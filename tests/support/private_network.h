@@ -2,13 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include "process/this_process.h"
+#include "base/this_process.h"
 
 /// A test program that includes this runs in a network namespace of its own from its first test
 /// on, with a loopback interface and a multicast route: its traffic meets no other.
 class PrivateNetwork : public testing::Environment {
  public:
-  void SetUp() override { tachless::process::enter_private_network(); }
+  void SetUp() override { tachless::base::enter_private_network(); }
 };
 
 inline testing::Environment* const private_network =

@@ -3,16 +3,16 @@
 #include <cmath>
 #include <random>
 
-#include "bus/truth/truth_wire.h"
+#include "messages/truth/truth_wire.h"
 #include "tests/support/damaged_log.h"
 
 namespace tachless::logger {
 namespace {
 
 template <class Value>
-Recorded message(const loop::Layout& layout, const std::string& channel, const loop::Stamp& stamp,
-                 const Value& value) {
-  bus::Codec<Value> codec(layout);
+Recorded message(const messages::Layout& layout, const std::string& channel,
+                 const messages::Stamp& stamp, const Value& value) {
+  messages::Codec<Value> codec(layout);
   const auto bytes = codec.encode(stamp, value);
   return {stamp.utime, channel, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}};
 }
@@ -35,12 +35,13 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
                          std::int64_t run, std::uint64_t seed) {
   RecordedRun result;
   result.run = run;
-  result.scenario = experiment::load_scenario(
-      std::string(TACHLESS_SOURCE_DIR "/scenarios/") + scenario, overrides);
+  result.scenario =
+      scenario::load_scenario(std::string(TACHLESS_SOURCE_DIR "/scenarios/") + scenario, overrides);
   const auto& robot = result.scenario.robot;
   const int n = result.scenario.num_joints;
-  const auto num_signals = loop::parse_signals(signals).value().size();
-  const auto layout = loop::layout(n, robot.flexible.has_value(), static_cast<int>(num_signals));
+  const auto num_signals = messages::parse_signals(signals).value().size();
+  const auto layout =
+      messages::layout(n, robot.flexible.has_value(), static_cast<int>(num_signals));
   result.info = {{result.scenario.controller.law, measurement, signals},
                  result.scenario.loop.num_ticks,
                  result.scenario.loop.period_s,
@@ -52,24 +53,24 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
     return robot.channel_prefix + "_" + std::string(suffix);
   };
   result.messages.push_back(
-      message(layout, channel("RUN_INFO"), loop::Stamp{0, run, -1}, result.info));
+      message(layout, channel("RUN_INFO"), messages::Stamp{0, run, -1}, result.info));
 
   std::mt19937_64 random(seed);
   const auto vector = [&](int size) {
-    robot::Vector x(size);
+    Vector x(size);
     for (double& value : x) value = std::ldexp(static_cast<double>(random()) - 9e18, -62);
     return x;
   };
   for (std::int64_t tick = 0; tick < result.scenario.loop.num_ticks; ++tick) {
     const auto utime = static_cast<std::int64_t>(
         std::llround(static_cast<double>(tick) * result.info.period_s * 1e6));
-    const loop::Stamp stamp{utime, run, tick};
+    const messages::Stamp stamp{utime, run, tick};
     TickRecord record;
     record.tick = tick;
     const auto add = [&](std::string_view suffix, const auto& value) {
       result.messages.push_back(message(layout, channel(suffix), stamp, value));
     };
-    record.clock = loop::Tick{tick + 1 == result.scenario.loop.num_ticks};
+    record.clock = messages::Tick{tick + 1 == result.scenario.loop.num_ticks};
     add("TICK", *record.clock);
     const auto measure = [&](const auto& value) {
       record.measurement = value;
@@ -77,31 +78,32 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
     };
     const int m = layout.num_motors;
     if (measurement == "POSITION") {
-      measure(loop::PositionMeasurement{vector(n)});
+      measure(messages::PositionMeasurement{vector(n)});
     } else if (measurement == "MOTOR_POSITION") {
-      measure(loop::MotorPositionMeasurement{vector(n)});
+      measure(messages::MotorPositionMeasurement{vector(n)});
     } else if (measurement == "LINK_STATE") {
-      measure(loop::LinkStateMeasurement{vector(n), vector(n), vector(n)});
+      measure(messages::LinkStateMeasurement{vector(n), vector(n), vector(n)});
     } else {
-      measure(loop::StateMeasurement{vector(n), vector(n), vector(m), vector(m)});
+      measure(messages::StateMeasurement{vector(n), vector(n), vector(m), vector(m)});
     }
-    record.reference = loop::ReferencePoint{vector(n), vector(n), vector(n), vector(n), vector(n)};
+    record.reference =
+        messages::ReferencePoint{vector(n), vector(n), vector(n), vector(n), vector(n)};
     add("REFERENCE", *record.reference);
-    record.command = loop::TorqueCommand{vector(n)};
+    record.command = messages::TorqueCommand{vector(n)};
     add("COMMAND", *record.command);
-    loop::LawSignals state;
+    messages::LawSignals state;
     state.num = layout.num_signals;
     for (std::size_t i = 0; i < num_signals; ++i) state.value[i] = vector(n);
     record.controller_state = state;
     add("CONTROLLER_STATE", state);
-    loop::truth::PlantTruth truth;
+    messages::truth::PlantTruth truth;
     truth.q = vector(n);
     truth.v = vector(n);
     truth.theta = vector(m);
     truth.thetadot = vector(m);
     truth.tau = vector(n);
     truth.saturated[0] = random() % 2 == 0;
-    truth.fault = static_cast<loop::truth::DriveFault>(random() % 3);
+    truth.fault = static_cast<messages::truth::DriveFault>(random() % 3);
     truth.disturbance = vector(n);
     record.truth = truth;
     add("TRUTH", truth);
@@ -121,12 +123,13 @@ RecordedRun short_flexible_run() {
 }
 
 Recorded fault_message(const RecordedRun& run, const std::string& text) {
-  loop::Participant who;
-  who.role = loop::Role::controller;
-  who.state = loop::ParticipantState::fault;
+  messages::Participant who;
+  who.role = messages::Role::controller;
+  who.state = messages::ParticipantState::fault;
   who.fault_code = 5;
   who.fault = text;
-  return message({1, 0, 0}, run.info.robot + "_PARTICIPANT", loop::Stamp{123, run.run, 17}, who);
+  return message({1, 0, 0}, run.info.robot + "_PARTICIPANT", messages::Stamp{123, run.run, 17},
+                 who);
 }
 
 }  // namespace tachless::logger

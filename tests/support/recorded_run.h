@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "bus/wire.h"
-#include "experiment/scenario.h"
 #include "logger/run_log.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
 
 /// Logs as our logger writes them, of made-up numbers: value c of joint j of quantity i at tick k
 /// is any double, the same for the same seed.
@@ -21,8 +21,8 @@ struct Recorded {
 };
 
 struct RecordedRun {
-  experiment::Scenario scenario;
-  loop::RunInfo info;
+  scenario::Scenario scenario;
+  messages::RunInfo info;
   std::int64_t run = 0;
   std::vector<TickRecord> ticks;
   std::vector<Recorded> messages;  ///< RUN_INFO, then six per tick in canonical order

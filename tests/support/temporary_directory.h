@@ -3,12 +3,12 @@
 #include <filesystem>
 #include <string_view>
 
-#include "diagnostics/file_text.h"
+#include "base/file_text.h"
 
 /// With a shorter way to name what is in it.
-class TemporaryDirectory : public tachless::diagnostics::TemporaryDirectory {
+class TemporaryDirectory : public tachless::base::TemporaryDirectory {
  public:
-  using tachless::diagnostics::TemporaryDirectory::TemporaryDirectory;
+  using tachless::base::TemporaryDirectory::TemporaryDirectory;
   [[nodiscard]] std::filesystem::path operator/(std::string_view name) const {
     return path() / name;
   }

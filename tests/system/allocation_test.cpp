@@ -3,9 +3,9 @@
 // every step.
 #include <gtest/gtest.h>
 
-#include "bus/wire.h"
 #include "controller/node.h"
 #include "logger/node.h"
+#include "messages/wire.h"
 #include "reference/node.h"
 #include "tests/support/counting_new.h"
 #include "tests/system/four_threads.h"
@@ -13,7 +13,7 @@
 namespace tachless::system_test {
 namespace {
 
-using loop::Role;
+using messages::Role;
 
 struct Heard {
   std::string channel;
@@ -30,7 +30,7 @@ class Recorder : public bus::Transport {
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     inner_->publish(channel, payload);
   }
-  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override {
+  std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override {
     const auto datagram = inner_->receive(deadline);
     if (datagram) {
       heard_.push_back({std::string(datagram->channel),
@@ -55,26 +55,25 @@ class Replay : public bus::Transport {
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     if (!channel.ends_with("_PARTICIPANT")) return;
     const std::size_t so_far = allocations;
-    loop::Stamp stamp;
-    EXPECT_EQ(codec_.decode(payload, stamp, own_), bus::Rejection::none);
+    messages::Stamp stamp;
+    EXPECT_EQ(codec_.decode(payload, stamp, own_), messages::Rejection::none);
     before_ += allocations - so_far;  // not the node's
   }
-  std::optional<bus::Datagram> receive(loop::Clock::time_point /*deadline*/) override {
+  std::optional<bus::Datagram> receive(base::Clock::time_point /*deadline*/) override {
     const std::size_t begin = heard_.size() / 5;
     const std::size_t end = heard_.size() * 4 / 5;
     // Others' heartbeats hold texts; they come ten times a second, not every tick.
     while (next_ > begin && next_ < end && heard_[next_].channel.ends_with("_PARTICIPANT")) ++next_;
     if (next_ == begin) before_ = allocations;
     if (next_ >= end && !counted_) counted_ = allocations - before_;
-    if (next_ >= heard_.size())
-      throw diagnostics::Failure(diagnostics::ExitCode::interrupted, "all replayed");
+    if (next_ >= heard_.size()) throw base::Failure(base::ExitCode::interrupted, "all replayed");
     const Heard& each = heard_[next_++];
     if (!each.channel.ends_with("_PARTICIPANT")) {
       return bus::Datagram{each.channel, each.payload, each.sender};
     }
-    loop::Stamp stamp;
-    loop::Participant who;
-    EXPECT_EQ(codec_.decode(each.payload, stamp, who), bus::Rejection::none);
+    messages::Stamp stamp;
+    messages::Participant who;
+    EXPECT_EQ(codec_.decode(each.payload, stamp, who), messages::Rejection::none);
     who.heard_instance[role_] = own_.instance;
     who.heard_counter[role_] = own_.counter;
     if (who.roster[role_] != 0) who.roster[role_] = own_.instance;
@@ -85,8 +84,8 @@ class Replay : public bus::Transport {
  private:
   std::size_t role_;
   const std::vector<Heard>& heard_;
-  loop::Participant own_;
-  bus::Codec<loop::Participant> codec_{loop::Layout{}};
+  messages::Participant own_;
+  messages::Codec<messages::Participant> codec_{messages::Layout{}};
   std::size_t next_ = 0;
   std::size_t before_ = 0;
   std::optional<std::size_t> counted_;
@@ -96,7 +95,7 @@ class NoNode : public testing::TestWithParam<Role> {};
 
 TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   const Role role = GetParam();
-  const experiment::Scenario scenario =
+  const scenario::Scenario scenario =
       system_test::scenario("practical_rigid", {"loop.duration_s=0.5"});
   std::vector<Heard> heard;
   {
@@ -109,7 +108,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   }
   const FourThreads elsewhere(scenario);  // for its log's path
   Replay replay(role, heard);
-  node::Link link(
+  session::Link link(
       scenario, replay,
       {.role = role, .run_id = {}, .wait_s = 60, .interrupted = nullptr, .instance = 0});
   try {
@@ -126,7 +125,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
       case Role::plant:
         FAIL();
     }
-  } catch (const diagnostics::Failure& failure) {
+  } catch (const base::Failure& failure) {
     EXPECT_EQ(std::string(failure.what()), "all replayed");
   }
   EXPECT_EQ(link.statistics().ticks, scenario.loop.num_ticks);
@@ -135,7 +134,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
 
 INSTANTIATE_TEST_SUITE_P(Each, NoNode,
                          testing::Values(Role::reference, Role::controller, Role::logger),
-                         [](const auto& role) { return std::string(loop::name(role.param)); });
+                         [](const auto& role) { return std::string(messages::name(role.param)); });
 
 }  // namespace
 }  // namespace tachless::system_test

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "bus/udp_transport.h"
-#include "bus/wire.h"
+#include "messages/wire.h"
 #include "tests/system/four_programs.h"
 
 using namespace tachless;
@@ -37,7 +37,7 @@ TEST(WithoutAKey, TheSameForgedCommandEndsTheRun) {
   bus::UdpTransport bus;
   bus.subscribe("ARM_COMMAND");
   run.start_all();
-  const auto heard = bus.receive(loop::Clock::now() + std::chrono::seconds(30));
+  const auto heard = bus.receive(base::Clock::now() + std::chrono::seconds(30));
   ASSERT_TRUE(heard);
   std::vector<std::byte> forged(heard->payload.begin(), heard->payload.end());
   forged.back() ^= std::byte{1};

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "bus/udp_transport.h"
-#include "bus/wire.h"
+#include "messages/wire.h"
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
@@ -35,13 +35,13 @@ using system_test::scenarios;
 
 /// Waits until a participant of this role is heard: it is up and waits for the others.
 void hear(bus::Transport& bus, const std::string& role) {
-  const bus::Codec<loop::Participant> codec(loop::Layout{});
-  loop::Stamp stamp;
-  loop::Participant participant;
-  const auto deadline = loop::Clock::now() + std::chrono::seconds(30);
+  const messages::Codec<messages::Participant> codec(messages::Layout{});
+  messages::Stamp stamp;
+  messages::Participant participant;
+  const auto deadline = base::Clock::now() + std::chrono::seconds(30);
   while (const auto datagram = bus.receive(deadline)) {
-    if (codec.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
-        loop::name(participant.role) == role) {
+    if (codec.decode(datagram->payload, stamp, participant) == messages::Rejection::none &&
+        messages::name(participant.role) == role) {
       return;
     }
   }

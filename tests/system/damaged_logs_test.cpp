@@ -6,7 +6,7 @@
 
 #include <random>
 
-#include "diagnostics/failure.h"
+#include "base/failure.h"
 #include "replay/replay.h"
 #include "report/recorded_run.h"
 #include "report/report.h"
@@ -48,8 +48,8 @@ class Damage : public ::testing::TestWithParam<std::pair<const char*, const char
     logger::write_file(path_, bytes);
   }
 
-  void expect_names_the_log(const diagnostics::Failure& failure) const {
-    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+  void expect_names_the_log(const base::Failure& failure) const {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr(path_.string()));
   }
 
@@ -78,7 +78,7 @@ TEST_P(Damage, ReplaySurvives) {
         const bool told = !result.complete() || log.summary().gaps() != 0;
         ASSERT_TRUE(told) << "ticks were left out in silence";
       }
-    } catch (const diagnostics::Failure& failure) {
+    } catch (const base::Failure& failure) {
       expect_names_the_log(failure);
     }
   }
@@ -99,8 +99,8 @@ TEST_P(Damage, ReportSurvives) {
       ASSERT_THAT(report::report_page(all, report::report_sections(all)), HasSubstr("</html>"));
       ++reported;
       if (seed % 100 == 0) report::write_report(runs, directory_.path() / "report.html");
-    } catch (const diagnostics::Failure& failure) {
-      ASSERT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    } catch (const base::Failure& failure) {
+      ASSERT_EQ(failure.code(), base::ExitCode::bad_usage);
       expect_names_the_log(failure);
     }
   }

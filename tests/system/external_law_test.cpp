@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/failure.h"
 #include "controller/law_socket.h"
-#include "diagnostics/failure.h"
 #include "logger/run_log.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
@@ -69,8 +69,8 @@ class ExternalLaw : public ::testing::Test {
   [[nodiscard]] std::string log(const std::string& out) const {
     return directory_ / (out + "/lcmlog");
   }
-  std::vector<robot::Vector> torques(const std::string& out) {
-    std::vector<robot::Vector> all;
+  std::vector<Vector> torques(const std::string& out) {
+    std::vector<Vector> all;
     logger::RunLog recorded = logger::RunLog::open(log(out));
     logger::TickRecord record;
     while (recorded.next(record)) all.push_back(record.command.value().tau);
@@ -223,15 +223,16 @@ TEST_F(ExternalLaw, StopsTheRunByATorqueThatIsNotFinite) {
 /// Answers to what was asked before are still under way then.
 TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
   setenv("OWN_LAW", "nan message", 1);
-  const experiment::Scenario scenario =
-      experiment::load_scenario(scenarios + "paper_rigid.yaml",
-                                {"controller.law=external", "controller.measurement=POSITION"});
-  const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
-  const std::vector<loop::AnyMeasurement> measured(20, loop::PositionMeasurement{reference.q_ref});
+  const scenario::Scenario scenario =
+      scenario::load_scenario(scenarios + "paper_rigid.yaml",
+                              {"controller.law=external", "controller.measurement=POSITION"});
+  const messages::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
+  const std::vector<messages::AnyMeasurement> measured(
+      20, messages::PositionMeasurement{reference.q_ref});
   controller::LawProgram law(scenario, program());
   for (int time = 0; time < 3; ++time) {
     EXPECT_THAT([&] { law.answers(scenario.loop.period_s, false, measured, reference); },
-                ::testing::ThrowsMessage<diagnostics::Failure>(
+                ::testing::ThrowsMessage<base::Failure>(
                     HasSubstr("what it computed at tick 0 is not finite")))
         << time;
   }
@@ -239,10 +240,11 @@ TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
 
 /// Threads that ask may end: what one of them had started was ended by the kernel with it.
 TEST_F(ExternalLaw, AnswersWithAndWithoutGravityFromAnyThread) {
-  const experiment::Scenario scenario = experiment::load_scenario(
+  const scenario::Scenario scenario = scenario::load_scenario(
       scenarios + "ur5e.yaml", {"controller.law=external", "controller.measurement=POSITION"});
-  const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
-  const std::vector<loop::AnyMeasurement> measured(2, loop::PositionMeasurement{reference.q_ref});
+  const messages::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
+  const std::vector<messages::AnyMeasurement> measured(
+      2, messages::PositionMeasurement{reference.q_ref});
   controller::LawProgram law(scenario, program());
   const auto torque = [&](bool weightless) {
     return std::async(
@@ -251,7 +253,7 @@ TEST_F(ExternalLaw, AnswersWithAndWithoutGravityFromAnyThread) {
         .get()
         .back();
   };
-  const robot::Vector weightless = torque(true), heavy = torque(false);
+  const Vector weightless = torque(true), heavy = torque(false);
   EXPECT_LT((heavy - weightless - robot::gravity_torque(*scenario.model, reference.q_ref))
                 .cwiseAbs()
                 .maxCoeff(),

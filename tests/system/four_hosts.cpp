@@ -56,8 +56,8 @@ FourHosts::~FourHosts() {
 }
 
 FourHosts::Namespaces FourHosts::here() {
-  Namespaces result{process::FileDescriptor(open("/proc/self/ns/net", O_RDONLY | O_CLOEXEC)),
-                    process::FileDescriptor(open("/proc/self/ns/uts", O_RDONLY | O_CLOEXEC))};
+  Namespaces result{base::FileDescriptor(open("/proc/self/ns/net", O_RDONLY | O_CLOEXEC)),
+                    base::FileDescriptor(open("/proc/self/ns/uts", O_RDONLY | O_CLOEXEC))};
   check(result.network.get(), "/proc/self/ns/net");
   check(result.name.get(), "/proc/self/ns/uts");
   return result;
@@ -99,7 +99,7 @@ void FourHosts::forbid_sending(const std::string& role) const {
 }
 
 void FourHosts::set_port(const std::string& role, bool up) {
-  const process::FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const base::FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   check(socket.get(), "socket");
   ifreq request{};
   std::strncpy(request.ifr_name, role.c_str(), sizeof request.ifr_name - 1);

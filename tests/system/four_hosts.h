@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "process/file_descriptor.h"
+#include "base/file_descriptor.h"
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
@@ -46,7 +46,7 @@ class FourHosts {
 
  private:
   struct Namespaces {
-    process::FileDescriptor network, name;
+    base::FileDescriptor network, name;
   };
 
   static Namespaces here();

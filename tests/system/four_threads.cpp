@@ -6,8 +6,8 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "base/logging.h"
 #include "controller/node.h"
-#include "diagnostics/logging.h"
 #include "logger/node.h"
 #include "plant/node.h"
 #include "reference/node.h"
@@ -15,9 +15,9 @@
 namespace tachless::system_test {
 namespace {
 
-using loop::Role;
+using messages::Role;
 
-void run_role(Role role, const experiment::Scenario& scenario, node::Link& link,
+void run_role(Role role, const scenario::Scenario& scenario, session::Link& link,
               const std::filesystem::path& log_path) {
   switch (role) {
     case Role::plant:
@@ -36,14 +36,14 @@ void run_role(Role role, const experiment::Scenario& scenario, node::Link& link,
 std::string RunResult::complaints() const {
   std::string result;
   for (const auto& [role, outcome] : of) {
-    if (outcome.code == diagnostics::ExitCode::done) continue;
-    result += std::string(loop::name(role)) + ": exit " +
+    if (outcome.code == base::ExitCode::done) continue;
+    result += std::string(messages::name(role)) + ": exit " +
               std::to_string(static_cast<int>(outcome.code)) + ", " + outcome.fault + "\n";
   }
   return result;
 }
 
-FourThreads::FourThreads(const experiment::Scenario& scenario, const bus::NetworkFaults& faults)
+FourThreads::FourThreads(const scenario::Scenario& scenario, const bus::NetworkFaults& faults)
     : scenario_(scenario), network_(faults) {}
 
 FourThreads::~FourThreads() {
@@ -53,34 +53,35 @@ FourThreads::~FourThreads() {
 
 std::filesystem::path FourThreads::log_path() const { return directory_ / "lcmlog"; }
 
-void FourThreads::give(Role role, const experiment::Scenario& scenario) {
+void FourThreads::give(Role role, const scenario::Scenario& scenario) {
   own_.insert_or_assign(role, scenario);
 }
 
 void FourThreads::start(Role role) {
   // Before there is a second thread, as the programs do, and once.
   [[maybe_unused]] static const bool logging =
-      (diagnostics::start_logging("four_threads", diagnostics::Verbosity::normal), true);
+      (base::start_logging("four_threads", base::Verbosity::normal), true);
   const auto index = static_cast<std::size_t>(role);
   const auto mine = own_.find(role);
-  const experiment::Scenario& scenario = mine != own_.end() ? mine->second : scenario_;
-  auto transport = network_.connect(std::string(loop::name(role)) + "'s endpoint");
+  const scenario::Scenario& scenario = mine != own_.end() ? mine->second : scenario_;
+  auto transport = network_.connect(std::string(messages::name(role)) + "'s endpoint");
   if (wrapper_) transport = wrapper_(role, std::move(transport));
   threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
     Outcome& outcome = outcomes_.at(index);
-    node::Link link(scenario, *endpoint,
-                    {.role = role,
-                     .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
-                     .wait_s = wait_s_,
-                     .interrupted = &interrupted_.at(index),
-                     .key = key_});
+    session::Link link(
+        scenario, *endpoint,
+        {.role = role,
+         .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
+         .wait_s = wait_s_,
+         .interrupted = &interrupted_.at(index),
+         .key = key_});
     try {
       link.guard([&] { run_role(role, scenario, link, log_path()); });
-    } catch (const diagnostics::Failure& failure) {
+    } catch (const base::Failure& failure) {
       outcome.code = failure.code();
       outcome.fault = failure.what();
     } catch (const std::exception& error) {
-      outcome.code = diagnostics::ExitCode::protocol_violated;
+      outcome.code = base::ExitCode::protocol_violated;
       outcome.fault = std::string("internal error: ") + error.what();
     }
     outcome.statistics = link.statistics();
@@ -107,12 +108,12 @@ RunResult FourThreads::finish() {
   return result;
 }
 
-experiment::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides) {
-  return experiment::load_scenario(
+scenario::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides) {
+  return scenario::load_scenario(
       std::filesystem::path(TACHLESS_SOURCE_DIR) / "scenarios" / (name + ".yaml"), overrides);
 }
 
-RunResult run(const experiment::Scenario& scenario, const bus::NetworkFaults& faults) {
+RunResult run(const scenario::Scenario& scenario, const bus::NetworkFaults& faults) {
   return FourThreads(scenario, faults).finish();
 }
 

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "bus/key.h"
-#include "bus/wire.h"
-#include "experiment/scenario.h"
-#include "node/link.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
+#include "session/link.h"
 #include "tests/support/in_memory.h"
 #include "tests/support/temporary_directory.h"
 
@@ -23,13 +23,13 @@
 namespace tachless::system_test {
 
 struct Outcome {
-  diagnostics::ExitCode code = diagnostics::ExitCode::done;
+  base::ExitCode code = base::ExitCode::done;
   std::string fault;
-  node::Statistics statistics;
+  session::Statistics statistics;
 };
 
 struct RunResult {
-  std::map<loop::Role, Outcome> of;
+  std::map<messages::Role, Outcome> of;
   std::string log;  ///< the log file's bytes
 
   /// "" when all four ended well, else who did not and why.
@@ -38,11 +38,11 @@ struct RunResult {
 
 /// Wraps a node's transport; takes the place of the network for that node.
 using Wrapper =
-    std::function<std::unique_ptr<bus::Transport>(loop::Role, std::unique_ptr<bus::Transport>)>;
+    std::function<std::unique_ptr<bus::Transport>(messages::Role, std::unique_ptr<bus::Transport>)>;
 
 class FourThreads {
  public:
-  explicit FourThreads(const experiment::Scenario& scenario, const bus::NetworkFaults& faults = {});
+  explicit FourThreads(const scenario::Scenario& scenario, const bus::NetworkFaults& faults = {});
   ~FourThreads();
 
   bus::InMemoryNetwork& network() { return network_; }
@@ -52,11 +52,11 @@ class FourThreads {
   /// At the start, at most; default: a minute.
   void wait_for_others(double wait_s) { wait_s_ = wait_s; }
   /// The scenario of one role alone.
-  void give(loop::Role role, const experiment::Scenario& scenario);
+  void give(messages::Role role, const scenario::Scenario& scenario);
   /// What a user's Ctrl-C in that process does.
-  void interrupt(loop::Role role) { interrupted_.at(static_cast<std::size_t>(role)) = true; }
+  void interrupt(messages::Role role) { interrupted_.at(static_cast<std::size_t>(role)) = true; }
 
-  void start(loop::Role role);
+  void start(messages::Role role);
   /// Waits for those that were started.
   void wait();
   /// Starts whoever is not running yet, waits for all and reads the log.
@@ -65,25 +65,25 @@ class FourThreads {
   [[nodiscard]] std::filesystem::path log_path() const;
 
  private:
-  experiment::Scenario scenario_;
-  std::map<loop::Role, experiment::Scenario> own_;
+  scenario::Scenario scenario_;
+  std::map<messages::Role, scenario::Scenario> own_;
   bus::InMemoryNetwork network_;
   TemporaryDirectory directory_;
   Wrapper wrapper_;
   std::optional<bus::Key> key_;
   double wait_s_ = 60;
-  std::array<std::atomic<bool>, loop::num_roles> interrupted_{};
-  std::array<Outcome, loop::num_roles> outcomes_;
-  std::array<std::thread, loop::num_roles> threads_;
+  std::array<std::atomic<bool>, messages::num_roles> interrupted_{};
+  std::array<Outcome, messages::num_roles> outcomes_;
+  std::array<std::thread, messages::num_roles> threads_;
 };
 
-inline constexpr std::array all_roles = {loop::Role::plant, loop::Role::reference,
-                                         loop::Role::controller, loop::Role::logger};
+inline constexpr std::array all_roles = {messages::Role::plant, messages::Role::reference,
+                                         messages::Role::controller, messages::Role::logger};
 
 /// scenarios/NAME.yaml with these overrides.
-experiment::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides);
+scenario::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides);
 
 /// One run from start to end.
-RunResult run(const experiment::Scenario& scenario, const bus::NetworkFaults& faults = {});
+RunResult run(const scenario::Scenario& scenario, const bus::NetworkFaults& faults = {});
 
 }  // namespace tachless::system_test

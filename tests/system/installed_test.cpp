@@ -33,8 +33,8 @@ class Installed : public testing::Test {
         "bin:/usr/bin:$PATH PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" + prefix +
         "lib/python3/dist-packages && export PYTHONPATH PYTHONDONTWRITEBYTECODE && " + command);
   }
-  std::vector<robot::Vector> torques(const std::string& log) {
-    std::vector<robot::Vector> result;
+  std::vector<Vector> torques(const std::string& log) {
+    std::vector<Vector> result;
     logger::RunLog run = logger::RunLog::open(directory_ / log);
     logger::TickRecord record;
     while (run.next(record)) result.push_back(record.command.value().tau);

@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "bus/truth/truth_wire.h"
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
+#include "messages/truth/truth_wire.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
 #include "tests/system/four_programs.h"
@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using loop::Clock;
+using base::Clock;
 using system_test::FourPrograms;
 using system_test::scenarios;
 using ::testing::AllOf;
@@ -54,7 +54,7 @@ std::int64_t last_tick_of(const std::string& path, bool killed = false) {
   }
   // The log ends anywhere: within a tick k, after its TICK, perhaps before TRUTH(k) came.
   EXPECT_LE(log.summary().last_tick - last, 1);
-  EXPECT_LE(log.summary().of(loop::Slot::truth).missing.count, 1U);
+  EXPECT_LE(log.summary().of(messages::Slot::truth).missing.count, 1U);
   return last;
 }
 
@@ -177,15 +177,15 @@ TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
   bus.subscribe("ARM_TRUTH");
   run.start_all();
   const Oversleep oversleep;
-  const bus::Codec<loop::truth::PlantTruth> codec(
+  const messages::Codec<messages::truth::PlantTruth> codec(
       {.num_joints = 2, .num_motors = 0, .num_signals = 0});
   std::deque<std::pair<std::int64_t, Clock::time_point>> heard;  // tick, when
   while (heard.empty() || heard.back().first < 1'234) {
     const auto datagram = bus.receive(Clock::now() + 30s);
     ASSERT_TRUE(datagram) << run["plant"].errors();
-    loop::Stamp stamp;
-    loop::truth::PlantTruth truth;
-    ASSERT_EQ(codec.decode(datagram->payload, stamp, truth), bus::Rejection::none);
+    messages::Stamp stamp;
+    messages::truth::PlantTruth truth;
+    ASSERT_EQ(codec.decode(datagram->payload, stamp, truth), messages::Rejection::none);
     heard.emplace_back(stamp.tick, Clock::now());
   }
   const auto killed = Clock::now();

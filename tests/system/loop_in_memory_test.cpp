@@ -11,12 +11,12 @@
 #include <random>
 #include <thread>
 
-#include "bus/truth/truth_wire.h"
 #include "controller/registry.h"
+#include "in_process/in_process_loop.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
-#include "protocol/tick_master.h"
-#include "study/in_process_loop.h"
+#include "messages/truth/truth_wire.h"
+#include "session/tick_master.h"
 #include "tests/support/in_process_log.h"
 #include "tests/support/law_examples.h"
 #include "tests/support/limited_elbow.h"
@@ -28,16 +28,16 @@ namespace tachless::system_test {
 namespace {
 
 using namespace std::chrono_literals;
-using diagnostics::ExitCode;
-using loop::Clock;
-using loop::Role;
+using base::Clock;
+using base::ExitCode;
+using messages::Role;
 using testing::AnyOf;
 using testing::HasSubstr;
 
-experiment::Scenario short_run() { return scenario("paper_rigid", {"loop.duration_s=0.015"}); }
+scenario::Scenario short_run() { return scenario("paper_rigid", {"loop.duration_s=0.015"}); }
 
-loop::Layout layout(const experiment::Scenario& scenario) {
-  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(), 2);
+messages::Layout layout(const scenario::Scenario& scenario) {
+  return messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(), 2);
 }
 
 const std::string& clean_log() {
@@ -53,14 +53,14 @@ const std::string& clean_log() {
 std::string end_of(const FourThreads& threads) {
   logger::LogReader log(threads.log_path());
   std::string end;
-  const bus::Codec<loop::Participant> codec(loop::Layout{});
+  const messages::Codec<messages::Participant> codec(messages::Layout{});
   while (const auto event = log.next()) {
-    loop::Stamp stamp;
-    loop::Participant who;
+    messages::Stamp stamp;
+    messages::Participant who;
     const bool fault = event->channel == "ARM_PARTICIPANT" &&
-                       codec.decode(event->data, stamp, who) == bus::Rejection::none &&
-                       who.state == loop::ParticipantState::fault;
-    end = fault ? fmt::format("the {}: {}", loop::name(who.role), who.fault) : "";
+                       codec.decode(event->data, stamp, who) == messages::Rejection::none &&
+                       who.state == messages::ParticipantState::fault;
+    end = fault ? fmt::format("the {}: {}", messages::name(who.role), who.fault) : "";
   }
   return end;
 }
@@ -81,7 +81,7 @@ class Bystander {
 };
 
 TEST(TheLoop, RecordsRunInfoAndThenSixMessagesATickInOrder) {
-  const experiment::Scenario scenario = short_run();
+  const scenario::Scenario scenario = short_run();
   ASSERT_EQ(scenario.loop.num_ticks, 300);
   FourThreads threads(scenario);
   const RunResult result = threads.finish();
@@ -111,7 +111,7 @@ TEST(TheLoop, CommandsWhatTheInProcessLoopCommandsToTheLastBitUnderEveryLaw) {
     const double period_s = scenario(example.scenario, {}).loop.period_s;
     std::vector<std::string> overrides = example.overrides();
     overrides.push_back("loop.duration_s=" + std::to_string(100 * period_s));
-    const experiment::Scenario scenario = system_test::scenario(example.scenario, overrides);
+    const scenario::Scenario scenario = system_test::scenario(example.scenario, overrides);
     FourThreads threads(scenario, {.loss = 0.1, .seed = 4});
     ASSERT_EQ(threads.finish().complaints(), "");
 
@@ -122,13 +122,13 @@ TEST(TheLoop, CommandsWhatTheInProcessLoopCommandsToTheLastBitUnderEveryLaw) {
         recorded.emplace_back(event->data.begin(), event->data.end());
       }
     }
-    bus::Codec<loop::TorqueCommand> codec(layout(scenario));
+    messages::Codec<messages::TorqueCommand> codec(layout(scenario));
     std::int64_t ticks = 0;
-    study::run_in_process(scenario, [&](const study::TickRecord& tick) {
-      loop::Stamp stamp;
-      loop::TorqueCommand command;
+    in_process::run_in_process(scenario, [&](const in_process::TickRecord& tick) {
+      messages::Stamp stamp;
+      messages::TorqueCommand command;
       const auto& bytes = recorded.at(static_cast<std::size_t>(tick.tick));
-      EXPECT_EQ(codec.decode(bytes, stamp, command), bus::Rejection::none);
+      EXPECT_EQ(codec.decode(bytes, stamp, command), messages::Rejection::none);
       EXPECT_EQ(stamp.tick, tick.tick);
       EXPECT_TRUE(command.tau == tick.command.tau) << tick.tick;
       ++ticks;
@@ -145,7 +145,7 @@ TEST(TheLoop, LogsWhatTheInProcessLoopLogsAndReplaysWhateverThePlantSuffers) {
     SCOPED_TRACE(friction);
     std::vector<std::string> overrides = support::rough_plant(friction);
     overrides.push_back("loop.duration_s=0.2");
-    const experiment::Scenario scenario = system_test::scenario("practical_rigid", overrides);
+    const scenario::Scenario scenario = system_test::scenario("practical_rigid", overrides);
     FourThreads threads(scenario, {.loss = 0.1, .seed = 5});
     ASSERT_EQ(threads.finish().complaints(), "");
 
@@ -177,11 +177,11 @@ TEST(TheLoop, EndsAtALimitOfTheRobotForAllFourAndTheLogSaysWhy) {
 }
 
 TEST(TheLoop, CommandsTheSameBeyondALimitWhereTheScenarioSaysSo) {
-  const experiment::Scenario free =
+  const scenario::Scenario free =
       scenario("regulation", {"plant.on_limit=warn", "loop.duration_s=0.5"});
   const RunResult limited = run(with_limited_elbow(free, slow));
   EXPECT_EQ(limited.complaints(), "");
-  const node::PlantStatistics& plant = limited.of.at(Role::plant).statistics.plant();
+  const session::PlantStatistics& plant = limited.of.at(Role::plant).statistics.plant();
   EXPECT_EQ(plant.beyond_limit_ticks.at(0), 0);
   EXPECT_GT(plant.beyond_limit_ticks.at(1), 10);
   // But for RUN_INFO, which holds the URDF, the logs are the same, byte for byte.
@@ -197,7 +197,7 @@ TEST(TheLoop, GivesTheSameLogEachTime) {
 }
 
 TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
-  const experiment::Scenario scenario = short_run();
+  const scenario::Scenario scenario = short_run();
   // A plant that keeps its truth for itself.
   class Discreet : public Wrapped {
    public:
@@ -217,29 +217,29 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
   std::map<std::int64_t, std::vector<std::byte>> commands;
   {
     Bystander stand_in([&](const std::atomic<bool>& stop) {
-      node::Link link(scenario, *endpoint,
-                      {.role = Role::logger,
-                       .run_id = {},
-                       .wait_s = 60,
-                       .interrupted = nullptr,
-                       .instance = 0});
+      session::Link link(scenario, *endpoint,
+                         {.role = Role::logger,
+                          .run_id = {},
+                          .wait_s = 60,
+                          .interrupted = nullptr,
+                          .instance = 0});
       for (const auto* channel : {"ARM_RUN_INFO", "ARM_COMMAND", "ARM_TICK"}) {
         endpoint->subscribe(channel);
       }
       link.guard([&] {
         link.join({}, {});
-        bus::Codec<loop::LogAck> acks(layout(scenario));
-        bus::Codec<loop::TorqueCommand> codec(layout(scenario));
+        messages::Codec<messages::LogAck> acks(layout(scenario));
+        messages::Codec<messages::TorqueCommand> codec(layout(scenario));
         std::int64_t newest = -1;
         link.membership().complete();  // it does not mind what it misses
         while (!link.membership().plant_finished() && !stop) {
           link.poll(Clock::now());
           const auto datagram = endpoint->receive(Clock::now() + 1ms);
-          if (datagram && link.handle(*datagram) != node::Link::Handled::no) continue;
+          if (datagram && link.handle(*datagram) != session::Link::Handled::no) continue;
           if (datagram && datagram->channel == "ARM_COMMAND") {
-            loop::Stamp stamp;
-            loop::TorqueCommand command;
-            ASSERT_EQ(codec.decode(datagram->payload, stamp, command), bus::Rejection::none);
+            messages::Stamp stamp;
+            messages::TorqueCommand command;
+            ASSERT_EQ(codec.decode(datagram->payload, stamp, command), messages::Rejection::none);
             commands[stamp.tick] = {datagram->payload.begin(), datagram->payload.end()};
             newest = stamp.tick;
           }
@@ -247,7 +247,7 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
               newest == scenario.loop.num_ticks - 1 && !datagram ? newest : newest - 1;
           endpoint->publish(
               "ARM_LOG_ACK",
-              acks.encode({0, link.run(), std::max<std::int64_t>(over, -1)}, loop::LogAck{}));
+              acks.encode({0, link.run(), std::max<std::int64_t>(over, -1)}, messages::LogAck{}));
         }
         link.leave();
       });
@@ -273,12 +273,13 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
 }
 
 /// Repeats the announcement of a running process with another state. @return whether it was one
-bool announce_for(bus::Transport& bus, const bus::Datagram& heard, loop::ParticipantState state) {
-  bus::Codec<loop::Participant> codec(loop::Layout{});
-  loop::Stamp stamp;
-  loop::Participant who;
-  if (codec.decode(heard.payload, stamp, who) != bus::Rejection::none ||
-      who.state != loop::ParticipantState::running) {
+bool announce_for(bus::Transport& bus, const bus::Datagram& heard,
+                  messages::ParticipantState state) {
+  messages::Codec<messages::Participant> codec(messages::Layout{});
+  messages::Stamp stamp;
+  messages::Participant who;
+  if (codec.decode(heard.payload, stamp, who) != messages::Rejection::none ||
+      who.state != messages::ParticipantState::running) {
     return false;
   }
   who.state = state;
@@ -290,12 +291,12 @@ bool announce_for(bus::Transport& bus, const bus::Datagram& heard, loop::Partici
 /// Acknowledges every tick that is over as soon as it hears of the next one.
 void acknowledge_for_the_logger(bus::Transport& bus, const std::atomic<bool>& stop) {
   bus.subscribe("ARM_TICK");
-  bus::Codec<loop::LogAck> codec(loop::Layout{});
+  messages::Codec<messages::LogAck> codec(messages::Layout{});
   while (!stop) {
     const auto heard = bus.receive(Clock::now() + 1ms);
     if (!heard) continue;
-    const loop::Stamp stamp = bus::stamp_of(heard->payload);
-    bus.publish("ARM_LOG_ACK", codec.encode({0, stamp.run, stamp.tick - 1}, loop::LogAck{}));
+    const messages::Stamp stamp = messages::stamp_of(heard->payload);
+    bus.publish("ARM_LOG_ACK", codec.encode({0, stamp.run, stamp.tick - 1}, messages::LogAck{}));
   }
 }
 
@@ -324,7 +325,8 @@ TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
     std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
       for (;;) {
         auto heard = Wrapped::receive(deadline);
-        if (!heard || heard->channel != "ARM_TRUTH" || bus::stamp_of(heard->payload).tick < 150) {
+        if (!heard || heard->channel != "ARM_TRUTH" ||
+            messages::stamp_of(heard->payload).tick < 150) {
           return heard;
         }
       }
@@ -344,14 +346,14 @@ TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
   last.emplace([&](const std::atomic<bool>& stop) {
     // The last tick is over when its truth is out.
     last_ack->subscribe("ARM_TRUTH");
-    bus::Codec<loop::LogAck> codec(loop::Layout{});
+    messages::Codec<messages::LogAck> codec(messages::Layout{});
     while (!stop) {
       const auto heard = last_ack->receive(Clock::now() + 1ms);
       if (!heard) continue;
-      const loop::Stamp stamp = bus::stamp_of(heard->payload);
+      const messages::Stamp stamp = messages::stamp_of(heard->payload);
       if (stamp.tick < 299) continue;
       for (int i = 0; i < 100 && !stop; ++i) {
-        last_ack->publish("ARM_LOG_ACK", codec.encode({0, stamp.run, 299}, loop::LogAck{}));
+        last_ack->publish("ARM_LOG_ACK", codec.encode({0, stamp.run, 299}, messages::LogAck{}));
         std::this_thread::sleep_for(1ms);
       }
     }
@@ -362,7 +364,7 @@ TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
   EXPECT_EQ(result.of.at(Role::logger).statistics.logger().log.ticks, 150);
   // Reference and controller may have ended before: theirs is no promise of a log.
   for (const Role role : {Role::plant, Role::logger}) {
-    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << messages::name(role);
     EXPECT_THAT(result.of.at(role).fault, HasSubstr("has not finished: ticks are missing there"));
   }
 }
@@ -400,7 +402,8 @@ TEST(AForgedTruth, IsNoticedAtTheEndThoughThePlantsOwnIsLost) {
     using Wrapped::Wrapped;
     std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
       auto heard = Wrapped::receive(deadline);
-      if (heard && heard->channel == "ARM_TRUTH" && bus::stamp_of(heard->payload).tick == 299) {
+      if (heard && heard->channel == "ARM_TRUTH" &&
+          messages::stamp_of(heard->payload).tick == 299) {
         forged_.assign(heard->payload.begin(), heard->payload.end());
         forged_[44] ^= std::byte{1};  // in the mantissa of a position
         heard->payload = forged_;
@@ -418,7 +421,7 @@ TEST(AForgedTruth, IsNoticedAtTheEndThoughThePlantsOwnIsLost) {
   });
   const RunResult result = threads.finish();
   for (const Role role : {Role::plant, Role::logger}) {
-    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << messages::name(role);
     EXPECT_THAT(result.of.at(role).fault, HasSubstr("what is recorded on ARM_TRUTH is not what"));
   }
   EXPECT_THAT(end_of(threads), HasSubstr("the logger: what is recorded on ARM_TRUTH"));
@@ -433,7 +436,7 @@ TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
   forger.emplace([&](const std::atomic<bool>& stop) {
     while (!stop) {
       const auto heard = stranger->receive(Clock::now() + 1ms);
-      if (heard && announce_for(*stranger, *heard, loop::ParticipantState::finished)) ++forged;
+      if (heard && announce_for(*stranger, *heard, messages::ParticipantState::finished)) ++forged;
     }
   });
   const RunResult result = threads.finish();
@@ -444,13 +447,13 @@ TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
   // TRUTH. No run ends well with less than every tick.
   for (const Role role : {Role::plant, Role::logger}) {
     if (result.of.at(role).code == ExitCode::done) {
-      EXPECT_TRUE(result.log.starts_with(clean_log())) << loop::name(role);
+      EXPECT_TRUE(result.log.starts_with(clean_log())) << messages::name(role);
     }
   }
   for (const Role role : all_roles) {
     const Outcome& outcome = result.of.at(role);
     if (outcome.code == ExitCode::done || outcome.code == ExitCode::peer_lost) continue;
-    EXPECT_EQ(outcome.code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_EQ(outcome.code, ExitCode::protocol_violated) << messages::name(role);
     EXPECT_THAT(outcome.fault, AnyOf(HasSubstr("has not finished: ticks are missing there"),
                                      HasSubstr("what is recorded on ARM_TRUTH is not what")));
   }
@@ -463,12 +466,13 @@ TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
   second->subscribe("ARM_COMMAND");
   std::optional<Bystander> rival;
   rival.emplace([&](const std::atomic<bool>& stop) {
-    bus::Codec<loop::TorqueCommand> codec(layout(short_run()));
+    messages::Codec<messages::TorqueCommand> codec(layout(short_run()));
     while (!stop) {
       const auto heard = second->receive(Clock::now() + 1ms);
-      loop::Stamp stamp;
-      loop::TorqueCommand command;
-      if (!heard || codec.decode(heard->payload, stamp, command) != bus::Rejection::none) continue;
+      messages::Stamp stamp;
+      messages::TorqueCommand command;
+      if (!heard || codec.decode(heard->payload, stamp, command) != messages::Rejection::none)
+        continue;
       command.tau[0] += 1;
       second->publish("ARM_COMMAND", codec.encode(stamp, command));
     }
@@ -476,7 +480,7 @@ TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
   const RunResult result = threads.finish();
   rival.reset();
   for (const Role role : all_roles) {
-    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << messages::name(role);
   }
   const std::string all = result.complaints();
   EXPECT_THAT(all, HasSubstr("controller's endpoint"));
@@ -486,7 +490,7 @@ TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
 
 TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
   for (const Role victim : all_roles) {
-    SCOPED_TRACE(loop::name(victim));
+    SCOPED_TRACE(messages::name(victim));
     FourThreads threads(scenario("paper_rigid", {}));
     for (const Role role : all_roles) threads.start(role);
     const auto listener = threads.network().connect("listener");
@@ -499,14 +503,15 @@ TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
       EXPECT_EQ(outcome.code, role == victim ? ExitCode::interrupted : ExitCode::peer_lost);
       EXPECT_THAT(outcome.fault, HasSubstr("interrupted"));
       if (role == victim) continue;
-      EXPECT_THAT(outcome.fault, HasSubstr(std::string(loop::name(victim))));
+      EXPECT_THAT(outcome.fault, HasSubstr(std::string(messages::name(victim))));
     }
     // Up to the interruption the log is readable and whole.
     EXPECT_FALSE(result.log.empty());
     // RUN_INFO, six messages a tick, and the fault.
     EXPECT_EQ(result.of.at(Role::logger).statistics.logger().log.events,
               1 + 6 * result.of.at(Role::logger).statistics.ticks + 1);
-    EXPECT_THAT(end_of(threads), HasSubstr(fmt::format("the {}: interrupted", loop::name(victim))));
+    EXPECT_THAT(end_of(threads),
+                HasSubstr(fmt::format("the {}: interrupted", messages::name(victim))));
   }
 }
 
@@ -518,7 +523,7 @@ TEST(TheLoop, EndsForAllWhenAPlantFailsThatWasBusyForLong) {
         : Wrapped(std::move(inner)), threads_(threads) {}
     void publish(std::string_view channel, std::span<const std::byte> payload) override {
       Wrapped::publish(channel, payload);
-      if (busy_ || channel != "ARM_TICK" || bus::stamp_of(payload).tick != 100) return;
+      if (busy_ || channel != "ARM_TICK" || messages::stamp_of(payload).tick != 100) return;
       busy_ = true;
       // More announcements of the others than may be answered late.
       std::this_thread::sleep_for(2s);
@@ -540,7 +545,7 @@ TEST(TheLoop, EndsForAllWhenAPlantFailsThatWasBusyForLong) {
   });
   const RunResult result = threads.finish();
   for (const Role role : all_roles) {
-    EXPECT_THAT(result.of.at(role).fault, HasSubstr("interrupted")) << loop::name(role);
+    EXPECT_THAT(result.of.at(role).fault, HasSubstr("interrupted")) << messages::name(role);
   }
 }
 
@@ -553,8 +558,8 @@ TEST(TheLoop, EndsForAllWithExitCode5WhenItIsUnstable) {
                                    "loop.give_up_s=200", "plant.mechanics=native"}));
   for (const Role role : all_roles) {
     const Outcome& outcome = result.of.at(role);
-    EXPECT_EQ(outcome.code, ExitCode::protective_stop) << loop::name(role);
-    EXPECT_THAT(outcome.fault, HasSubstr("unstable")) << loop::name(role);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop) << messages::name(role);
+    EXPECT_THAT(outcome.fault, HasSubstr("unstable")) << messages::name(role);
   }
   EXPECT_FALSE(result.log.empty());
 }

@@ -17,7 +17,7 @@
 
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
-#include "loop/truth/plant_truth.h"
+#include "messages/truth/plant_truth.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
@@ -26,7 +26,7 @@ using namespace tachless;
 namespace {
 
 using namespace std::chrono_literals;
-using loop::truth::DriveFault;
+using messages::truth::DriveFault;
 using system_test::FourPrograms;
 using system_test::roles;
 using ::testing::AllOf;
@@ -108,7 +108,7 @@ TEST_F(OwnDriver, IsSentNothingInADryRun) {
   double most = 0;
   while (log.next(record)) {
     if (record.truth) {
-      EXPECT_EQ(record.truth->q, robot::Vector::Zero(2));
+      EXPECT_EQ(record.truth->q, Vector::Zero(2));
     }
     if (record.command) most = std::max(most, record.command->tau.cwiseAbs().maxCoeff());
   }
@@ -129,12 +129,12 @@ TEST_F(OwnDriver, StopsTheRobotWhenTheControllerDies) {
                             HasSubstr("longer than loop.max_missed (400) allows"))))
         << role;
   }
-  loop::truth::PlantTruth last;
+  messages::truth::PlantTruth last;
   for (const auto& each : ticks()) {
     if (each.truth) last = *each.truth;
   }
   EXPECT_EQ(last.fault, DriveFault::protective_stop);
-  EXPECT_EQ(last.tau, robot::Vector::Zero(2));
+  EXPECT_EQ(last.tau, Vector::Zero(2));
   EXPECT_LT(last.v.norm(), 0.01);
 }
 
@@ -188,7 +188,7 @@ TEST(IiwaDriver, MovesAnArmThatAddsGravityAndIsTheClock) {
   run.expect_all_done();
   logger::RunLog log = logger::RunLog::open(run.log_path());
   logger::TickRecord record;
-  robot::Vector q;
+  Vector q;
   while (log.next(record)) {
     if (record.truth) q = record.truth->q;
   }
@@ -257,7 +257,7 @@ TEST(IiwaDriver, RampsAnArmFromWhereItStandsToTheStart) {
   EXPECT_THAT(program.errors(), HasSubstr("ramp: joint "));
   logger::RunLog log = logger::RunLog::open(directory / "out-ramp" / "ramp" / "lcmlog");
   logger::TickRecord record;
-  robot::Vector before;
+  Vector before;
   double speed = 0;
   std::int64_t at = 0;
   while (log.next(record)) {

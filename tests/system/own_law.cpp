@@ -24,9 +24,9 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
   static constexpr std::string_view name = "own_law";
   using LoriaOrtegaRigid::LoriaOrtegaRigid;
 
-  [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
-                                                   const Measurement& measurement,
-                                                   const loop::ReferencePoint& reference) const {
+  [[nodiscard]] controller::law::Step<Memory> step(
+      const Memory& memory, const Measurement& measurement,
+      const messages::ReferencePoint& reference) const {
     auto result = LoriaOrtegaRigid::step(memory, measurement, reference);
     misbehave(result.command.tau);
     return result;
@@ -34,7 +34,7 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
 
  private:
   /// OWN_LAW says how; from the hundredth step on.
-  void misbehave(robot::Vector& tau) const {
+  void misbehave(Vector& tau) const {
     const char* variable = std::getenv("OWN_LAW");
     const std::string_view how = variable == nullptr ? "" : variable;
     if (how.empty() || ++steps_ < 100) return;
@@ -55,31 +55,32 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
 /// Speaks the protocol by hand: announces STATE ("state"), sends NaN ("nan message"), or answers
 /// every tick with the next one's number ("other tick").
 int answer_by_hand(std::string_view how) {
-  controller::LawSocket socket{process::FileDescriptor(3)};
-  loop::Stamp stamp;
-  loop::RunInfo run;
-  socket.receive(bus::Codec<loop::RunInfo>(loop::Layout{}), stamp, run);
-  loop::Participant self;
-  self.role = loop::Role::controller;
+  controller::LawSocket socket{base::FileDescriptor(3)};
+  messages::Stamp stamp;
+  messages::RunInfo run;
+  socket.receive(messages::Codec<messages::RunInfo>(messages::Layout{}), stamp, run);
+  messages::Participant self;
+  self.role = messages::Role::controller;
   self.law = OwnLaw::name;
   self.measurement = how == "state" ? "STATE" : "POSITION";
-  socket.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self));
+  socket.send(messages::Codec<messages::Participant>(messages::Layout{}).encode(stamp, self));
   const int num_joints =
-      experiment::parse_scenario(run.scenario, run.robot_description, "own_law").num_joints;
-  const loop::Layout layout = loop::layout(num_joints, false, 0);
-  loop::PositionMeasurement measurement;
-  loop::ReferencePoint reference;
-  loop::TorqueCommand command;
-  command.tau = robot::Vector::Zero(num_joints);
-  while (socket.receive(bus::Codec<loop::PositionMeasurement>(layout), stamp, measurement) &&
-         socket.receive(bus::Codec<loop::ReferencePoint>(layout), stamp, reference)) {
+      scenario::parse_scenario(run.scenario, run.robot_description, "own_law").num_joints;
+  const messages::Layout layout = messages::layout(num_joints, false, 0);
+  messages::PositionMeasurement measurement;
+  messages::ReferencePoint reference;
+  messages::TorqueCommand command;
+  command.tau = Vector::Zero(num_joints);
+  while (
+      socket.receive(messages::Codec<messages::PositionMeasurement>(layout), stamp, measurement) &&
+      socket.receive(messages::Codec<messages::ReferencePoint>(layout), stamp, reference)) {
     if (how == "other tick") ++stamp.tick;
-    bus::Codec<loop::TorqueCommand> codec(layout);
+    messages::Codec<messages::TorqueCommand> codec(layout);
     const auto sound = codec.encode(stamp, command);
     std::vector<std::byte> bytes(sound.begin(), sound.end());
     if (how == "nan message") std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
     socket.send(bytes);
-    socket.send(bus::Codec<loop::LawSignals>(layout).encode(stamp, {}));
+    socket.send(messages::Codec<messages::LawSignals>(layout).encode(stamp, {}));
   }
   return 0;
 }

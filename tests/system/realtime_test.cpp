@@ -21,13 +21,13 @@ namespace tachless::system_test {
 namespace {
 
 using namespace std::chrono_literals;
-using diagnostics::ExitCode;
-using loop::Clock;
-using loop::Role;
-using loop::truth::DriveFault;
+using base::Clock;
+using base::ExitCode;
+using messages::Role;
+using messages::truth::DriveFault;
 using testing::HasSubstr;
 
-experiment::Scenario at_rest(std::vector<std::string> overrides) {
+scenario::Scenario at_rest(std::vector<std::string> overrides) {
   const std::vector<std::string> always = {"loop.mode=realtime",
                                            "loop.duration_s=0.3",
                                            "loop.max_missed=1000000",
@@ -71,7 +71,7 @@ TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
       ++participants;
       continue;
     }
-    const loop::Stamp stamp = bus::stamp_of(event->data);
+    const messages::Stamp stamp = messages::stamp_of(event->data);
     EXPECT_TRUE(seen.insert({std::string(event->channel), stamp.tick}).second)
         << event->channel << " " << stamp.tick;
   }
@@ -83,8 +83,8 @@ TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
       EXPECT_TRUE(seen.contains({channel, k})) << channel << " " << k;
     }
   }
-  const node::Statistics& logger = result.of.at(Role::logger).statistics;
-  const node::Statistics& controller = result.of.at(Role::controller).statistics;
+  const session::Statistics& logger = result.of.at(Role::logger).statistics;
+  const session::Statistics& controller = result.of.at(Role::controller).statistics;
   EXPECT_EQ(logger.logger().log.ticks + logger.logger().log.gaps, 300);
   // This network loses nothing: only what a busy controller passed over is missing.
   EXPECT_EQ(logger.logger().log.gaps, controller.controller().skipped_ticks);
@@ -96,7 +96,7 @@ TEST(RealtimeRun, TruthTellsWhatBecameOfEachCommand) {
   ASSERT_EQ(result.complaints(), "");
   const Recorded log = recorded_by(threads);
   ASSERT_EQ(log.ticks.size(), 300u);
-  ASSERT_EQ(log.ticks[0].truth->tau, robot::Vector::Zero(2));
+  ASSERT_EQ(log.ticks[0].truth->tau, Vector::Zero(2));
   std::int64_t held = 0;
   for (std::size_t k = 1; k < 300; ++k) {
     const auto& truth = *log.ticks[k].truth;
@@ -116,9 +116,9 @@ TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
   FourThreads threads(at_rest({"loop.duration_s=0.5"}), {.loss = 0.05, .seed = 3});
   const RunResult result = threads.finish();
   ASSERT_EQ(result.complaints(), "");
-  const node::Statistics& plant = result.of.at(Role::plant).statistics;
-  const node::Statistics& controller = result.of.at(Role::controller).statistics;
-  const node::Statistics& logger = result.of.at(Role::logger).statistics;
+  const session::Statistics& plant = result.of.at(Role::plant).statistics;
+  const session::Statistics& controller = result.of.at(Role::controller).statistics;
+  const session::Statistics& logger = result.of.at(Role::logger).statistics;
   EXPECT_EQ(plant.ticks, 500);
   EXPECT_GT(plant.plant().missed_commands, 0);
   EXPECT_GT(controller.controller().gaps, 0);
@@ -126,7 +126,7 @@ TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
   EXPECT_GT(logger.logger().log.gaps, 0);
   EXPECT_EQ(logger.logger().log.ticks + logger.logger().log.gaps, 500);
   const Recorded log = recorded_by(threads);
-  EXPECT_GT(log.summary.of(loop::Slot::command).missing.count, 0u);
+  EXPECT_GT(log.summary.of(messages::Slot::command).missing.count, 0u);
 }
 
 TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
@@ -138,7 +138,7 @@ TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
   });
   const RunResult result = threads.finish();
   for (const Role role : {Role::plant, Role::reference, Role::logger}) {
-    EXPECT_EQ(result.of.at(role).code, ExitCode::protective_stop) << loop::name(role);
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protective_stop) << messages::name(role);
     EXPECT_THAT(result.of.at(role).fault, HasSubstr("21 commands in a row"));
   }
   EXPECT_EQ(result.of.at(Role::controller).code, ExitCode::peer_lost);
@@ -148,7 +148,7 @@ TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
                                  [](const logger::TickRecord& each) { return each.truth; });
   ASSERT_NE(last, log.ticks.rend());
   EXPECT_EQ(last->truth->fault, DriveFault::protective_stop);
-  EXPECT_EQ(last->truth->tau, robot::Vector::Zero(2));
+  EXPECT_EQ(last->truth->tau, Vector::Zero(2));
   // Braked from when the stop began: some tenths of a second, so a good part is in the log.
   const auto braked = std::ranges::count_if(log.ticks, [](const logger::TickRecord& each) {
     return each.truth && each.truth->fault == DriveFault::protective_stop;
@@ -175,7 +175,7 @@ void contradict(bus::Transport& bus, const std::string& channel, const std::atom
   bus.subscribe(channel);
   while (!stop) {
     const auto heard = bus.receive(Clock::now() + 1ms);
-    if (!heard || bus::stamp_of(heard->payload).tick < 50) continue;
+    if (!heard || messages::stamp_of(heard->payload).tick < 50) continue;
     std::vector<std::byte> other(heard->payload.begin(), heard->payload.end());
     other[channel == "ARM_COMMAND" ? other.size() - 1 : other.size() - 8 - 3] ^= std::byte{1};
     bus.publish(channel, other);
@@ -195,12 +195,13 @@ TEST(AProtectiveStop, IsInTheLogWhoeverNoticesFirstThatTwoCommand) {
     stop = true;
     rival.join();
     for (const Role role : all_roles) {
-      EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+      EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << messages::name(role);
     }
     const Recorded log = recorded_by(threads);
     expect_stop_recorded(log, result.of.at(Role::plant));
     EXPECT_GT(
-        log.summary.of(channel == "ARM_TRUTH" ? loop::Slot::truth : loop::Slot::command).conflicts,
+        log.summary.of(channel == "ARM_TRUTH" ? messages::Slot::truth : messages::Slot::command)
+            .conflicts,
         0u);
     ASSERT_FALSE(log.summary.faults.empty());
     EXPECT_THAT(log.summary.faults.back().text, HasSubstr("a stranger"));
@@ -329,8 +330,8 @@ TEST_P(ARealtimeRun, AllocatesNothingAfterTheFirstTicks) {
   });
   ASSERT_EQ(threads.finish().complaints(), "");
   for (const auto& [role, count] : counts) {
-    EXPECT_EQ(count.allocated, 0u) << loop::name(role);
-    EXPECT_GT(count.messages, 500) << loop::name(role);
+    EXPECT_EQ(count.allocated, 0u) << messages::name(role);
+    EXPECT_GT(count.messages, 500) << messages::name(role);
   }
 }
 

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "logger/run_log.h"
-#include "loop/truth/plant_truth.h"
+#include "messages/truth/plant_truth.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_hosts.h"
 
@@ -25,7 +25,7 @@ using namespace tachless;
 namespace {
 
 using namespace std::chrono_literals;
-using loop::truth::DriveFault;
+using messages::truth::DriveFault;
 using system_test::FourHosts;
 using system_test::FourHostsRun;
 using system_test::FourPrograms;
@@ -165,7 +165,8 @@ TEST_F(LockstepOnFourHosts, EndsOnBothSidesOfALinkThatIsDownForLongerThanTheTime
   // What is recorded is whole ticks, and the beginning of the log of the run that ends well.
   const std::string first = without_the_fault(contents(run.programs.log_path()));
   for (const logger::TickRecord& each : ticks_of(run.programs.log_path())) {
-    for (const loop::Slot piece : loop::all_slots) EXPECT_TRUE(has(each, piece)) << each.tick;
+    for (const messages::Slot piece : messages::all_slots)
+      EXPECT_TRUE(has(each, piece)) << each.tick;
   }
   std::filesystem::remove(run.programs.log_path());
   run.hosts.plug("controller");
@@ -255,8 +256,8 @@ class RealtimeOnFourHosts : public testing::Test {
     }
   }
   /// The last TRUTH that is recorded.
-  [[nodiscard]] loop::truth::PlantTruth last_truth() const {
-    loop::truth::PlantTruth last;
+  [[nodiscard]] messages::truth::PlantTruth last_truth() const {
+    messages::truth::PlantTruth last;
     for (const logger::TickRecord& each : ticks_of(run.programs.log_path())) {
       if (each.truth) last = *each.truth;
     }
@@ -309,7 +310,7 @@ TEST_F(RealtimeOnFourHosts, HoldsTheLastTorqueWhileALinkIsDownForLessThanMaxMiss
   EXPECT_GE(of("controller").at("restarts"), 1) << "too long for the law's memory";
   EXPECT_EQ(of("controller").at("restarts"), too_long_gaps_between_commands(ticks));
   EXPECT_THAT(run["controller"].errors(), HasSubstr("the law's memory began anew"));
-  std::optional<robot::Vector> torque;
+  std::optional<Vector> torque;
   int held = 0;
   for (const logger::TickRecord& each : ticks) {
     if (!each.truth) continue;
@@ -331,7 +332,7 @@ TEST_F(RealtimeOnFourHosts, EndsInAProtectiveStopWhenALinkIsDownForLongerThanMax
     expect({"plant", "reference", "controller", "logger"}, 5, too_many);
     EXPECT_THAT(run["plant"].errors(), HasSubstr(lost + "-host"));
     EXPECT_EQ(last_truth().fault, DriveFault::protective_stop);
-    EXPECT_EQ(last_truth().tau, robot::Vector::Zero(2));
+    EXPECT_EQ(last_truth().tau, Vector::Zero(2));
     std::filesystem::remove(run.programs.log_path());
   }
 }

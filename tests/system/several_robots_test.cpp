@@ -28,7 +28,7 @@ using namespace tachless;
 namespace {
 
 namespace fs = std::filesystem;
-using loop::truth::DriveFault;
+using messages::truth::DriveFault;
 using system_test::scenarios;
 using ::testing::AllOf;
 using ::testing::AnyOf;

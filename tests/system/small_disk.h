@@ -10,7 +10,7 @@
 #include "tests/support/program.h"
 
 /// A disk of its own size that only this process and those it starts can see. Precondition: the
-/// process may mount, as it may after `tachless::process::enter_private_network`.
+/// process may mount, as it may after `tachless::base::enter_private_network`.
 class SmallDisk {
  public:
   explicit SmallDisk(int kib) {

@@ -92,7 +92,7 @@ TEST(TwoSystemsOnOneMachine, AreRefusedTheSecondOfOneRobotAndLeaveTheFirstAlone)
   bus::UdpTransport bus;
   bus.subscribe("ARM_COMMAND");
   first.start_all();
-  ASSERT_TRUE(bus.receive(loop::Clock::now() + std::chrono::seconds(30)));
+  ASSERT_TRUE(bus.receive(base::Clock::now() + std::chrono::seconds(30)));
   second.start_all();
   for (const char* role : roles) {
     EXPECT_EQ(second[role].wait(), 4) << role;

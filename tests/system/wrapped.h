@@ -19,7 +19,7 @@ class Wrapped : public bus::Transport {
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     inner_->publish(channel, payload);
   }
-  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override {
+  std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override {
     return inner_->receive(deadline);
   }
 
@@ -35,7 +35,7 @@ class Mortal : public Wrapped {
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     if (++published_ < last_) Wrapped::publish(channel, payload);
   }
-  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override {
+  std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override {
     auto datagram = Wrapped::receive(deadline);
     if (published_ >= last_) return std::nullopt;
     return datagram;

@@ -1,7 +1,7 @@
 // What is linked as the controller is cannot include the ground truth's message: it is in another
 // package, with an include root of its own.
-#include "bus/wire.h"
 #include "controller/law/loria_ortega_rigid.h"
+#include "messages/wire.h"
 #ifdef FORBIDDEN
 #include "tachless_truth/plant_truth_t.hpp"
 #endif

@@ -5,7 +5,7 @@ using namespace tachless;
 
 using Measurement = controller::law::LoriaOrtegaFlexible::Measurement;
 
-robot::Vector rate(const Measurement& measured) {
+Vector rate(const Measurement& measured) {
 #ifdef FORBIDDEN
   return measured.thetadot;
 #else

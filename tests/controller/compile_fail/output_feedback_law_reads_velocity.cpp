@@ -6,9 +6,9 @@ using namespace tachless;
 namespace {
 
 struct Peeking {
-  using Measurement = loop::PositionMeasurement;
+  using Measurement = messages::PositionMeasurement;
 
-  [[nodiscard]] loop::TorqueCommand act(const Measurement& measurement) const {
+  [[nodiscard]] messages::TorqueCommand act(const Measurement& measurement) const {
 #ifdef FORBIDDEN
     return {-measurement.q - measurement.v};
 #else
@@ -19,6 +19,6 @@ struct Peeking {
 
 }  // namespace
 
-loop::TorqueCommand act(const loop::PositionMeasurement& measurement) {
+messages::TorqueCommand act(const messages::PositionMeasurement& measurement) {
   return Peeking{}.act(measurement);
 }

@@ -6,11 +6,11 @@ using namespace tachless;
 using Law = controller::law::KellyFlexible;
 
 controller::law::Step<Law::Memory> step(const Law& law, const Law::Memory& memory,
-                                        const loop::StateMeasurement& state,
-                                        const loop::ReferencePoint& reference) {
+                                        const messages::StateMeasurement& state,
+                                        const messages::ReferencePoint& reference) {
 #ifdef FORBIDDEN
   return law.step(memory, state, reference);
 #else
-  return law.step(memory, loop::MotorPositionMeasurement{state.theta}, reference);
+  return law.step(memory, messages::MotorPositionMeasurement{state.theta}, reference);
 #endif
 }

@@ -9,14 +9,14 @@ using namespace tachless;
 namespace {
 
 #ifdef FORBIDDEN
-using Measured = loop::StateMeasurement;
+using Measured = messages::StateMeasurement;
 #else
-using Measured = loop::PositionMeasurement;
+using Measured = messages::PositionMeasurement;
 #endif
 
 struct Claiming {
   static constexpr const char* name = "claiming";
-  static constexpr std::array<loop::Signal, 0> signals = {};
+  static constexpr std::array<messages::Signal, 0> signals = {};
   static constexpr const char* source = "";
   static constexpr const char* proved = "";
   static constexpr const char* conditions = "";
@@ -28,12 +28,12 @@ struct Claiming {
   using Measurement = Measured;
   struct Memory {};
   [[nodiscard]] Memory start(const Measurement& /*measured*/,
-                             const loop::ReferencePoint& /*reference*/) const {
+                             const messages::ReferencePoint& /*reference*/) const {
     return {};
   }
   [[nodiscard]] controller::law::Step<Memory> step(
       const Memory& memory, const Measurement& measured,
-      const loop::ReferencePoint& /*reference*/) const {
+      const messages::ReferencePoint& /*reference*/) const {
     return {memory, {-measured.q}, {}};
   }
 };

@@ -17,7 +17,7 @@ struct Continuous {
   Sine reference;
 
   State<8> operator()(double t, const State<8>& x) const {
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const double lambda = 20, ld = 400;
     const Pair q = x.segment<2>(0), v = x.segment<2>(2), q_hat = x.segment<2>(4),
                z = x.segment<2>(6);
@@ -65,8 +65,8 @@ TEST(BerghuisNijmeijer, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
   const BerghuisNijmeijer law(two_link_model(), gains, {1e-3});
   Random random(1);
   for (int i = 0; i < 100; ++i) {
-    const loop::PositionMeasurement measured{random.pair(3)};
-    const loop::ReferencePoint ref = random.reference();
+    const messages::PositionMeasurement measured{random.pair(3)};
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step(law.start(measured, ref), measured, ref);
     EXPECT_EQ(step.memory.delta, vector(0, 0));
     EXPECT_EQ(step.memory.rho, vector(0, 0));

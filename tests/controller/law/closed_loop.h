@@ -41,7 +41,7 @@ struct Sine {
   Pair amplitude = {0.5, 0.5};
   double omega = 1;
 
-  [[nodiscard]] loop::ReferencePoint at(double t) const {
+  [[nodiscard]] messages::ReferencePoint at(double t) const {
     const double w = omega, s = std::sin(w * t), c = std::cos(w * t);
     return {amplitude * s, amplitude * (w * c), amplitude * (-w * w * s),
             amplitude * (-w * w * w * c), amplitude * (w * w * w * w * s)};
@@ -76,7 +76,7 @@ struct RigidArm {
     dot << x.tail<2>(), arm.acceleration(x.head<2>(), x.tail<2>(), tau);
     return dot;
   }
-  static loop::PositionMeasurement position(const State<4>& x) { return {x.head<2>()}; }
+  static messages::PositionMeasurement position(const State<4>& x) { return {x.head<2>()}; }
 };
 
 inline State<4> rigid_state(const Pair& q, const Pair& v) {
@@ -86,8 +86,8 @@ inline State<4> rigid_state(const Pair& q, const Pair& v) {
 }
 
 /// Springs and rotors of the arm with flexible joints.
-inline const robot::Vector stiffness = vector(1e4, 8e3);
-inline const robot::Vector rotor_inertia = vector(0.1, 0.2);
+inline const Vector stiffness = vector(1e4, 8e3);
+inline const Vector rotor_inertia = vector(0.1, 0.2);
 
 /// The arm with flexible joints: x = (q, theta, v, thetadot).
 struct FlexibleArm {
@@ -101,10 +101,10 @@ struct FlexibleArm {
         (tau - spring).cwiseQuotient(Pair(rotor_inertia));
     return dot;
   }
-  static loop::StateMeasurement state(const State<8>& x) {
+  static messages::StateMeasurement state(const State<8>& x) {
     return {x.segment<2>(0), x.segment<2>(4), x.segment<2>(2), x.segment<2>(6)};
   }
-  static loop::MotorPositionMeasurement motor(const State<8>& x) { return {x.segment<2>(2)}; }
+  static messages::MotorPositionMeasurement motor(const State<8>& x) { return {x.segment<2>(2)}; }
 };
 
 /// The same arm with a payload as `robot/` sees it.

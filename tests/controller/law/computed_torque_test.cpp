@@ -17,10 +17,10 @@ TEST(ComputedTorque, MakesTheErrorEquationLinearAndDecoupled) {
   const ComputedTorque law = law_at(1e-3);
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
-    loop::StateMeasurement measured;
+    messages::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(5);
-    const loop::ReferencePoint ref = random.reference();
+    const messages::ReferencePoint ref = random.reference();
     const Pair tau = law.step({}, measured, ref).command.tau;
     const Pair q = measured.q, v = measured.v;
     const Pair e = q - ref.q_ref, edot = v - ref.v_ref;
@@ -44,7 +44,7 @@ TEST(ComputedTorque, Converges) {
 TEST(ComputedTorque, ApproachesItsContinuousLoopAtFirstOrder) {
   const auto rate = [](double t, const State<4>& x) {
     const Pair q = x.head<2>(), v = x.tail<2>();
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const Pair wanted = Pair(r.a_ref) - Pair(40, 60).cwiseProduct(v - Pair(r.v_ref)) -
                         Pair(400, 900).cwiseProduct(q - Pair(r.q_ref));
     return RigidArm{}(x, TwoLink<double>().torque(q, v, v, wanted));

@@ -24,7 +24,7 @@ TEST(DifferenceOfError, HasNoLagOnTheReference) {
   // On the reference, which starts 0.1 rad beside it: there a difference of positions lags.
   const DifferenceOfError law = law_at(1e-3, 8);
   const auto measured = [&](double t) {
-    return loop::PositionMeasurement{reference.at(t).q_ref + vector(0.1, 0.1)};
+    return messages::PositionMeasurement{reference.at(t).q_ref + vector(0.1, 0.1)};
   };
   auto memory = law.start(measured(0), reference.at(0));
   for (int k = 0; k < 20; ++k) {

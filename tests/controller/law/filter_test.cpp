@@ -18,7 +18,7 @@ constexpr double eps = std::numeric_limits<double>::epsilon();
 constexpr std::array all_kinds{Discretisation::first_order_hold, Discretisation::tustin,
                                Discretisation::backward_euler, Discretisation::zero_order_hold};
 
-robot::Vector one(double x) { return robot::Vector::Constant(1, x); }
+Vector one(double x) { return Vector::Constant(1, x); }
 
 /// nu after each of n + 1 samples of e(t).
 std::vector<double> outputs(Discretisation kind, double a, double b, double h, int n,
@@ -137,13 +137,13 @@ TEST(Filter, StartsWithTheKickOfTheRawTransferFunctionWhenAsked) {
 }
 
 TEST(Filter, TakesJointsOneByOne) {
-  robot::Vector a(2), b(2), e(2);
+  Vector a(2), b(2), e(2);
   a << 10, 1000;
   b << 20, 300;
   e << 1, -2;
   const Filter both(a, b, Discretisation::tustin, FilterStart::at_error, 1e-3);
   const Filter second(one(1000), one(300), Discretisation::tustin, FilterStart::at_error, 1e-3);
-  Filter::Memory pair = both.start(robot::Vector::Zero(2));
+  Filter::Memory pair = both.start(Vector::Zero(2));
   Filter::Memory single = second.start(one(0));
   for (int k = 1; k < 10; ++k) {
     pair = both.step(pair, k * e);
@@ -172,14 +172,14 @@ TEST(Filter, RefusesWhatIsNotPositive) {
 struct DirtyDerivative {
   Filter filter;
 
-  [[nodiscard]] Filter::Memory start(const robot::Vector& q,
-                                     const loop::ReferencePoint& /*reference*/) const {
+  [[nodiscard]] Filter::Memory start(const Vector& q,
+                                     const messages::ReferencePoint& /*reference*/) const {
     return filter.start(q);
   }
-  [[nodiscard]] Filter::Memory step(const Filter::Memory& memory, const robot::Vector& q) const {
+  [[nodiscard]] Filter::Memory step(const Filter::Memory& memory, const Vector& q) const {
     return filter.step(memory, q);
   }
-  [[nodiscard]] static robot::Vector velocity(const Filter::Memory& memory) { return memory.nu; }
+  [[nodiscard]] static Vector velocity(const Filter::Memory& memory) { return memory.nu; }
 };
 
 /// A figure of an independent simulation; what other estimators have is in their tests.

@@ -11,12 +11,12 @@
 /// approach as the period goes to 0, from equations that a test writes itself.
 namespace tachless::controller::law {
 
-inline loop::StateMeasurement full_state(const State<4>& x) {
+inline messages::StateMeasurement full_state(const State<4>& x) {
   return {x.head<2>(), x.tail<2>(), {}, {}};
 }
 
 /// M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd (v_hat - v_ref) by the closed form.
-inline Pair wen_bayard_torque(const loop::ReferencePoint& r, const Pair& q, const Pair& v_hat,
+inline Pair wen_bayard_torque(const messages::ReferencePoint& r, const Pair& q, const Pair& v_hat,
                               const Pair& kp, const Pair& kd) {
   const Pair v_ref = r.v_ref, a_ref = r.a_ref, e = q - Pair(r.q_ref);
   return TwoLink<double>().torque(q, v_ref, v_ref, a_ref) - kp.cwiseProduct(e) -

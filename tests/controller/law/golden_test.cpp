@@ -37,10 +37,10 @@ std::vector<Row> rows_of(const std::string& name) {
   return rows;
 }
 
-robot::Vector two(const Row& row, int column) { return vector(row[column], row[column + 1]); }
+Vector two(const Row& row, int column) { return vector(row[column], row[column + 1]); }
 
 /// Both joints: sin(10 pi t) / (10 pi).
-loop::ReferencePoint papers_reference(double t) {
+messages::ReferencePoint papers_reference(double t) {
   const double w = 10 * std::numbers::pi, s = std::sin(w * t), c = std::cos(w * t);
   const auto both = [](double x) { return vector(x, x); };
   return {both(s / w), both(c), both(-w * s), both(-w * w * c), both(w * w * w * s)};
@@ -68,9 +68,8 @@ FilterCoefficients tabulated(Discretisation kind, double a, double b, double h) 
 
 /// A filter memory from which a step at error e gives the output nu. Both coefficients count: the
 /// error before was another one, by some 1e-6 rad, which is 1e-3 rad/s of nu.
-Filter::Memory memory_before(const robot::Vector& nu, const robot::Vector& e,
-                             const FilterCoefficients& filter) {
-  const robot::Vector e_previous = e + vector(1e-6, -2e-6);
+Filter::Memory memory_before(const Vector& nu, const Vector& e, const FilterCoefficients& filter) {
+  const Vector e_previous = e + vector(1e-6, -2e-6);
   return {(nu - filter.beta * (e - e_previous)) / filter.phi, e_previous};
 }
 
@@ -98,8 +97,8 @@ TEST_P(GoldenRigid, GivesTheRecordedTorqueForEachRecordedState) {
   const std::vector<Row> rows = rows_of(c.file);
   ASSERT_GT(rows.size(), 50U);
   for (const Row& row : rows) {
-    const loop::PositionMeasurement measured{two(row, 1)};
-    const loop::ReferencePoint ref = papers_reference(row[0]);
+    const messages::PositionMeasurement measured{two(row, 1)};
+    const messages::ReferencePoint ref = papers_reference(row[0]);
     const auto step =
         law.step(memory_before(two(row, 5), measured.q - ref.q_ref, filter), measured, ref);
     ASSERT_LE((step.command.tau - two(row, 7)).norm(), c.torque_tolerance_Nm) << row[0];
@@ -147,9 +146,9 @@ TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
   const std::vector<Row> rows = rows_of(c.file);
   ASSERT_GT(rows.size(), 50U);
   for (const Row& row : rows) {
-    const loop::LinkStateMeasurement measured{two(row, 1), two(row, 3), two(row, 5)};
-    const loop::ReferencePoint ref = papers_reference(row[0]);
-    const robot::Vector theta_ref = two(row, 15);
+    const messages::LinkStateMeasurement measured{two(row, 1), two(row, 3), two(row, 5)};
+    const messages::ReferencePoint ref = papers_reference(row[0]);
+    const Vector theta_ref = two(row, 15);
     const auto step = law.step({memory_before(two(row, 9), measured.q - ref.q_ref, link),
                                 memory_before(two(row, 11), measured.theta - theta_ref, motor)},
                                measured, ref);

@@ -113,7 +113,7 @@ TEST(KalmanVelocity, ApproachesTheContinuousFiltersLoopAtFirstOrder) {
           (order == 3 ? w * w * w : 0) * off;
       return dot;
     };
-    const loop::ReferencePoint first = reference.at(0);
+    const messages::ReferencePoint first = reference.at(0);
     State<10> x0;
     x0 << beside, 0, 0, beside, first.v_ref, first.a_ref;
     if (order == 2) x0.tail<2>().setZero();
@@ -141,10 +141,10 @@ TEST(KalmanVelocity, TakesTheEncodersNoiseAndSaysWhatIsMissingWithoutIt) {
   gains.measurement_noise = {};
   Settings settings = at_1_khz;
   settings.position_std = vector(1e-4, 2e-4);
-  const loop::ReferencePoint rest = Sine{{0, 0}}.at(0);
+  const messages::ReferencePoint rest = Sine{{0, 0}}.at(0);
   KalmanChain::Gains given = gains;
   given.measurement_noise = settings.position_std;
-  const robot::Vector q = vector(0.1, 0.1);
+  const Vector q = vector(0.1, 0.1);
   const auto first = [&](const KalmanChain& chain) {
     return chain.velocity(chain.step(chain.start(vector(0, 0), rest), q));
   };
@@ -161,8 +161,8 @@ TEST(KalmanVelocity, TakesTheEncodersNoiseAndSaysWhatIsMissingWithoutIt) {
 TEST(KalmanVelocity, StartsAtTheReferencesVelocity) {
   for (const int order : {2, 3}) {
     const KalmanVelocity law = law_at(1e-3, order, 200);
-    const loop::PositionMeasurement measured{vector(0.3, 0.4)};
-    const loop::ReferencePoint now = reference.at(0.1);
+    const messages::PositionMeasurement measured{vector(0.3, 0.4)};
+    const messages::ReferencePoint now = reference.at(0.1);
     const auto step = law.step(law.start(measured, now), measured, now);
     EXPECT_LT((step.signals.value[1] - now.v_ref).norm(), 1e-12);
   }

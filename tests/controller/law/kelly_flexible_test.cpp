@@ -13,8 +13,8 @@ KellyFlexible law_at(double h) {
           {h, Discretisation::tustin}};
 }
 
-loop::ReferencePoint goal_at(const robot::Vector& q_ref) {
-  const robot::Vector zero = robot::Vector::Zero(q_ref.size());
+messages::ReferencePoint goal_at(const Vector& q_ref) {
+  const Vector zero = Vector::Zero(q_ref.size());
   return {q_ref, zero, zero, zero, zero};
 }
 
@@ -24,9 +24,9 @@ TEST(KellyFlexible, BalancesGravityAtItsGoal) {
   const KellyFlexible law = law_at(1e-3);
   Random random(1);
   for (int i = 0; i < 100; ++i) {
-    const loop::ReferencePoint goal = goal_at(random.pair(3));
+    const messages::ReferencePoint goal = goal_at(random.pair(3));
     const Pair g = arm.g(goal.q_ref);
-    const loop::MotorPositionMeasurement measured{goal.q_ref + g.cwiseQuotient(stiffness)};
+    const messages::MotorPositionMeasurement measured{goal.q_ref + g.cwiseQuotient(stiffness)};
     const auto step = law.step(law.start(measured, goal), measured, goal);
     EXPECT_LE((step.command.tau - g).norm(), 1e-11);  // Kp times one rounding of theta
     EXPECT_LE(step.signals.value[0].norm(), 1e-14);
@@ -39,8 +39,8 @@ TEST(KellyFlexible, IsItsFormulaAwayFromTheGoal) {
   const KellyFlexible law = law_at(h);
   Random random(2);
   for (int i = 0; i < 100; ++i) {
-    const loop::ReferencePoint goal = goal_at(random.pair(3));
-    const loop::MotorPositionMeasurement measured{random.pair(3)};
+    const messages::ReferencePoint goal = goal_at(random.pair(3));
+    const messages::MotorPositionMeasurement measured{random.pair(3)};
     const KellyFlexible::Memory memory{random.pair(2), random.pair(2)};
     const auto step = law.step(memory, measured, goal);
     const Pair g = arm.g(goal.q_ref);

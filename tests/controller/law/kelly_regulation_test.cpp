@@ -16,10 +16,10 @@ TEST(KellyRegulation, IsGravityLessProportionalAndFilteredError) {
   const double h = 1e-3;
   const KellyRegulation law(two_link_model(), gains, {h, Discretisation::backward_euler});
   Random random(1);
-  const robot::Vector zero = robot::Vector::Zero(2);
+  const Vector zero = Vector::Zero(2);
   for (int i = 0; i < 200; ++i) {
-    const loop::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
-    const loop::PositionMeasurement measured{random.pair(2)};
+    const messages::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
+    const messages::PositionMeasurement measured{random.pair(2)};
     const KellyRegulation::Memory memory{random.pair(2), random.pair(2)};
     const auto step = law.step(memory, measured, goal);
     const Pair e = measured.q - goal.q_ref;

@@ -101,8 +101,8 @@ TEST(LanariWen, IsItsFormula) {
     const Sine reference{random.pair(1), random.between(1, 3)};
     const double t = random.between(0, 3);
     const MotorReference r = motor_reference(0, reference, t);
-    const loop::StateMeasurement measured{random.pair(1), random.pair(3), random.pair(1),
-                                          random.pair(3)};
+    const messages::StateMeasurement measured{random.pair(1), random.pair(3), random.pair(1),
+                                              random.pair(3)};
     const auto step = law.step({}, measured, reference.at(t));
     const Pair e = Pair(measured.theta) - r.theta, edot = Pair(measured.thetadot) - r.thetadot;
     const Pair tau = Pair(rotor_inertia).cwiseProduct(r.thetaddot) + r.torque -
@@ -118,9 +118,10 @@ TEST(LanariWen, IsItsFormula) {
 TEST(LanariWen, TakesNothingFromTheLinks) {
   const LanariWen law = law_with(0);
   Random random(2);
-  loop::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1), random.pair(1)};
-  const loop::ReferencePoint ref = random.reference();
-  const robot::Vector before = law.step({}, measured, ref).command.tau;
+  messages::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1),
+                                      random.pair(1)};
+  const messages::ReferencePoint ref = random.reference();
+  const Vector before = law.step({}, measured, ref).command.tau;
   measured.q = random.pair(1);
   measured.v = random.pair(1);
   EXPECT_EQ(law.step({}, measured, ref).command.tau, before);

@@ -12,16 +12,16 @@ namespace {
 using Long = long double;
 using LongPair = TwoLink<Long>::Pair;
 
-const robot::Vector stiffness = vector(1e4, 8e3);
-const robot::Vector rotor_inertia = vector(0.1, 0.2);
+const Vector stiffness = vector(1e4, 8e3);
+const Vector rotor_inertia = vector(0.1, 0.2);
 
 /// Draws a law, a state of the arm and a reference.
 struct Draw {
   LoriaOrtegaFlexible::Gains gains;
   LoriaOrtegaFlexible law;
   LoriaOrtegaFlexible::Memory memory;
-  loop::LinkStateMeasurement measured;
-  loop::ReferencePoint ref;
+  messages::LinkStateMeasurement measured;
+  messages::ReferencePoint ref;
 
   explicit Draw(Random& random)
       : gains{random.positive(100, 10000), random.positive(10, 9000),  random.positive(100, 1000),
@@ -35,7 +35,7 @@ struct Draw {
   }
 };
 
-LongPair lengthen(const robot::Vector& x) { return x.cast<Long>(); }
+LongPair lengthen(const Vector& x) { return x.cast<Long>(); }
 
 /// theta_ref and its second time derivative, apart from the law: the display after eq. 10, by the
 /// closed form in extended precision along a path through the state, with an arbitrary link jerk,
@@ -43,8 +43,7 @@ LongPair lengthen(const robot::Vector& x) { return x.cast<Long>(); }
 struct Independent {
   LongPair theta_ref, thetaddot_ref;
 
-  Independent(const Draw& draw, const robot::Vector& nu1, const robot::Vector& vdot,
-              const robot::Vector& link_jerk) {
+  Independent(const Draw& draw, const Vector& nu1, const Vector& vdot, const Vector& link_jerk) {
     const TwoLink<Long> arm;
     const LongPair K = lengthen(stiffness), kp = lengthen(draw.gains.kp1),
                    kd = lengthen(draw.gains.kd1), a1 = lengthen(draw.gains.a1),
@@ -85,10 +84,10 @@ TEST(LoriaOrtegaFlexible, ClosedLoopIsThePapersErrorEquation) {
   for (int i = 0; i < 1000; ++i) {
     const Draw draw(random);
     const auto step = draw.law.step(draw.memory, draw.measured, draw.ref);
-    const robot::Vector spring =
+    const Vector spring =
         stiffness.cwiseProduct(draw.measured.theta - draw.measured.q);  // on the links
-    const robot::Vector vdot = robot::forward_dynamics(two_link_model(), draw.measured.q,
-                                                       draw.measured.v, spring);  // eq. 1
+    const Vector vdot = robot::forward_dynamics(two_link_model(), draw.measured.q, draw.measured.v,
+                                                spring);  // eq. 1
     const Independent motor(draw, step.signals.value[1], vdot, random.pair(1e4));
 
     const LongPair q = lengthen(draw.measured.q), v = lengthen(draw.measured.v),
@@ -130,9 +129,9 @@ TEST(LoriaOrtegaFlexible, LinkJerkDoesNotEnterTheMotorReference) {
   Random random(2);
   const Draw draw(random);
   const auto step = draw.law.step(draw.memory, draw.measured, draw.ref);
-  const robot::Vector vdot = robot::forward_dynamics(
+  const Vector vdot = robot::forward_dynamics(
       two_link_model(), draw.measured.q, draw.measured.v,
-      robot::Vector(stiffness.cwiseProduct(draw.measured.theta - draw.measured.q)));
+      Vector(stiffness.cwiseProduct(draw.measured.theta - draw.measured.q)));
   const Independent none(draw, step.signals.value[1], vdot, vector(0, 0));
   const Independent much(draw, step.signals.value[1], vdot, vector(3e4, -2e4));
   // The jerk is in the fourth derivative of theta_ref, where the difference formula has no error;
@@ -153,8 +152,8 @@ concept HoldsMoreThanLinkStateAndMotorPosition = requires(Measurement m) {
 TEST(LoriaOrtegaFlexible, MeasuresLinkStateAndMotorPositionAndNoMore) {
   using Measurement = LoriaOrtegaFlexible::Measurement;
   static_assert(!HoldsMoreThanLinkStateAndMotorPosition<Measurement>);
-  static_assert(sizeof(Measurement) == 3 * sizeof(robot::Vector));
-  static_assert(!std::is_convertible_v<loop::StateMeasurement, Measurement>);
+  static_assert(sizeof(Measurement) == 3 * sizeof(Vector));
+  static_assert(!std::is_convertible_v<messages::StateMeasurement, Measurement>);
 }
 
 TEST(LoriaOrtegaFlexible, TorqueDoesNotDependOnWhatIsNotMeasured) {
@@ -184,11 +183,11 @@ TEST(LoriaOrtegaFlexible, AtRestOnItsGoalItBalancesGravity) {
   Random random(5);
   for (int i = 0; i < 20; ++i) {
     const Draw draw(random);
-    const robot::Vector zero = robot::Vector::Zero(2);
-    const loop::ReferencePoint goal{draw.ref.q_ref, zero, zero, zero, zero};
+    const Vector zero = Vector::Zero(2);
+    const messages::ReferencePoint goal{draw.ref.q_ref, zero, zero, zero, zero};
     const Pair g = arm.g(goal.q_ref);
-    const loop::LinkStateMeasurement measured{goal.q_ref, zero,
-                                              goal.q_ref + g.cwiseQuotient(stiffness)};
+    const messages::LinkStateMeasurement measured{goal.q_ref, zero,
+                                                  goal.q_ref + g.cwiseQuotient(stiffness)};
     const auto step = draw.law.step(draw.law.start(measured, goal), measured, goal);
     // theta's rounding, times K / M of the forward dynamics, times Kp1 + Kd1 B1 on its way to tau:
     // 4e-16 * 8e3 / 0.45 * 9e6 * 0.2 / 8e3.

@@ -20,7 +20,7 @@ TEST(LoriaOrtegaIntegral, IsTheContinuousLawAsThePeriodShrinks) {
   const Sine reference;
   const Pair q0(0.2, -0.1), v0(0, 0.3);
   const auto rate = [&](double t, const State<8>& x) -> State<8> {
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const Pair q = x.head<2>(), v = x.segment<2>(2), nu = x.segment<2>(4), y = x.tail<2>();
     const Pair e = q - Pair(r.q_ref), edot = v - Pair(r.v_ref);
     const Pair tau = TwoLink<double>().torque(q, r.v_ref, r.v_ref, r.a_ref) -
@@ -66,8 +66,8 @@ TEST(LoriaOrtegaIntegral, TakesUpAConstantTorqueThatLeavesAnErrorOtherwise) {
 TEST(LoriaOrtegaIntegral, BeginsWithoutTorqueWhereverTheFilterBegins) {
   for (const FilterStart start : {FilterStart::at_error, FilterStart::zero}) {
     const LoriaOrtegaIntegral law(two_link_model(), gains, {1e-3, Discretisation::tustin, start});
-    const loop::PositionMeasurement measured{vector(0.5, -0.3)};
-    const loop::ReferencePoint goal = Sine{{0, 0}}.at(0);
+    const messages::PositionMeasurement measured{vector(0.5, -0.3)};
+    const messages::ReferencePoint goal = Sine{{0, 0}}.at(0);
     const auto step = law.step(law.start(measured, goal), measured, goal);
     // Of 1500 N m/rad times terms of up to b / a |e|: rounding.
     EXPECT_LT(step.signals.value[2].norm(), 1e-10);

@@ -21,8 +21,8 @@ TEST(LoriaOrtegaMatrix, IsThePapersLawInOtherCoordinatesOfTheErrors) {
   const LoriaOrtegaMatrix coupled(two_link_model(), gains, {});
   for (int i = 0; i < 100; ++i) {
     const Filter::Memory memory{random.pair(10), random.pair(1)};
-    const loop::PositionMeasurement measured{random.pair(3)};
-    const loop::ReferencePoint ref = random.reference();
+    const messages::PositionMeasurement measured{random.pair(3)};
+    const messages::ReferencePoint ref = random.reference();
     const auto expected = diagonal.step(memory, measured, ref);
     const auto step = coupled.step(memory, measured, ref);
     // Rounding of torques of up to 1e5 N m.

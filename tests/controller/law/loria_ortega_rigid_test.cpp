@@ -27,8 +27,8 @@ TEST(LoriaOrtegaRigid, IsThePapersLawOnItsArm) {
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
     const LoriaOrtegaRigid::Memory memory{random.pair(10), random.pair(1)};
-    const loop::PositionMeasurement measured{random.pair(3)};
-    const loop::ReferencePoint ref = random.reference();
+    const messages::PositionMeasurement measured{random.pair(3)};
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step(memory, measured, ref);
 
     const Pair e = measured.q - ref.q_ref;
@@ -54,9 +54,9 @@ TEST(LoriaOrtegaRigid, AtRestIsKellysRegulator) {
     const KellyRegulation regulation(
         two_link_model(),
         {vector(5000, 6000), vector(7000, 8800), vector(1000, 1000), vector(1000, 1000)}, settings);
-    const robot::Vector zero = robot::Vector::Zero(2);
-    const loop::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
-    loop::PositionMeasurement measured{random.pair(2)};
+    const Vector zero = Vector::Zero(2);
+    const messages::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
+    messages::PositionMeasurement measured{random.pair(2)};
     auto one = tracking.start(measured, goal);
     auto other = regulation.start(measured, goal);
     for (int k = 0; k < 100; ++k) {
@@ -74,9 +74,9 @@ TEST(LoriaOrtegaRigid, AtRestIsKellysRegulator) {
 
 TEST(LoriaOrtegaRigid, StartsWithoutAKick) {
   const LoriaOrtegaRigid law(two_link_model(), papers_gains(), {5e-5});
-  const robot::Vector zero = robot::Vector::Zero(2);
-  const loop::ReferencePoint goal{zero, zero, zero, zero, zero};
-  const loop::PositionMeasurement measured{vector(0.5, -0.5)};
+  const Vector zero = Vector::Zero(2);
+  const messages::ReferencePoint goal{zero, zero, zero, zero, zero};
+  const messages::PositionMeasurement measured{vector(0.5, -0.5)};
   const auto step = law.step(law.start(measured, goal), measured, goal);
   EXPECT_EQ(step.signals.value[1], zero);
 }
@@ -84,9 +84,9 @@ TEST(LoriaOrtegaRigid, StartsWithoutAKick) {
 TEST(LoriaOrtegaRigid, KicksWithTheRawTransferFunction) {
   const LoriaOrtegaRigid law(two_link_model(), papers_gains(),
                              {5e-5, Discretisation::first_order_hold, FilterStart::zero, 0});
-  const robot::Vector zero = robot::Vector::Zero(2);
-  const loop::ReferencePoint goal{zero, zero, zero, zero, zero};
-  const loop::PositionMeasurement measured{vector(0.5, -0.5)};
+  const Vector zero = Vector::Zero(2);
+  const messages::ReferencePoint goal{zero, zero, zero, zero, zero};
+  const messages::PositionMeasurement measured{vector(0.5, -0.5)};
   const auto step = law.step(law.start(measured, goal), measured, goal);
   // Kd B e(0) = 7000 * 1000 * 0.5 N m on joint 1: millions.
   EXPECT_NEAR(step.command.tau[0], -3.5e6, 3000);
@@ -101,8 +101,8 @@ TEST(LoriaOrtegaRigid, LeadMovesTheFeedForwardAndNothingElse) {
       {1e-3, Discretisation::first_order_hold, FilterStart::at_error, lead});
   Random random(3);
   for (int i = 0; i < 100; ++i) {
-    const loop::PositionMeasurement measured{random.pair(2)};
-    const loop::ReferencePoint ref = random.reference();
+    const messages::PositionMeasurement measured{random.pair(2)};
+    const messages::ReferencePoint ref = random.reference();
     const LoriaOrtegaRigid::Memory memory{random.pair(1), random.pair(1)};
     const auto one = now.step(memory, measured, ref);
     const auto other = ahead.step(memory, measured, ref);
@@ -124,9 +124,9 @@ TEST(FeedforwardAhead, IsTheTaylorExpansionOfASmoothReference) {
   const double w = 10 * M_PI, t = 0.0123, lead = 1.5e-3;
   const auto at = [&](double x) {
     const double s = std::sin(w * x) / w, c = std::cos(w * x);
-    const robot::Vector one = robot::Vector::Ones(1);
-    return loop::ReferencePoint{s * one, c * one, -w * w * s * one, -w * w * c * one,
-                                w * w * w * w * s * one};
+    const Vector one = Vector::Ones(1);
+    return messages::ReferencePoint{s * one, c * one, -w * w * s * one, -w * w * c * one,
+                                    w * w * w * w * s * one};
   };
   const Feedforward ahead = feedforward_ahead(at(t), lead);
   EXPECT_NEAR(ahead.v_ref[0], at(t + lead).v_ref[0], std::pow(w * lead, 4) / 24);

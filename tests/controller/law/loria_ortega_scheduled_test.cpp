@@ -11,7 +11,7 @@ TEST(LoriaOrtegaScheduled, IsTheContinuousLawAsThePeriodShrinks) {
   const Sine reference;
   const Pair D(20, 5);
   const auto rate = [&](double t, const State<6>& x) -> State<6> {
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const TwoLink<double> arm;
     const Pair q = x.head<2>(), v = x.segment<2>(2), nu = x.tail<2>();
     const Pair e = q - Pair(r.q_ref), edot = v - Pair(r.v_ref);

@@ -17,7 +17,7 @@ struct Continuous {
   Sine reference;
 
   State<8> operator()(double t, const State<8>& x) const {
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const Pair q = x.segment<2>(0), v = x.segment<2>(2), x1 = x.segment<2>(4), x2 = x.segment<2>(6);
     const Pair v_hat = x2 + 300 * (q - x1);
     const Pair tau = arm.torque(q, v_hat, r.v_ref, r.a_ref) -
@@ -71,8 +71,8 @@ TEST(NicosiaTomei, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
   const NicosiaTomei law(two_link_model(), gains, {1e-3});
   Random random(1);
   for (int i = 0; i < 100; ++i) {
-    const loop::PositionMeasurement measured{random.pair(3)};
-    const loop::ReferencePoint ref = random.reference();
+    const messages::PositionMeasurement measured{random.pair(3)};
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step(law.start(measured, ref), measured, ref);
     EXPECT_EQ(step.memory.delta, vector(0, 0));
     EXPECT_EQ(step.memory.x2, ref.v_ref);
@@ -99,8 +99,8 @@ TEST(NicosiaTomei, ObserverHasSecondOrderUnderATorqueThatIsHeld) {
     return dot;
   };
   const auto states = solution(rate, start, 2.5e-4, 80, 1e-5);  // 20 ms, six time constants
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
+  const Vector zero = vector(0, 0);
+  const messages::ReferencePoint at_zero{zero, zero, zero, zero, zero};
   const auto error_at = [&](int every) {
     const NicosiaTomei law(model_with(0), gains, {2.5e-4 * every});
     NicosiaTomei::Memory memory{zero, start.tail<2>(), start.head<2>(), {tau}};
@@ -132,8 +132,8 @@ double observer_error(int delay, int told) {
     const double t = 0.05 * tick;
     return vector(80 * std::sin(t), -9 * std::cos(t));
   };
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
+  const Vector zero = vector(0, 0);
+  const messages::ReferencePoint at_zero{zero, zero, zero, zero, zero};
   State<4> x = rigid_state({0.3, -0.5}, {0, 0});
   NicosiaTomei::Memory memory{zero, zero, x.head<2>(), {}};
   memory.tau.fill(command(0));

@@ -39,15 +39,15 @@ TEST(NumericalDifference, OfAParabolaIsTheSlopeHalfwayBack) {
 }
 
 TEST(NumericalDifference, IsOverOnePeriodOrMore) {
-  const schema::Range samples = std::get<2>(NumericalDifference::Gains::keys).range;
+  const base::Range samples = std::get<2>(NumericalDifference::Gains::keys).range;
   EXPECT_TRUE(samples.contains(1));
   EXPECT_FALSE(samples.contains(0));
 }
 
 TEST(NumericalDifference, StartsAtTheReferencesVelocity) {
   const NumericalDifference law = law_at(1e-3, 7);
-  const loop::PositionMeasurement measured{vector(0.3, 0.4)};
-  const loop::ReferencePoint now = reference.at(0.1);
+  const messages::PositionMeasurement measured{vector(0.3, 0.4)};
+  const messages::ReferencePoint now = reference.at(0.1);
   const auto step = law.step(law.start(measured, now), measured, now);
   EXPECT_LT((step.signals.value[1] - now.v_ref).norm(), 1e-12);
 }

@@ -24,12 +24,12 @@ TEST(PdGravity, ItsEnergyFallsByWhatTheVelocityTermTakes) {
   // Vdot = -v' Kd v, by differences along the continuous loop.
   const TwoLink<double> arm;
   const PdGravity law = law_at(1e-3);
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint reference{vector(0.4, -0.7), zero, zero, zero, zero};
+  const Vector zero = vector(0, 0);
+  const messages::ReferencePoint reference{vector(0.4, -0.7), zero, zero, zero, zero};
   Random random(1);
   for (int i = 0; i < 100; ++i) {
     const Pair q = random.pair(3), v = random.pair(5);
-    loop::StateMeasurement measured;
+    messages::StateMeasurement measured;
     measured.q = q;
     measured.v = v;
     const Pair vdot = arm.acceleration(q, v, law.step({}, measured, reference).command.tau);

@@ -16,12 +16,12 @@ LevantDifferentiator::Gains gains(double L) {
 /// that is 1 rad/s off.
 Pair largest_error(double period_s) {
   const LevantDifferentiator estimator(gains(3000), {period_s});
-  loop::ReferencePoint first = paper_reference(0);
+  messages::ReferencePoint first = paper_reference(0);
   first.v_ref += vector(1, 1);
   LevantDifferentiator::Memory memory = estimator.start(first.q_ref, first);
   Pair error(0, 0);
   for (int k = 1; (k - 1) * period_s < 0.4; ++k) {
-    const loop::ReferencePoint now = paper_reference(k * period_s);
+    const messages::ReferencePoint now = paper_reference(k * period_s);
     memory = estimator.step(memory, now.q_ref);
     if (k * period_s < 0.1) continue;
     error = error.cwiseMax(
@@ -47,7 +47,7 @@ TEST(RobustDifferentiator, CorrectsAsTheRecursiveFormOfTheSourceDoes) {
   const auto sign = [](double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : 0.0; };
   for (int i = 0; i < 1000; ++i) {
     const LevantDifferentiator::Memory before{random.pair(1), random.pair(5), random.pair(50)};
-    const robot::Vector q = random.pair(1);
+    const Vector q = random.pair(1);
     const auto after = estimator.step(before, q);
     for (int j = 0; j < 2; ++j) {
       const double z0 = before.z0[j] + h * before.z1[j] + h * h / 2 * before.z2[j];

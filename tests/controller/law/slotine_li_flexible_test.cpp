@@ -10,14 +10,14 @@ namespace {
 using Long = long double;
 using LongPair = TwoLink<Long>::Pair;
 
-const robot::Vector lambda = vector(12, 20);
+const Vector lambda = vector(12, 20);
 
 SlotineLiFlexible example() {
   return {
       {two_link_model(), stiffness, rotor_inertia}, {lambda, vector(80, 20), vector(12, 16)}, {}};
 }
 
-LongPair lengthen(const robot::Vector& x) { return x.cast<Long>(); }
+LongPair lengthen(const Vector& x) { return x.cast<Long>(); }
 
 TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
   // Closed loop: M s1dot + C(q, v) s1 + Ks1 s1 + K (e1 - e2) = 0,
@@ -30,12 +30,12 @@ TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
   const LongPair ks1 = lengthen(vector(80, 20)), ks2 = lengthen(vector(12, 16));
   Random random(1);
   for (int i = 0; i < 300; ++i) {
-    loop::StateMeasurement measured;
+    messages::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(3);
     measured.theta = measured.q + random.pair(0.05);
     measured.thetadot = measured.v + random.pair(2);
-    const loop::ReferencePoint ref = random.reference();
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step({}, measured, ref);
 
     const LongPair q0 = lengthen(measured.q), v0 = lengthen(measured.v),
@@ -98,7 +98,7 @@ TEST(SlotineLiFlexible, ConvergesAndApproachesItsContinuousLoopAtFirstOrder) {
   const SlotineLiFlexible law = example();
   const Sine reference;
   const auto rate = [&](double t, const State<8>& x) {
-    const robot::Vector tau = law.step({}, FlexibleArm::state(x), reference.at(t)).command.tau;
+    const Vector tau = law.step({}, FlexibleArm::state(x), reference.at(t)).command.tau;
     return FlexibleArm{}(x, tau);
   };
   State<8> beside;
@@ -118,11 +118,12 @@ TEST(SlotineLiFlexible, ConvergesAndApproachesItsContinuousLoopAtFirstOrder) {
 TEST(SlotineLiFlexible, NeedsMotorVelocityForTheLinkJerkUnlikeThePapersLaw) {
   const SlotineLiFlexible law = example();
   Random random(2);
-  loop::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1), random.pair(1)};
-  const loop::ReferencePoint ref = random.reference();
-  const robot::Vector before = robot::second_derivative(law.motor_reference(measured, ref));
+  messages::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1),
+                                      random.pair(1)};
+  const messages::ReferencePoint ref = random.reference();
+  const Vector before = robot::second_derivative(law.motor_reference(measured, ref));
   measured.thetadot += vector(1, 0);
-  const robot::Vector after = robot::second_derivative(law.motor_reference(measured, ref));
+  const Vector after = robot::second_derivative(law.motor_reference(measured, ref));
   EXPECT_GT((after - before).norm(), 1);
 }
 

@@ -14,10 +14,10 @@ TEST(SlotineLi, LeavesAPassiveErrorEquation) {
   const SlotineLi law(two_link_model(), gains, {1e-3});
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
-    loop::StateMeasurement measured;
+    messages::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(5);
-    const loop::ReferencePoint ref = random.reference();
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step({}, measured, ref);
     const Pair tau = step.command.tau;
     const Pair q = measured.q, v = measured.v;
@@ -35,7 +35,7 @@ TEST(SlotineLi, ApproachesItsContinuousLoopAtFirstOrder) {
   const Sine reference{{0.5, 0.4}, 2.5};
   const auto rate = [&](double t, const State<4>& x) {
     const Pair q = x.head<2>(), v = x.tail<2>(), lambda(20, 15), ks(400, 40);
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const Pair v_r = Pair(r.v_ref) - lambda.cwiseProduct(q - Pair(r.q_ref));
     const Pair v_rdot = Pair(r.a_ref) - lambda.cwiseProduct(v - Pair(r.v_ref));
     const Pair tau = TwoLink<double>().torque(q, v, v_r, v_rdot) - ks.cwiseProduct(v - v_r);

@@ -8,7 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "loop/signals.h"
+#include "messages/signals.h"
 #include "robot/model.h"
 
 /// The paper's two-link arm (Berghuis and Nijmeijer 1992) in closed form, written apart from
@@ -57,8 +57,8 @@ struct TwoLink {
 
 using Pair = Eigen::Vector2d;
 
-inline robot::Vector vector(double x, double y) {
-  robot::Vector v(2);
+inline Vector vector(double x, double y) {
+  Vector v(2);
   v << x, y;
   return v;
 }
@@ -83,14 +83,16 @@ class Random {
  public:
   explicit Random(unsigned seed) : engine_(seed) {}
 
-  robot::Vector pair(double size) { return vector(between(-size, size), between(-size, size)); }
-  robot::Vector positive(double least, double most) {
+  Vector pair(double size) { return vector(between(-size, size), between(-size, size)); }
+  Vector positive(double least, double most) {
     return vector(between(least, most), between(least, most));
   }
   double between(double least, double most) {
     return std::uniform_real_distribution<double>(least, most)(engine_);
   }
-  loop::ReferencePoint reference() { return {pair(2), pair(2), pair(20), pair(100), pair(1000)}; }
+  messages::ReferencePoint reference() {
+    return {pair(2), pair(2), pair(20), pair(100), pair(1000)};
+  }
 
  private:
   std::mt19937 engine_;

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <numbers>
 
-#include "loop/signals.h"
+#include "messages/signals.h"
 #include "tests/controller/law/two_link.h"
 
 namespace tachless::controller::law {
 
 /// The paper's reference, 5 Hz with velocities of 1 rad/s.
-inline loop::ReferencePoint paper_reference(double t) {
+inline messages::ReferencePoint paper_reference(double t) {
   constexpr double w = 2 * std::numbers::pi * 5;
   const double s = std::sin(w * t), c = std::cos(w * t);
   const auto both = [](double x) { return vector(x, x); };
@@ -26,7 +26,7 @@ template <class Estimator>
 double velocity_error(const Estimator& estimator) {
   constexpr double h = 1e-3;
   constexpr int settled = 400, ticks = 2400;
-  const auto read = [&](int k) -> robot::Vector {
+  const auto read = [&](int k) -> Vector {
     return (paper_reference(k * h).q_ref / count_16_bit).array().round() * count_16_bit;
   };
   auto memory = estimator.start(read(0), paper_reference(0));

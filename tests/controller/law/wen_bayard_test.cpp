@@ -14,10 +14,10 @@ TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
   const WenBayard law(two_link_model(), gains, {1e-3});
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
-    loop::StateMeasurement measured;
+    messages::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(5);
-    const loop::ReferencePoint ref = random.reference();
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step({}, measured, ref);
     const Pair tau = step.command.tau;
     const Pair q = measured.q, v = measured.v, v_ref = ref.v_ref;

@@ -20,7 +20,7 @@ struct Continuous {
   Sine reference;
 
   State<6> operator()(double t, const State<6>& x) const {
-    const loop::ReferencePoint r = reference.at(t);
+    const messages::ReferencePoint r = reference.at(t);
     const double k = 150;
     const Pair q = x.segment<2>(0), v = x.segment<2>(2), p = x.segment<2>(4);
     const Pair error = Pair(r.q_ref) - q, y = p - k * error;
@@ -69,8 +69,8 @@ TEST(ZhangDawson, StartsWithYZero) {
   const TwoLink<double> arm;
   Random random(1);
   for (int i = 0; i < 100; ++i) {
-    const loop::PositionMeasurement measured{random.pair(3)};
-    const loop::ReferencePoint ref = random.reference();
+    const messages::PositionMeasurement measured{random.pair(3)};
+    const messages::ReferencePoint ref = random.reference();
     const auto step = law.step(law.start(measured, ref), measured, ref);
     const Pair e = measured.q - ref.q_ref;
     EXPECT_EQ(step.signals.value[0], e);
@@ -91,8 +91,8 @@ TEST(ZhangDawson, FilterHasSecondOrder) {
     return 150 * (slope + tanh_e - y) - T.cwiseProduct(y + tanh_e);
   };
   const auto exact = solution(rate, Pair(0.5, -0.5), 2e-3, 20, 2e-5);
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
+  const Vector zero = vector(0, 0);
+  const messages::ReferencePoint at_zero{zero, zero, zero, zero, zero};
   const auto error_at = [&](double h) {
     const ZhangDawson law(two_link_model(), gains, {h});
     ZhangDawson::Memory memory{vector(0.5, -0.5), from};
@@ -111,8 +111,8 @@ TEST(ZhangDawson, FilterHasSecondOrder) {
 
 TEST(ZhangDawson, HasNoFiniteTorqueWhereItIsNotDefined) {
   const ZhangDawson law(two_link_model(), gains, {1e-3});
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
+  const Vector zero = vector(0, 0);
+  const messages::ReferencePoint at_zero{zero, zero, zero, zero, zero};
   // A jump of the error by 10 mrad in a period is 10 rad/s: y goes beyond 1 and -1.
   const auto step = law.step({vector(0, 0), vector(0, 0)}, {vector(0.01, -0.01)}, at_zero);
   EXPECT_GT(step.memory.y[0], 1);

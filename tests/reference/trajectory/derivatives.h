@@ -6,12 +6,12 @@
 #include <cmath>
 #include <limits>
 
-#include "loop/signals.h"
+#include "messages/signals.h"
 
 /// Checks of what every trajectory promises.
 namespace tachless::reference::trajectory {
 
-inline std::array<robot::Vector, 5> orders(const loop::ReferencePoint& p) {
+inline std::array<Vector, 5> orders(const messages::ReferencePoint& p) {
   return {p.q_ref, p.v_ref, p.a_ref, p.jerk_ref, p.snap_ref};
 }
 
@@ -23,10 +23,10 @@ void expect_derivatives_of_each_other(const Shape& shape, double t, double step,
                                       const std::array<double, 4>& truncation) {
   constexpr std::array<double, 4> weight{4.0 / 5, -1.0 / 5, 4.0 / 105, -1.0 / 280};
   const auto here = orders(shape.at(t));
-  std::array<robot::Vector, 4> difference;
+  std::array<Vector, 4> difference;
   std::array<double, 4> size{};
   for (int k = 0; k < 4; ++k) {
-    difference[k] = robot::Vector::Zero(here[k].size());
+    difference[k] = Vector::Zero(here[k].size());
   }
   for (int j = 1; j <= 4; ++j) {
     const auto after = orders(shape.at(t + j * step));
@@ -46,7 +46,7 @@ void expect_derivatives_of_each_other(const Shape& shape, double t, double step,
   }
 }
 
-inline void expect_at_rest(const loop::ReferencePoint& p, double tolerance) {
+inline void expect_at_rest(const messages::ReferencePoint& p, double tolerance) {
   EXPECT_LE(p.v_ref.lpNorm<Eigen::Infinity>(), tolerance);
   EXPECT_LE(p.a_ref.lpNorm<Eigen::Infinity>(), tolerance);
   EXPECT_LE(p.jerk_ref.lpNorm<Eigen::Infinity>(), tolerance);

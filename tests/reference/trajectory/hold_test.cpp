@@ -6,7 +6,7 @@ namespace tachless::reference::trajectory {
 namespace {
 
 TEST(Hold, StaysWhereItIsAtRestThroughSnap) {
-  const robot::Vector position = robot::Vector::LinSpaced(3, -1, 1);
+  const Vector position = Vector::LinSpaced(3, -1, 1);
   const Hold hold{position};
   for (const double t : {0.0, 1e-3, 100.0}) {
     EXPECT_EQ(hold.at(t).q_ref, position);

@@ -7,8 +7,8 @@ namespace {
 
 PointToPoint example() {
   PointToPoint made;
-  made.from_rad = robot::Vector::LinSpaced(3, -0.5, 1);
-  made.to_rad = robot::Vector::LinSpaced(3, 2, -0.25);
+  made.from_rad = Vector::LinSpaced(3, -0.5, 1);
+  made.to_rad = Vector::LinSpaced(3, 2, -0.25);
   made.start_s = 0.3;
   made.duration_s = 0.8;
   return made;
@@ -41,8 +41,8 @@ TEST(PointToPoint, EachDerivativeIsThatOfTheOneBefore) {
 
 TEST(PointToPoint, IsTheDegreeNinePolynomial) {
   PointToPoint unit;
-  unit.from_rad = robot::Vector::Zero(1);
-  unit.to_rad = robot::Vector::Ones(1);
+  unit.from_rad = Vector::Zero(1);
+  unit.to_rad = Vector::Ones(1);
   for (int i = 0; i <= 20; ++i) {
     const double s = i / 20.0;
     const double p = 126 * std::pow(s, 5) - 420 * std::pow(s, 6) + 540 * std::pow(s, 7) -
@@ -54,9 +54,9 @@ TEST(PointToPoint, IsTheDegreeNinePolynomial) {
 
 TEST(PointToPoint, IsSymmetricAboutItsMiddle) {
   const PointToPoint example_ = example();
-  const robot::Vector sum = example_.from_rad + example_.to_rad;
+  const Vector sum = example_.from_rad + example_.to_rad;
   for (const double d : {0.01, 0.1, 0.25, 0.39}) {
-    const robot::Vector both = example_.at(0.7 - d).q_ref + example_.at(0.7 + d).q_ref;
+    const Vector both = example_.at(0.7 - d).q_ref + example_.at(0.7 + d).q_ref;
     EXPECT_LE((both - sum).lpNorm<Eigen::Infinity>(), 1e-14) << d;  // speed <= 8, time rounded
   }
 }

@@ -7,8 +7,8 @@
 namespace tachless::reference::trajectory {
 namespace {
 
-robot::Vector pair(double x, double y) {
-  robot::Vector v(2);
+Vector pair(double x, double y) {
+  Vector v(2);
   v << x, y;
   return v;
 }
@@ -20,7 +20,7 @@ MultiSine papers_reference() {
 
 TEST(MultiSine, IsThePapersReferenceWithOneTerm) {
   const MultiSine reference = papers_reference();
-  const loop::ReferencePoint start = reference.at(0);
+  const messages::ReferencePoint start = reference.at(0);
   EXPECT_EQ(start.q_ref, pair(0, 0));
   // sin(10 pi t) / (10 pi) has unit speed at t = 0; one rounding of the product.
   EXPECT_NEAR(start.v_ref[0], 1, 1e-15);

@@ -19,7 +19,7 @@ Waypoints random_points(int num_points, unsigned seed) {
   double t = 0.25;
   for (int i = 0; i < num_points; ++i) {
     points.time_s.push_back(t);
-    points.position_rad.push_back(robot::Vector::NullaryExpr(3, [&] { return angle(random); }));
+    points.position_rad.push_back(Vector::NullaryExpr(3, [&] { return angle(random); }));
     t += gap(random);
   }
   return points;
@@ -128,7 +128,7 @@ TEST(Waypoints, AreSolvedInTimeInProportionToTheirNumber) {
 }
 
 TEST(Waypoints, RefuseWhatMakesNoSplineAndNameIt) {
-  const robot::Vector zero = robot::Vector::Zero(2);
+  const Vector zero = Vector::Zero(2);
   const auto refused = [](const Waypoints& points) {
     EXPECT_THROW(WaypointSpline{points}, std::invalid_argument);
     const auto refusal = points.refusal();
@@ -138,7 +138,7 @@ TEST(Waypoints, RefuseWhatMakesNoSplineAndNameIt) {
             "time_s: time 3 (2 s) is not after time 2 (2 s); allowed: strictly increasing times");
   EXPECT_EQ(refused({{0}, {zero}}), "time_s: 1 times; allowed: at least 2");
   EXPECT_EQ(refused({{0, 1}, {zero}}), "position_rad: 1 positions; allowed: 2, one per time");
-  EXPECT_EQ(refused({{0, 1}, {zero, robot::Vector::Zero(3)}}),
+  EXPECT_EQ(refused({{0, 1}, {zero, Vector::Zero(3)}}),
             "position_rad: a position with 3 entries, the first has 2; allowed: one per joint");
 }
 

@@ -1,0 +1,400 @@
+#include "certify/certify.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string_view>
+#include <utility>
+
+#include "base/text.h"
+#include "robot/model.h"
+
+namespace tachless::certify {
+namespace {
+
+using base::period_text;
+using Json = nlohmann::ordered_json;
+
+/// What is not finite is null.
+Json json_of(double x) { return std::isfinite(x) ? Json(x) : Json(); }
+Json json_of(const std::optional<double>& x) { return x ? json_of(*x) : Json(); }
+Json json_of(const Eigen::VectorXd& x) { return std::vector<double>(x.begin(), x.end()); }
+
+/// What is printed, in its order: text and JSON are made of it.
+struct Entry {
+  std::string_view key, label;  ///< without a label only in JSON, without a key only in the text
+  Json value;
+  std::string text;
+};
+struct Group {
+  std::string_view key;
+  std::string heading;
+  std::vector<Entry> entries;
+
+  void add(std::string_view name, std::string_view label, Json value, std::string text) {
+    entries.push_back({name, label, std::move(value), std::move(text)});
+  }
+};
+
+Group loop_group(const Prediction& p) {
+  Group group{"sampled", "Sampled loop", {}};
+  if (!p.unknown.empty()) {
+    group.add("unknown", "not examined", p.unknown,
+              fmt::format("the law cannot be linearised ({})", p.unknown));
+    return group;
+  }
+  group.heading += " (linearised at the worst postures of the reference that were found)";
+  group.add("stable", "stable", p.stable,
+            p.stable ? p.unstable_q.size() == 0
+                           ? "yes"
+                           : "along the motion, but not at rest at q = " + list_text(p.unstable_q)
+                     : "NO: " + growth_text(p));
+  group.add("period_s", "", p.settings.period_s, "");
+  group.add("delay", "", p.settings.command_delay, "");
+  group.add("not_counted", p.not_counted.empty() ? "" : "not counted", p.not_counted,
+            p.not_counted);
+  group.add("limit_s", "largest stable period", json_of(p.limit_s),
+            fmt::format("{} (at q = {})", limit_text(p.limit_s), list_text(p.limit_q)));
+  group.add("limit_q", "", json_of(p.limit_q), "");
+  group.add("spectral_radius", "spectral radius, per period", json_of(p.radius),
+            fmt::format("{:.6g}", p.radius));
+  const linear::Modes& m = p.modes;
+  if (m.stable) {
+    group.add("settling_s", "settles to 1 % in", m.settling_s, settling_text(m.settling_s));
+    group.add("decay_per_s", "slowest mode decays at", json_of(m.decay_per_s),
+              fmt::format("{:.4g} 1/s", m.decay_per_s));
+  }
+  group.add("least_damped", "least damped mode",
+            {{"hz", m.least_damped_hz}, {"damping", m.least_damping}},
+            m.least_damping < 1
+                ? fmt::format("{:.3g} Hz, damping {:.2g}", m.least_damped_hz, m.least_damping)
+                : "none oscillates");
+  if (p.margins) {
+    const linear::Margins& g = *p.margins;
+    group.add("margins", "margins",
+              {{"gain", json_of(g.gain)},
+               {"phase_deg", g.phase_deg},
+               {"delay_s", json_of(g.delay_s)},
+               {"modulus", g.modulus},
+               {"modulus_independent", g.modulus_independent}},
+              margins_text(g));
+    group.add("margin_q", "modulus margin", json_of(p.margin_q),
+              fmt::format("{}, at q = {}", modulus_text(g), list_text(p.margin_q)));
+  }
+  if (p.missed) {
+    const linear::MissedTicks& missed = *p.missed;
+    group.add("missed", "missed commands",
+              {{"commands", missed.commands},
+               {"measurements", missed.measurements ? Json(*missed.measurements) : Json()},
+               {"unstable", missed.unstable ? Json(*missed.unstable) : Json()},
+               {"unstable_hits", missed.unstable ? Json(missed.hits) : Json()}},
+              missed_text(missed));
+    if (missed.measurements)
+      group.add("", "missed measurements", Json(), pattern_text(*missed.measurements));
+  }
+  group.add("gain_Nm_per_rad", "torque per angle", json_of(p.gain_Nm_per_rad),
+            fmt::format("{} {}", list_text(p.gain_Nm_per_rad), p.stiffness_unit));
+  group.add("stiffness_Nm_per_rad", "stiffness at rest", json_of(p.stiffness),
+            fmt::format("{} {}", list_text(p.stiffness), p.stiffness_unit));
+  group.add("rest_error", p.rest_error.size() > 0 ? "F_c/kp" : "", json_of(p.rest_error),
+            list_text(p.rest_error));
+  group.add("count_torque_Nm", p.count_Nm ? "torque per encoder count" : "",
+            p.count_Nm ? json_of(*p.count_Nm) : Json(),
+            p.count_Nm ? fmt::format("{} {}", list_text(*p.count_Nm), p.torque_unit) : "");
+  return group;
+}
+
+Group reference_group(const Feasibility& f) {
+  Group group{"feasibility", "What the reference asks for (errors come on top)", {}};
+  const auto of = [](double value, const std::optional<double>& limit) {
+    return limit ? fmt::format("{:.4g} of {:g}", value, *limit) : fmt::format("{:.4g}", value);
+  };
+  Json joints = Json::array();
+  for (const JointDemand& joint : f.joints) {
+    joints.push_back({{"name", joint.name},
+                      {"torque_at_rest", joint.at_rest},
+                      {"torque_moving", joint.moving},
+                      {"torque_limit", json_of(joint.torque_limit)},
+                      {"speed", joint.speed},
+                      {"speed_limit", json_of(joint.speed_limit)},
+                      {"cycles_per_tick", joint.cycles_per_tick}});
+    group.add("", joint.name, Json(),
+              fmt::format("torque {}, speed {}", of(joint.moving, joint.torque_limit),
+                          of(joint.speed, joint.speed_limit)));
+  }
+  group.add("joints", "", std::move(joints), "");
+  for (const std::string& problem : f.impossible) group.add("", "IMPOSSIBLE", Json(), problem);
+  for (const std::string& doubt : f.doubtful) group.add("", "doubtful", Json(), doubt);
+  group.add("impossible", "", f.impossible, "");
+  group.add("doubtful", "", f.doubtful, "");
+  return group;
+}
+
+/// `before`, and the share of a torque limit that the start may need; empty where none is known.
+std::string share_text(const lyapunov::CertifiedStart& start, std::string_view before) {
+  if (!start.torque_share) return {};
+  return fmt::format("{}needs at most {:.0f} % of a limit", before, 100 * *start.torque_share);
+}
+
+/// Where torque limits end the region.
+std::string torque_text(const lyapunov::CertifiedRegion& c) {
+  if (c.torque->level >= c.region.level) return "no limit is reached in the region";
+  return fmt::format("without saturation from rest up to |e_i| = {} (joint {} is first)",
+                     list_text(c.torque->e_at_rest), c.torque->joint + 1);
+}
+
+void add(Group& group, std::string_view key, std::string_view name,
+         const std::optional<lyapunov::CertifiedRegion>& c) {
+  if (!c) return group.add(key, name, Json(), "nothing certified: no weights were found");
+  const lyapunov::Region& region = c->region;
+  group.add(
+      key, name,
+      {{"epsilon_1", json_of(c->weights.eps_1)},
+       {"epsilon_2", json_of(c->weights.eps_2)},
+       {"rate_per_s", c->rate},
+       {"error_rate_per_s", c->rate / 2},
+       {"level", json_of(region.level)},
+       {"ball", json_of(region.ball)},
+       {"e_at_rest", json_of(region.e_at_rest)},
+       {"edot", json_of(region.edot)},
+       {"unknown_torque_Nm", json_of(c->unknown_torque)},
+       {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
+       {"tube", c->tube.size() > 0 ? json_of(c->tube) : Json()},
+       {"torque_level", c->torque ? json_of(c->torque->level) : Json()},
+       {"torque_share", c->torque ? json_of(c->torque->share) : Json()},
+       {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}},
+      fmt::format("this start: {} (V = {:.4g} J of {:.4g} J)",
+                  c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
+  group.add("", "  one error alone from rest, up to", Json(), list_text(region.e_at_rest));
+  group.add("", "  one rate alone, up to", Json(), list_text(region.edot));
+  if (c->tube.size() > 0)
+    group.add("", "  postures", Json(), "within " + list_text(c->tube) + " of the reference");
+  group.add("", "  small errors decay at", Json(),
+            c->rate > 0 ? fmt::format("{:.4g} 1/s", c->rate / 2) : "no certified rate");
+  if (c->torque) group.add("", "  torque", Json(), torque_text(*c));
+  if (c->unknown_torque.size() > 0)
+    group.add("", "  unknown torque at one joint, up to", Json(),
+              list_text(c->unknown_torque) + " N m, constant; errors then end at 0");
+  if (c->friction_error) {
+    group.add("", "  with friction errors end within", Json(),
+              c->friction_error->size() > 0 ? list_text(*c->friction_error) : "no certified bound");
+  }
+}
+
+Group region_group(const Certificate& all) {
+  Group group{"region", "Certified region", {}};
+  if (!all.stability) {
+    group.add("none", "none", all.no_stability, all.no_stability);
+    return group;
+  }
+  const lyapunov::StabilityCertificate& s = *all.stability;
+  group.heading +=
+      fmt::format(" ({}; continuous time, exact model: no saturation, quantisation, delay or lead)",
+                  s.proved ? "proved for all postures" : "sampled postures: not a proof");
+  group.add("status", "", s.proved ? "proved" : "sampled", "");
+  group.add("start", "this start", to_json(s.start),
+            (s.start.certified ? "certified" : "NOT certified") + share_text(s.start, "; "));
+  group.add("B_d", "", json_of(s.B_d), "");
+  group.add("constant_reference", s.constant ? "constant reference" : "", s.constant,
+            "asymptotically stable for any positive gains (LaSalle)");
+  add(group, "fastest", s.own_weights ? "with the law's eps_1, eps_2" : "fastest rate", s.fastest);
+  if (!s.constant && !s.own_weights) add(group, "largest", "largest region", s.largest);
+  for (const std::string& proviso : s.provisos) group.add("", "proviso", Json(), proviso);
+  group.add("provisos", "", s.provisos, "");
+  return group;
+}
+
+Group nonlinear_group(const Certificate& all) {
+  Group group{"sampled_nonlinear",
+              "Sampled loop, nonlinear (the one-tick map as coded, its reference held)",
+              {}};
+  if (!all.nonlinear) {
+    group.add("none", "none", all.no_nonlinear, all.no_nonlinear);
+    return group;
+  }
+  const lyapunov::SampledRegion& r = *all.nonlinear;
+  group.add("status", "status", "searched",
+            fmt::format("searched in {} directions, not proved", r.directions));
+  group.add("directions", "", r.directions, "");
+  group.add("q_ref", "at q =", json_of(r.q_ref), list_text(r.q_ref));
+  group.add("e_at_rest", "e up to, alone from rest", json_of(r.e_at_rest), list_text(r.e_at_rest));
+  group.add("edot", "edot up to, alone", json_of(r.edot), list_text(r.edot));
+  group.add("no_end_found", r.cut ? "no end found" : "", r.cut,
+            fmt::format("up to where the search ends, an error of {:.3g}", r.widest));
+  return group;
+}
+
+/// The paper's numbers, each with its equation.
+Group paper_group(const lyapunov::PaperConditions& paper) {
+  Group group{"paper", "Conditions as Loria and Ortega (1995) print them (one weight eps)", {}};
+  const auto add = [&](std::string_view key, std::string_view label, double value) {
+    group.add(key, label, json_of(value), fmt::format("{:.5g}", value));
+  };
+  const lyapunov::RobotConstants& c = paper.constants;
+  add("lambda_min_M", "smallest eigenvalue of M [kg m2]", c.lambda_min_M.value);
+  add("lambda_max_M", "largest eigenvalue of M [kg m2]", c.lambda_max_M.value);
+  add("k_c", "k_c = sup |C(q, x)| [kg m2]", c.k_c.value);
+  add("k_g", "k_g = sup |dg/dq| [N m/rad]", c.k_g.value);
+  const lyapunov::PrintedConditions& p = paper.printed;
+  add("eq7", "(7) b_i > … / beta_2", p.eq7);
+  add("eq25", "(25) eps > … / beta_3", p.eq25);
+  add("eq19", "(19) eps <", p.eq19);
+  add("eq20", "(20) eps <", p.eq20);
+  add("eq23", "(23) eps < gamma_1 …", p.eq23);
+  add("eq24", "(24) eps < gamma_1 beta_1 …", p.eq24);
+  add("eq27", "(27) eps <", p.eq27);
+  group.add("feasible", p.feasible ? "" : "some eps", p.feasible, "no: infeasible");
+  if (!p.feasible) return group;
+  group.add("epsilon", "some eps", {p.epsilon.low, p.epsilon.high},
+            fmt::format("{:.4g} … {:.4g}", p.epsilon.low, p.epsilon.high));
+  add("c1", "(8) best c_1", p.c1);
+  add("eq26", "(26) R", p.eq26);
+  return group;
+}
+
+Json json_of(const Group& group) {
+  Json json = Json::object();
+  for (const Entry& entry : group.entries) {
+    if (!entry.key.empty()) json[std::string(entry.key)] = entry.value;
+  }
+  return json;
+}
+
+std::vector<Group> groups(const Certificate& certificate) {
+  std::vector<Group> all = {loop_group(certificate.loop), reference_group(certificate.feasibility),
+                            region_group(certificate)};
+  if (certificate.nonlinear || !certificate.no_nonlinear.empty()) {
+    all.push_back(nonlinear_group(certificate));
+  }
+  if (certificate.paper) all.push_back(paper_group(*certificate.paper));
+  return all;
+}
+
+/// Of torque or speed the largest share of a limit that the reference asks for, or where no joint
+/// has one the largest value: "57 % of the torque limit (elbow)", "345 N m (elbow, no limit)".
+std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
+  std::pair<bool, double> largest;
+  std::string text;
+  for (std::size_t i = 0; i < f.joints.size(); ++i) {
+    const JointDemand& joint = f.joints[i];
+    const auto& limit = speed ? joint.speed_limit : joint.torque_limit;
+    const double share = (speed ? joint.speed : joint.moving) / limit.value_or(1);
+    if (std::pair(limit.has_value(), share) < largest) continue;
+    largest = {limit.has_value(), share};
+    text = limit ? fmt::format("{:.0f} % of the {} limit ({})", 100 * share,
+                               speed ? "speed" : "torque", joint.name)
+                 : fmt::format("{:.4g} {} ({}, no limit)", share,
+                               speed ? labels.length[i] + "/s" : labels.effort[i], joint.name);
+  }
+  return text;
+}
+
+/// With the larger region that holds the start, else the larger one; last what it leaves out.
+std::string region_text(const lyapunov::StabilityCertificate& s) {
+  const bool faster =
+      !s.largest || (lyapunov::holds_start(s.fastest) && !lyapunov::holds_start(s.largest));
+  const auto& region = faster ? s.fastest : s.largest;
+  std::string rest = share_text(s.start, "; torque: this start ");
+  if (region && region->torque) rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region);
+  for (const std::string& proviso : s.provisos) rest += "; " + proviso;
+  if (!region)
+    return (s.constant ? "every start, without a rate" : "none: no weights were found") + rest;
+  return fmt::format("{}{}: this start is {}; from rest up to |e_i| = {}, one at a time{}",
+                     s.proved ? "proved" : "at sampled postures",
+                     region->tube.size() > 0 ? " near the reference" : "",
+                     lyapunov::holds_start(region) ? "in it"
+                     : s.constant ? "certified, but without a rate (constant reference)"
+                                  : "NOT in it",
+                     list_text(region->region.e_at_rest), rest);
+}
+
+/// What matters most: four lines; one more with dry friction, and in realtime.
+std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
+  const auto line = [](std::string_view label, std::string_view text) {
+    return fmt::format("  {:<17} {}\n", label, text);
+  };
+  std::string text = line("sampled loop", certify::text(all.loop));
+  const auto& margins = all.loop.margins;
+  text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
+                                                margins_text(*margins))
+                                  : "none");
+  if (all.loop.missed && scenario.loop.mode == scenario::Mode::realtime) {
+    const int most = scenario.loop.max_missed;
+    text += line("missed commands",
+                 missed_text(*all.loop.missed) +
+                     (most <= all.loop.missed->commands
+                          ? ""
+                          : fmt::format(" (loop.max_missed is {}: NOT covered)", most)));
+  }
+  const std::string held = friction_text(all.loop);
+  if (!held.empty()) text += line("friction", held);
+  if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);
+  const robot::JointLabels labels = robot::joint_labels(*scenario.model);
+  const auto largest = [&](bool speed) { return largest_text(all.feasibility, speed, labels); };
+  std::string reference = fmt::format("asks for {}, {}", largest(false), largest(true));
+  for (const std::string& problem : all.feasibility.impossible) reference = problem;
+  text += line("reference", reference);
+  return text + line("certified region",
+                     all.stability ? region_text(*all.stability) : "none: " + all.no_stability);
+}
+
+}  // namespace
+
+Certificate certify(const scenario::Scenario& scenario, bool paper, const linear::OnProgress& tell,
+                    bool full, const linear::LawAnswers& answers) {
+  Certificate result;
+  result.feasibility = feasibility(scenario);
+  const bool may_miss = scenario.loop.mode == scenario::Mode::realtime;
+  result.loop = analyse(scenario, full || may_miss ? linear::Effort::full : linear::Effort::margins,
+                        tell, answers);
+  result.stability =
+      lyapunov::stability_certificate(scenario, linear::Effort::full, result.no_stability, tell);
+  if (full) result.nonlinear = lyapunov::sampled_region(scenario, result.no_nonlinear, tell);
+  if (paper) result.paper = lyapunov::paper_conditions(scenario, result.no_stability);
+  return result;
+}
+
+std::vector<std::string> objections(const Certificate& certificate) {
+  std::vector<std::string> all = certificate.feasibility.impossible;
+  if (certificate.loop.unknown.empty() && !certificate.loop.stable) {
+    all.insert(all.begin(), "the sampled loop is unstable at this period");
+  }
+  return all;
+}
+
+std::string page(const Certificate& certificate, const scenario::Scenario& scenario, bool full) {
+  std::string text =
+      fmt::format("{}: {}, h = {}, delay {}\n", scenario.name, scenario.controller.law_text(),
+                  period_text(scenario.loop.period_s), scenario.loop.command_delay);
+  if (!full) text += brief(certificate, scenario);
+  for (const Group& group : groups(certificate)) {
+    if (!full && group.key != "paper") continue;
+    text += fmt::format("\n{}\n", group.heading);
+    for (const Entry& entry : group.entries) {
+      if (!entry.label.empty()) text += fmt::format("  {:<34} {}\n", entry.label, entry.text);
+    }
+  }
+  return text;
+}
+
+Json to_json(const Certificate& certificate) {
+  Json json;
+  for (const Group& group : groups(certificate)) json[std::string(group.key)] = json_of(group);
+  return json;
+}
+
+Json to_json(const lyapunov::CertifiedStart& start) {
+  return {{"certified", start.decided ? Json(start.certified) : Json()},
+          {"proved", start.proved},
+          {"torque_share", json_of(start.torque_share)}};
+}
+
+Json to_json(const Prediction& prediction) {
+  Json json = json_of(loop_group(prediction));
+  const std::string held = friction_text(prediction);
+  json["text"] = text(prediction) + (held.empty() ? "" : "; " + held);
+  return json;
+}
+
+}  // namespace tachless::certify

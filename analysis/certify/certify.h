@@ -1,0 +1,49 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "certify/feasibility.h"
+#include "certify/prediction.h"
+#include "lyapunov/sampled_region.h"
+#include "lyapunov/stability_certificate.h"
+
+/// `tachless certify`: what is known of a scenario before it is run, for people and as JSON.
+namespace tachless::certify {
+
+struct Certificate {
+  Prediction loop;
+  Feasibility feasibility;
+  std::optional<lyapunov::StabilityCertificate> stability;
+  std::optional<lyapunov::PaperConditions> paper;    ///< where it was asked for
+  std::string no_stability;                          ///< why there is none
+  std::optional<lyapunov::SampledRegion> nonlinear;  ///< where it was asked for
+  std::string no_nonlinear;                          ///< why there is none; empty: not asked for
+};
+
+/// @param paper with the conditions that Loria and Ortega (1995) print
+/// @param full with the region of the loop as it is sampled, and missed ticks in lock-step too
+/// @param answers as of `analyse`
+/// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of it.
+Certificate certify(const scenario::Scenario& scenario, bool paper,
+                    const linear::OnProgress& tell = linear::no_progress, bool full = false,
+                    const linear::LawAnswers& answers = {});
+
+/// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
+/// Empty when nothing stands against it.
+std::vector<std::string> objections(const Certificate& certificate);
+
+/// For people: five lines, and what the paper prints where it was asked for.
+/// @param full in their place all numbers of the JSON, in its order
+std::string page(const Certificate& certificate, const scenario::Scenario& scenario, bool full);
+/// null stands for what is infinite or missing.
+nlohmann::ordered_json to_json(const Certificate& certificate);
+/// `start` of its group `region`, and of summary.json; `certified` is null where it is not decided.
+nlohmann::ordered_json to_json(const lyapunov::CertifiedStart& start);
+/// Its group `sampled`, which with less effort lacks the margins, and the line for people as
+/// `text`.
+nlohmann::ordered_json to_json(const Prediction& prediction);
+
+}  // namespace tachless::certify

@@ -1,0 +1,146 @@
+#include "certify/feasibility.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+#include <variant>
+
+#include "controller/law/parts.h"
+#include "linear/scenario_loop.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
+
+namespace tachless::certify {
+namespace {
+
+using messages::ReferencePoint;
+
+constexpr double fastest_cycles_per_tick = 0.1;
+
+/// How fast a reference moves.
+struct Pace {
+  std::string key;
+  std::string_view question;  ///< the likely mistake in its value
+  /// Per joint the highest frequency that the key gives [Hz], of whatever amplitude; nothing: it
+  /// gives times.
+  std::optional<Vector> frequency_hz;
+};
+
+Pace pace_of(const scenario::Scenario& scenario) {
+  Pace pace;
+  const auto look_at = [&]<class Kind>(const Kind& kind) {
+    pace.key = fmt::format("reference.{}", Kind::name);
+    pace.question = "times are in s, was another unit given?";
+    if constexpr (requires { kind.frequency_hz; }) pace.key += ".frequency_hz";
+    if constexpr (requires { kind.terms; }) pace.key += ".terms";
+  };
+  std::visit(look_at, scenario.reference);
+  for (const auto& sine : reference::sines_of(scenario.reference)) {
+    pace.question = "frequencies are in Hz, was rad/s given?";
+    if (!pace.frequency_hz) pace.frequency_hz = Vector::Zero(scenario.num_joints);
+    const Vector moving = (sine.amplitude_rad.array() == 0).select(0.0, sine.frequency_hz);
+    pace.frequency_hz = pace.frequency_hz->cwiseMax(moving).eval();
+  }
+  return pace;
+}
+
+/// Torque of the drives on the reference: inverse dynamics and friction, and with flexible joints
+/// what turns the rotors.
+Vector drive_torque(const scenario::Scenario& scenario, const robot::Model& model,
+                    const ReferencePoint& r) {
+  const plant::DriveSpec& joints = scenario.plant.drive;
+  const auto& drive = scenario.robot.flexible;
+  const robot::JetVector links = controller::law::feedforward_torque(model, r);
+  Vector torque = robot::value(links) + joints.viscous_friction_Nms_per_rad.cwiseProduct(r.v_ref) +
+                  joints.coulomb_friction_Nm.cwiseProduct(r.v_ref.cwiseSign());
+  if (!drive) return torque;
+  const Vector thetadot = r.v_ref + robot::first_derivative(links).cwiseQuotient(drive->stiffness);
+  const Vector thetaddot =
+      r.a_ref + robot::second_derivative(links).cwiseQuotient(drive->stiffness);
+  torque += drive->rotor_inertia.cwiseProduct(thetaddot);
+  torque += drive->motor_damping.cwiseProduct(thetadot);
+  torque += drive->motor_coulomb_friction_Nm.cwiseProduct(thetadot.cwiseSign());
+  return torque;
+}
+
+void judge(Feasibility& result, const scenario::Scenario& scenario, const robot::Model& model,
+           const Pace& pace) {
+  const robot::JointLabels labels = robot::joint_labels(model);
+  for (std::size_t i = 0; i < result.joints.size(); ++i) {
+    const JointDemand& joint = result.joints[i];
+    const std::string name = labels.joint(i);
+    const std::string& effort = labels.effort[i];
+    if (joint.torque_limit && joint.at_rest > *joint.torque_limit) {
+      result.impossible.push_back(
+          fmt::format("{} needs {:.4g} {} to stand still, and its limit is {:g} {}; raise "
+                      "plant.drive.torque_limit_Nm if the limit is wrong, as in many URDFs, or "
+                      "choose other postures",
+                      name, joint.at_rest, effort, *joint.torque_limit, effort));
+    } else if (joint.torque_limit && joint.moving > *joint.torque_limit) {
+      result.impossible.push_back(
+          fmt::format("{} needs up to {:.4g} {} to follow the reference, and its limit is {:g} {}; "
+                      "slow the reference down or raise plant.drive.torque_limit_Nm",
+                      name, joint.moving, effort, *joint.torque_limit, effort));
+    }
+    if (joint.speed_limit && joint.speed > *joint.speed_limit) {
+      result.impossible.push_back(
+          fmt::format("{} is to move at up to {:.4g} {}/s, and the URDF allows {:g} {}/s; slow the "
+                      "reference down",
+                      name, joint.speed, labels.length[i], *joint.speed_limit, labels.length[i]));
+    }
+    if (joint.cycles_per_tick > fastest_cycles_per_tick) {
+      result.doubtful.push_back(fmt::format(
+          "{}: {:.4g} Hz for {} is more than a tenth of the sampling rate of {:.4g} Hz; {}",
+          pace.key, joint.cycles_per_tick / scenario.loop.period_s, name,
+          1 / scenario.loop.period_s, pace.question));
+    }
+    const Vector& q = scenario.plant.initial.position_rad;
+    const auto k = static_cast<Eigen::Index>(i);
+    if (model.joint_types[i] == robot::JointType::revolute &&
+        std::abs(q[k]) > 2 * std::numbers::pi) {
+      result.doubtful.push_back(
+          fmt::format("plant.initial.position_rad: {:g} rad for {} is more than a full turn; "
+                      "angles are in rad, were degrees given?",
+                      q[k], name));
+    }
+  }
+}
+
+}  // namespace
+
+Feasibility feasibility(const scenario::Scenario& scenario) {
+  const robot::Model model = linear::plant_of(scenario);
+  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+  Vector at_rest = Vector::Zero(model.num_joints), moving = at_rest, speed = at_rest,
+         acceleration = at_rest;
+  for (const double t_s : reference::Motion(scenario, trajectory).closely()) {
+    const ReferencePoint r = trajectory.at(t_s);
+    at_rest = at_rest.cwiseMax(robot::gravity_torque(model, r.q_ref).cwiseAbs());
+    moving = moving.cwiseMax(drive_torque(scenario, model, r).cwiseAbs());
+    speed = speed.cwiseMax(r.v_ref.cwiseAbs());
+    acceleration = acceleration.cwiseMax(r.a_ref.cwiseAbs());
+  }
+  const Pace pace = pace_of(scenario);
+  const auto& limit = scenario.plant.drive.torque_limit_Nm;
+  Feasibility result;
+  for (Eigen::Index i = 0; i < model.num_joints; ++i) {
+    JointDemand demand{model.joint_names[static_cast<std::size_t>(i)], at_rest[i], moving[i],
+                       speed[i]};
+    if (limit && std::isfinite((*limit)[i])) demand.torque_limit = (*limit)[i];
+    if (std::isfinite(model.velocity_limit[i])) demand.speed_limit = model.velocity_limit[i];
+    if (pace.frequency_hz) {
+      demand.cycles_per_tick = (*pace.frequency_hz)[i] * scenario.loop.period_s;
+    } else if (speed[i] > 0) {
+      demand.cycles_per_tick =
+          acceleration[i] / speed[i] / (2 * std::numbers::pi) * scenario.loop.period_s;
+    }
+    result.joints.push_back(demand);
+  }
+  judge(result, scenario, model, pace);
+  return result;
+}
+
+}  // namespace tachless::certify

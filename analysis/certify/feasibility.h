@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scenario/scenario.h"
+
+/// What a scenario's reference asks of its drives and joints, against what these can do. Of the
+/// reference alone: what errors ask for comes on top.
+namespace tachless::certify {
+
+struct JointDemand {
+  std::string name;
+  double at_rest = 0;  ///< largest |torque| that holds the arm still on the way [N m; N]
+  double moving = 0;   ///< largest |torque| along the motion [N m; N]
+  double speed = 0;    ///< largest |v_ref| [rad/s; m/s]
+  /// Frequency of the reference over the sampling rate: f h of its fastest sinusoid; without one
+  /// sup|a_ref| / sup|v_ref| over 2 pi, times h.
+  double cycles_per_tick = 0;
+  std::optional<double> torque_limit{}, speed_limit{};  ///< nothing: none is given
+};
+
+struct Feasibility {
+  std::vector<JointDemand> joints;
+  /// What the drives or joints cannot do, one line each: joint, numbers, remedy.
+  std::vector<std::string> impossible;
+  /// What is possible and probably a mistake.
+  std::vector<std::string> doubtful;
+};
+
+/// With the plant's own inertia, payload, friction and rotors, at `reference::Motion::closely`.
+/// @throw base::Failure(bad_usage) when reference or robot cannot be made of it.
+Feasibility feasibility(const scenario::Scenario& scenario);
+
+}  // namespace tachless::certify

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "linear/effort.h"
+#include "linear/missed_ticks.h"
+#include "linear/sampled_limit.h"
+#include "linear/scenario_loop.h"
+
+/// What is predicted of a scenario's sampled loop: of its linearisation about rest at postures of
+/// the reference, the worst of them searched, and along the reference where it moves. It covers no
+/// large errors, saturation or quantisation. `certify`, `design`, `run` and the report all take
+/// their numbers from here.
+namespace tachless::certify {
+
+/// Postures of the reference from the worst of which on a worse one is searched.
+inline constexpr int reference_postures = 17;
+
+struct Prediction {
+  std::string unknown;      ///< why the law cannot be linearised; empty: it can, and the rest holds
+  std::string not_counted;  ///< what of the emulated arm is in none of the numbers; empty: all is
+  controller::law::Settings settings;
+
+  /// The errors of the linearised loop decay at the scenario's period: over the motion, and at rest
+  /// where a motion that does not repeat ends. A posture on the way may be unstable at rest:
+  /// eigenvalues at frozen postures are neither necessary nor sufficient for a moving reference.
+  bool stable = false;
+  /// Per period: the root of the spectral radius of the product of the one-period maps over the
+  /// motion, or where it is larger the radius at rest at its end; of a law known by its answers
+  /// the largest at rest at the postures of the reference.
+  double radius = 0;
+  Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
+  /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
+  std::optional<double> limit_s;
+  Vector limit_q;                   ///< the posture that binds it
+  linear::Modes modes;              ///< at the posture with the largest radius
+  Eigen::VectorXd gain_Nm_per_rad;  ///< torque per measured angle, each joint's own: the largest
+  Vector stiffness;                 ///< torque on the link per position error at rest, the least
+  std::string_view stiffness_unit = "N m/rad";  ///< of both; where joints slide "N m/rad (N/m)"
+  std::string_view torque_unit = "N m";         ///< of count_Nm; where joints slide "N m (N)"
+  /// |K^-1| F_c, K the stiffness of all joints together, the largest over the postures: where dry
+  /// friction may hold a joint at rest [rad; m]; empty without friction.
+  Vector rest_error;
+  std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
+  /// Of each the least over the postures; nothing with quick effort or where one is unstable.
+  std::optional<linear::Margins> margins;
+  Vector margin_q;                            ///< the posture with the least modulus margin
+  std::optional<linear::MissedTicks> missed;  ///< with full effort, where there are margins
+};
+
+/// @param answers of the scenario's law where that is external; without them nothing is known of it
+/// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of it.
+Prediction analyse(const scenario::Scenario& scenario, linear::Effort effort,
+                   const linear::OnProgress& on_progress = linear::no_progress,
+                   const linear::LawAnswers& answers = {});
+
+/// A posture that a search ended at: what it left beside 0 is 0.
+Vector found_posture(const Vector& q);
+
+/// Torque per measured angle of each joint's own position [N m/rad]; the larger one where link and
+/// motor are both measured.
+Eigen::VectorXd own_gain(const linear::LinearLaw& law);
+
+/// Torque per position error at rest, of each joint alone: the least over postures of the reference
+/// [N m/rad; N/m]; of a joint with dry friction F_c over Prediction::rest_error, which is less
+/// where gains couple joints. What an integral adds with time is not in it. Empty for a law that
+/// cannot be linearised. @throw as `analyse`.
+Vector stiffness(const scenario::Scenario& scenario);
+
+/// "errors grow by e each 12 ms", of an unstable loop.
+std::string growth_text(const Prediction& prediction);
+
+/// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
+std::string text(const Prediction& prediction);
+
+/// Why a run is refused, and what to type: limit, a stable period nearby. Of an unstable loop.
+std::string refusal(const Prediction& prediction, const std::string& scenario_file);
+
+// ---- the numbers as text: one way of each, wherever they are printed ----------------------------
+
+std::string limit_text(const std::optional<double>& limit_s);
+std::string settling_text(double seconds);
+/// "gain 3.5, phase 50 deg, delay 4.1 ms".
+std::string margins_text(const linear::Margins& margins);
+/// "0.61 (common to all torques), 0.45 (independent)".
+std::string modulus_text(const linear::Margins& margins);
+/// "any pattern of at most 12 in a row is stable".
+std::string pattern_text(int in_a_row);
+/// The same of commands; "; 21 in a row and 4 hits, again and again, is not".
+std::string missed_text(const linear::MissedTicks& missed);
+/// Where dry friction may hold the joints, as a sentence; empty.
+std::string friction_text(const Prediction& prediction);
+/// "[1.2, 3]".
+std::string list_text(const Eigen::VectorXd& values);
+
+}  // namespace tachless::certify

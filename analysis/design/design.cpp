@@ -1,0 +1,400 @@
+#include "design/design.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <utility>
+
+#include "base/failure.h"
+#include "base/parallel.h"
+#include "certify/feasibility.h"
+#include "controller/registry.h"
+#include "design/design_problem.h"
+#include "design/gain_point.h"
+#include "design/gain_search.h"
+#include "linear/law_answers.h"
+#include "linear/linear_loop.h"
+#include "numerics/postures.h"
+#include "robot/model.h"
+
+namespace tachless::design {
+
+namespace {
+
+using base::ExitCode;
+using base::Failure;
+using base::parallel_map;
+using Eigen::Index;
+using Eigen::VectorXd;
+using messages::ReferencePoint;
+
+constexpr int pool_size = 400, first_postures = 16, most_added = 3;
+constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
+constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4;
+constexpr double slower = 1.02;  // another posture has to settle that much later to count
+constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
+
+class Search {
+ public:
+  Search(const scenario::Scenario& scenario, const DesignGoal& goal,
+         const linear::LawAnswers& answers, bool from_own)
+      : scenario_(scenario),
+        goal_(goal),
+        answers_(answers),
+        from_own_(from_own),
+        law_(scenario, goal, answers),
+        labels_(robot::joint_labels(*scenario.model)) {
+    law_.choose_variables();
+    problem_ = law_.at(law_.first_rests());
+    std::vector<ReferencePoint> pool;
+    for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
+    pool_ = law_.at(pool);
+    const auto starts = answers_ ? std::ssize(law_.beside(problem_.upper)) : most_starts;
+    most_steps_ = static_cast<int>(starts) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+    way_ = law_.at(law_.loop().rest_points(certify::reference_postures));
+    in_pool_.resize(pool_.loops.size());
+    on_way_.resize(way_.loops.size());
+    for (std::size_t k = 0; k < first_postures; ++k) {
+      add(problem_, pool_, k, asked_share);
+      in_pool_[k] = 1;
+    }
+  }
+
+  /// Nothing: no gains keep the margin.
+  std::optional<Design> found(const linear::OnProgress& tell) {
+    const std::vector<FoundGains> starts = good_starts(tell);
+    if (starts.empty()) return {};
+    best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
+    if (starts.size() > 1) {
+      const FoundGains other =
+          climbed("design: the second best start", starts[1].theta, steps_of_a_round, tell);
+      if (other.settling_s < best_.settling_s) best_ = other;
+    }
+    if (answers_) try_beside(tell);
+    worst_ = worst_postures();
+    for (int round = 0; round < rounds && add_worst(); ++round) {
+      const FoundGains next =
+          climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
+                  steps_of_a_round, tell);
+      if (std::isfinite(next.settling_s) || !std::isfinite(best_.settling_s)) best_ = next;
+      worst_ = worst_postures();
+    }
+    if (!std::isfinite(best_.settling_s)) return {};
+    for (int attempt = 0; attempt < 3; ++attempt) {
+      Design design = result(tell);
+      if (!design.loop.stable || !design.loop.margins) break;
+      const double lacking = goal_.modulus - design.loop.margins->modulus;
+      if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) return design;
+      add(problem_, law_.at({linear::constant_reference(design.loop.margin_q)}), 0, 1);
+      problem_.margin += std::max(0.0, lacking);  // between its frequencies
+      best_ = climbed("design: once more with what lacked", best_.theta.cwiseMax(problem_.lower),
+                      steps_of_a_round, tell);
+      if (!std::isfinite(best_.settling_s)) break;
+      worst_ = worst_postures();
+    }
+    return {};
+  }
+
+ private:
+  // ---- search -----------------------------------------------------------------------------------
+
+  FoundGains climbed(const std::string& what, const VectorXd& theta, int steps,
+                     const linear::OnProgress& tell, bool adding = true) {
+    const int end = done_ + steps;
+    const FoundGains found = faster_gains(
+        problem_, theta, steps,
+        [&](GainProblem& problem, const VectorXd& here) {
+          return adding && add_lacking(problem, here);
+        },
+        [&](int step, const FoundGains& now) {
+          ++done_;
+          const std::chrono::duration<double> so_far = std::chrono::steady_clock::now() - begin_;
+          const double left = std::max(0, most_steps_ - done_) * so_far.count() / done_;
+          tell(fmt::format("{}, step {}: {}, at most {:.0f} s left", what, step,
+                           std::isfinite(now.settling_s)
+                               ? fmt::format("settles in {}, modulus {:.3f}",
+                                             certify::settling_text(now.settling_s), now.modulus)
+                               : "no margin yet",
+                           std::ceil(left)));
+        });
+    done_ = end;
+    return found;
+  }
+
+  /// Of an external law there is one start, and the programmes end at the optimum next to where
+  /// they begin: begun anew beside the best.
+  void try_beside(const linear::OnProgress& tell) {
+    const std::size_t count = law_.beside(best_.theta).size();
+    for (std::size_t k = 0; k < count; ++k) {
+      const VectorXd start = law_.beside(best_.theta)[k];  // the best changes
+      if (!(judged(problem_, start).modulus > 0)) continue;
+      const FoundGains other =
+          climbed(fmt::format("design: beside the best, {} of {}", k + 1, count), start,
+                  steps_of_a_start, tell);
+      if (other.settling_s < best_.settling_s) best_ = other;
+    }
+  }
+
+  static void add(GainProblem& problem, const GainProblem& from, std::size_t which, double share) {
+    problem.share.push_back(share);
+    problem.loops.push_back(from.loops[which]);
+    problem.rests.push_back(from.rests[which]);
+  }
+
+  /// Least moduli at the postures of the pool, ascending, with their numbers.
+  [[nodiscard]] std::vector<std::pair<double, std::size_t>> worst_of_pool(
+      const VectorXd& theta) const {
+    const std::vector<double> modulus = least_moduli(pool_, theta, 0);
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t k = 0; k < modulus.size(); ++k) order.emplace_back(modulus[k], k);
+    std::ranges::sort(order);
+    return order;
+  }
+
+  /// Of the postures in the joints' range those with the least modulus, where it lacks, and of the
+  /// motion the one that settles last.
+  bool add_lacking(GainProblem& problem, const VectorXd& theta) {
+    const std::size_t before = problem.loops.size();
+    for (const auto& [modulus, k] : worst_of_pool(theta)) {
+      if (modulus >= asked_share * problem.margin || problem.loops.size() == before + most_added)
+        break;
+      if (!std::exchange(in_pool_[k], 1)) add(problem, pool_, k, asked_share);
+    }
+    const std::vector<double> settling = settling_times(way_, theta);
+    double known = 0;
+    for (std::size_t k = 0; k < settling.size(); ++k) {
+      const bool first = k == 0 || k + 1 == settling.size() || 2 * k + 1 == settling.size();
+      if (on_way_[k] || first) known = std::max(known, settling[k]);
+    }
+    const auto last =
+        static_cast<std::size_t>(std::ranges::max_element(settling) - settling.begin());
+    if (settling[last] > slower * known) {
+      on_way_[last] = 1;
+      problem.settling.push_back(problem.loops.size());
+      add(problem, way_, last, 1);
+    }
+    return problem.loops.size() > before;
+  }
+
+  /// The gains of some starts after some steps each, the best first: by the rule, with the inertias
+  /// of joints when the others are free or halfway to when they are held, at the largest w that has
+  /// half the margin; where these come to nothing, at the largest that has it all. Of a rule that
+  /// has less, the w with the most.
+  std::vector<FoundGains> good_starts(const linear::OnProgress& tell) {
+    if (from_own_) {
+      const auto own = law_.own_theta();
+      const FoundGains given = own ? judged(problem_, *own) : FoundGains();
+      if (given.modulus > 0) return {given};
+      if (!answers_) return {};
+      throw Failure(ExitCode::check_said_no,
+                    "design starts from the scenario's controller.gains, and the loop is unstable "
+                    "with them at a posture of the motion or in range: begin with softer ones");
+    }
+    struct Start {
+      double filter_ratio, damping, part_of_margin, held;
+    };
+    constexpr std::array starts = {Start{4, 1, 0.5, 0.5}, Start{20, 1, 0.5, 0.5},
+                                   Start{4, 1, 0.5, 0},   Start{20, 1, 0.5, 0},
+                                   Start{20, 1, 1.02, 0}, Start{1e9, 3, 1.02, 0}};
+    std::vector<FoundGains> all;
+    for (const Start& start : starts) {
+      if (start.part_of_margin > 1 && !all.empty()) break;
+      const auto gains_at = [&](double w) -> VectorXd {
+        return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping, true, start.held))
+            .cwiseMax(problem_.lower)
+            .cwiseMin(problem_.upper);
+      };
+      const double rate = 1 / scenario_.loop.period_s;
+      double best_w = 0, modulus = 0;
+      for (double w = 0.2 * rate; w > 1e-5 * rate; w /= 1.5) {
+        const double here = judged(problem_, gains_at(w)).modulus;
+        if (here > modulus) {
+          modulus = here;
+          best_w = w;
+        }
+        if (modulus > start.part_of_margin * goal_.modulus) break;
+      }
+      if (best_w == 0) continue;
+      const bool enough = modulus > start.part_of_margin * goal_.modulus;
+      const FoundGains here = climbed(
+          fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()),
+          gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
+      if (std::isfinite(here.settling_s)) all.push_back(here);
+    }
+    std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
+    return all;
+  }
+
+  /// The least modulus at a posture; above 1 beyond the joints' ranges.
+  [[nodiscard]] double modulus_at(const Vector& q) const {
+    const robot::Model& model = law_.model();
+    if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2;
+    return least_moduli(law_.at({linear::constant_reference(q)}), best_.theta, near_margin)[0];
+  }
+
+  /// The worst postures near the worst of the pool.
+  [[nodiscard]] std::vector<numerics::Minimum> worst_postures() const {
+    const auto order = worst_of_pool(best_.theta);
+    return parallel_map(searched_postures, [&](std::size_t k) {
+      return numerics::minimise([&](const VectorXd& q) { return modulus_at(q); },
+                                pool_.rests[order[k].second].q_ref, 0.3, search_evaluations);
+    });
+  }
+
+  [[nodiscard]] const numerics::Minimum& worst() const {
+    return *std::ranges::min_element(worst_, {}, &numerics::Minimum::value);
+  }
+  /// Where one lacks the margin, adds those that lack what is asked; whether there were any.
+  bool add_worst() {
+    if (worst().value >= range_share * problem_.margin) return false;
+    for (const numerics::Minimum& each : worst_) {
+      if (each.value >= asked_share * problem_.margin) continue;
+      add(problem_, law_.at({linear::constant_reference(each.x)}), 0, asked_share);
+    }
+    return true;
+  }
+
+  /// Whether the joints are as stiff as asked; if not, kp is bounded by what springs leave to it.
+  bool stiff_enough(const Eigen::ArrayXd& stiffness) {
+    if (!goal_.least_kp || (stiffness > 0.999 * goal_.least_kp->array()).all()) return true;
+    const Eigen::ArrayXd asked = *goal_.least_kp, theta = best_.theta.head(asked.size());
+    problem_.lower.head(asked.size()) =
+        -(1 / asked - 1 / stiffness + (-theta).exp()).max(1e-30).log();
+    return false;
+  }
+
+  // ---- result -----------------------------------------------------------------------------------
+
+  [[nodiscard]] std::string words(const Binding& binding) const {
+    const double percent = 100 * binding.settling_share;
+    const auto saves = [percent](const std::string& what) {
+      return fmt::format("{} saves {:.{}f} % of the settling time", what, percent,
+                         percent < 1 ? 1 : 0);
+    };
+    if (binding.kind == Binding::Kind::bound)
+      return saves("the bound on " + law_.name_of(binding.which) + ": a tenth beyond it");
+    if (binding.kind == Binding::Kind::count) {
+      return saves("the torque of one encoder count on " + labels_.joint(binding.which) +
+                   ": a tenth more");
+    }
+    return saves(fmt::format(
+        "the modulus margin at q = {}: a tenth less of it",
+        certify::list_text(certify::found_posture(problem_.rests[binding.which].q_ref))));
+  }
+
+  [[nodiscard]] Design result(const linear::OnProgress& tell) const {
+    Design design;
+    design.gains = law_.rounded(law_.gains(best_.theta));
+    for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
+    const scenario::Scenario scenario = law_.with(design.gains);
+    design.loop = certify::analyse(scenario, linear::Effort::margins, tell, answers_);
+    design.modulus_in_range = worst().value;
+    design.range_q = certify::found_posture(worst().x);
+    const double asked = range_share * goal_.modulus;
+    if (design.modulus_in_range < asked - margin_tolerance) {
+      design.warnings.push_back(
+          fmt::format("the modulus margin is {:.2g} at q = {}, in the joints' range, and {:.2g} is "
+                      "asked for there: keep away from it, or take a larger --margin",
+                      design.modulus_in_range, certify::list_text(design.range_q), asked));
+    }
+    add_friction(design);
+    return design;
+  }
+
+  void add_friction(Design& design) const {
+    const Vector &stiffness = design.loop.stiffness, &stuck = design.loop.rest_error;
+    const Vector& viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
+    const std::vector<ReferencePoint> on_the_way =
+        law_.loop().rest_points(certify::reference_postures);
+    for (Index j = 0; j < stiffness.size(); ++j) {
+      const std::string name = labels_.joint(static_cast<std::size_t>(j));
+      const auto [least, most] =
+          std::ranges::minmax(on_the_way, {}, [j](const ReferencePoint& r) { return r.q_ref[j]; });
+      const double motion = most.q_ref[j] - least.q_ref[j];
+      if (stuck.size() > 0 && stuck[j] > 0.01 * motion) {
+        design.warnings.push_back(fmt::format(
+            "{} stops up to {:.2g} {} beside its goal, by dry friction over a "
+            "stiffness of {:.3g}; its motion is {:.2g}",
+            name, stuck[j], labels_.length[static_cast<std::size_t>(j)], stiffness[j], motion));
+      }
+      const double w = std::sqrt(stiffness[j] / law_.mean_inertia()[j]);
+      if (viscous.size() > 0 && 3 * stiffness[j] < w * viscous[j]) {
+        design.warnings.push_back(
+            fmt::format("{} is slowed by its viscous friction of {:g}: a pole at {:.2g} 1/s", name,
+                        viscous[j], stiffness[j] / viscous[j]));
+      }
+    }
+  }
+
+  const scenario::Scenario& scenario_;
+  DesignGoal goal_;
+  linear::LawAnswers answers_;
+  bool from_own_;  ///< it starts from the scenario's gains, those of an external law
+  DesignProblem law_;
+  robot::JointLabels labels_;
+  GainProblem problem_;
+  GainProblem pool_, way_;              ///< in the joints' range; along the motion
+  std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
+  FoundGains best_;
+  std::vector<numerics::Minimum> worst_;  ///< postures of the best gains
+  int done_ = 0, most_steps_ = 0;         ///< for the time that is left
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
+              const linear::OnProgress& tell, const linear::LawAnswers& answers) {
+  const certify::Feasibility feasible = certify::feasibility(scenario);
+  if (!feasible.impossible.empty()) {
+    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
+  }
+  if (!answers) require_rule(scenario);
+  std::optional<Design> best;
+  try {
+    if (!answers) best = Search(scenario, goal, answers, false).found(tell);
+    if (!best) best = Search(scenario, goal, answers, true).found(tell);
+  } catch (const linear::NoLinearModel& why) {
+    throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());
+  }
+  if (!best) {
+    throw Failure(ExitCode::check_said_no,
+                  "no gains were found that keep a modulus margin of {:g} at all postures within "
+                  "the torque of an encoder count{}; allow a shorter period, less delay, a finer "
+                  "encoder or a smaller --margin",
+                  goal.modulus, goal.least_kp ? " and the stiffness asked for" : "");
+  }
+  if (goal.settling_s &&
+      best->loop.modes.settling_s >
+          std::max(*goal.settling_s + scenario.loop.period_s, 1.01 * *goal.settling_s)) {
+    best->missed = goal.settling_s;
+  }
+  return *best;
+}
+
+std::vector<std::string> overrides_of(const Design& design, const std::string& law) {
+  Index n = max_joints;
+  for (const auto& [name, value] : design.gains) n = std::min(n, value.size());
+  std::vector<std::string> all;
+  if (!law.empty()) all = {"controller.gains={}", "controller.law=" + law};
+  for (const auto& [name, value] : design.gains) {
+    std::vector<std::string> rows;
+    for (Index row = 0; row < value.size(); row += n) {
+      const bool one = value.size() == n && (value.array() == value[0]).all();
+      const Vector of = value.segment(row, one ? 1 : n);
+      const std::string text = fmt::format("{}", fmt::join(of.begin(), of.end(), ", "));
+      rows.push_back(one ? text : "[" + text + "]");
+    }
+    all.push_back(
+        fmt::format("controller.gains.{}={}", name,
+                    rows.size() == 1 ? rows[0] : fmt::format("[{}]", fmt::join(rows, ", "))));
+  }
+  return all;
+}
+
+}  // namespace tachless::design

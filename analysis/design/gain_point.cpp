@@ -1,0 +1,260 @@
+#include "design/gain_point.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "base/parallel.h"
+#include "certify/prediction.h"
+#include "numerics/decompositions.h"
+
+namespace tachless::design {
+
+namespace {
+
+using base::parallel_map;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Row = numerics::LinearProgramme::Row;
+
+constexpr int num_instants = 96;
+// How much log |e| has to fall in another T: a slow pole of an amplitude just below 1 % does not
+// pass.
+constexpr double fall = 1;
+constexpr double near_largest = 1.5;  // rows of errors within exp(-1.5) of the largest
+
+/// The law at the frequencies of a grid and at these besides.
+std::vector<linear::FeedbackAt> on_grid(const linear::Feedback& feedback, double period_s,
+                                        std::vector<double> w) {
+  const std::vector<double> kept = linear::kept_frequencies(period_s);
+  w.insert(w.end(), kept.begin(), kept.end());
+  std::ranges::sort(w);
+  return parallel_map(
+      w.size(), [&](std::size_t k) { return linear::at_frequency(feedback, w[k], period_s); });
+}
+
+/// Of poles that are little damped: the modulus may have a minimum there that is narrower than a
+/// grid's steps [rad/s].
+std::vector<double> resonances(const linear::RestLoop& loop, const linear::LinearLaw& law) {
+  std::vector<double> w;
+  for (const std::complex<double>& z : numerics::eigenvalues(loop.closed(law))) {
+    if (z.imag() > 0 && std::abs(std::log(std::abs(z))) < 0.3 * std::arg(z)) {
+      w.push_back(std::arg(z) / loop.period_s());
+    }
+  }
+  return w;
+}
+
+double required_fall(const linear::Errors& errors, Index instant, double T) {
+  return fall * (errors.time_s[static_cast<std::size_t>(instant)] / T - 1);
+}
+
+}  // namespace
+
+GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
+    : problem_(&problem), theta_(theta) {
+  make_feedback(false);
+}
+
+void GainPoint::look_at_margins(double above) {
+  make_grids();
+  modulus_ = parallel_map(problem_->loops.size(), [&](std::size_t i) {
+    return problem_->loops[i].modulus(grid(i), problem_->margin + above);
+  });
+}
+
+void GainPoint::differentiate() {
+  make_feedback(true);
+  make_grids();
+}
+
+void GainPoint::make_feedback(bool derivatives) {
+  const std::size_t count = problem_->same_everywhere ? 1 : problem_->loops.size();
+  feedback_ = parallel_map(count, [&](std::size_t i) {
+    return problem_->feedback(theta_, problem_->rests[i], derivatives);
+  });
+}
+
+void GainPoint::make_grids() {
+  const std::size_t count = feedback_.size();
+  grids_ = parallel_map(problem_->resonant ? problem_->loops.size() : count, [&](std::size_t i) {
+    const linear::RestLoop& loop = problem_->loops[i];
+    const linear::Feedback& here = feedback(i);
+    return on_grid(here, loop.period_s(),
+                   problem_->resonant ? resonances(loop, here.law) : std::vector<double>());
+  });
+}
+
+double GainPoint::least_modulus(std::size_t loop) const {
+  return *std::ranges::min_element(modulus_[loop]) / problem_->share[loop];
+}
+
+double GainPoint::least_modulus() const {
+  double least = infinity;
+  for (std::size_t i = 0; i < modulus_.size(); ++i) least = std::min(least, least_modulus(i));
+  return least;
+}
+
+double GainPoint::lack() const {
+  const double of_margin = problem_->margin + margin_kept - least_modulus();
+  const VectorXd gain = largest_gain();
+  return std::max({0.0, of_margin, (gain.array() / problem_->most_gain.array()).log().maxCoeff()});
+}
+
+VectorXd GainPoint::largest_gain(double by, Index variable) const {
+  VectorXd largest = VectorXd::Zero(num_joints());
+  for (std::size_t i = 0; i < feedback_.size(); ++i) {
+    if (problem_->share[i] < 1) continue;
+    linear::LinearLaw law = feedback_[i].law;
+    if (by != 0) law.D += by * feedback_[i].derivative(variable).D;
+    largest = largest.cwiseMax(certify::own_gain(law));
+  }
+  return largest;
+}
+
+bool GainPoint::stable() const {
+  const auto radius = parallel_map(problem_->loops.size(), [&](std::size_t i) {
+    return linear::spectral_radius(problem_->loops[i].closed(feedback(i).law));
+  });
+  return *std::ranges::max_element(radius) < 1;
+}
+
+VectorXd GainPoint::log_errors(double T) const {
+  const auto each = parallel_map(problem_->settling.size(), [&](std::size_t of) {
+    const std::size_t i = problem_->settling[of];
+    const linear::Errors seen =
+        errors(problem_->loops[i], feedback(i).law, T, window * T, num_instants);
+    double largest = -infinity;
+    for (Index k = 0; k < seen.error.rows(); ++k) {
+      const double log_error = std::log(seen.error.row(k).cwiseAbs().maxCoeff());
+      if (!(log_error < infinity)) return infinity;
+      largest = std::max(largest, log_error + required_fall(seen, k, T));
+    }
+    return largest;
+  });
+  return Eigen::Map<const VectorXd>(each.data(), std::ssize(each));
+}
+
+std::vector<double> GainPoint::settling_s(double end_s,
+                                          const std::vector<std::size_t>& loops) const {
+  return parallel_map(loops.size(), [&](std::size_t of) {
+    const std::size_t i = loops[of];
+    const linear::Errors all = errors(problem_->loops[i], feedback(i).law, 0, end_s, 1500);
+    double last = 0;
+    for (Index k = 0; k < all.error.rows(); ++k) {
+      if (!(all.error.row(k).cwiseAbs().maxCoeff() <= settled)) {
+        last = all.time_s[static_cast<std::size_t>(k)];
+      }
+    }
+    return last;
+  });
+}
+
+void GainPoint::add_margin_rows(std::size_t loop, std::vector<Row>& rows) const {
+  const std::vector<double>& all = modulus_[loop];
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const bool lowest =
+        (k == 0 || all[k] <= all[k - 1]) && (k + 1 == all.size() || all[k] <= all[k + 1]);
+    const double least = problem_->share[loop] * (problem_->margin + margin_kept);
+    if (all[k] > least + (lowest ? near_margin : 0.03)) continue;
+    problem_->loops[loop].add_rows(grid(loop)[k], feedback(loop), least, near_margin, rows);
+  }
+}
+
+/// s - gradient' d >= log |e| at the peaks of each error that come near the largest.
+void GainPoint::add_error_rows(std::size_t loop, double T, double largest,
+                               std::vector<Row>& rows) const {
+  constexpr double difference = 1e-4;
+  const linear::RestLoop& at = problem_->loops[loop];
+  const linear::Feedback& here = feedback(loop);
+  const auto seen = [&](const linear::LinearLaw& law) {
+    return errors(at, law, T, window * T, num_instants);
+  };
+  const linear::Errors now = seen(here.law);
+  const MatrixXd& error = now.error;
+  const auto moved = parallel_map(static_cast<std::size_t>(theta_.size()), [&](std::size_t p) {
+    linear::LinearLaw law = here.law;
+    const linear::LinearLaw by = here.derivative(static_cast<Index>(p));
+    law.A += difference * by.A;
+    law.B += difference * by.B;
+    law.C += difference * by.C;
+    law.D += difference * by.D;
+    return seen(law).error;
+  });
+  for (Index c = 0; c < error.cols(); ++c) {
+    for (Index k = 0; k < error.rows(); ++k) {
+      const double e = std::abs(error(k, c));
+      const double log_error = std::log(e) + required_fall(now, k, T);
+      if (log_error < largest - near_largest) continue;
+      if (k > 0 && std::abs(error(k - 1, c)) > e) continue;
+      if (k + 1 < error.rows() && std::abs(error(k + 1, c)) > e && k > 0) continue;
+      Row row{VectorXd::Zero(theta_.size() + 2), log_error};
+      for (Index p = 0; p < theta_.size(); ++p) {
+        row.gradient[p] = (1 - moved[static_cast<std::size_t>(p)](k, c) / error(k, c)) / difference;
+      }
+      row.gradient[theta_.size()] = 1;
+      rows.push_back(std::move(row));
+    }
+  }
+}
+
+/// -d log(gain) >= log(gain / most).
+void GainPoint::add_count_rows(std::vector<Row>& rows) const {
+  constexpr double difference = 1e-5;
+  const VectorXd gain = largest_gain();
+  MatrixXd slope(gain.size(), theta_.size());
+  for (Index p = 0; p < theta_.size(); ++p) {
+    slope.col(p) = (largest_gain(difference, p).array() / gain.array()).log() / difference;
+  }
+  for (Index j = 0; j < gain.size(); ++j) {
+    Row row{VectorXd::Zero(theta_.size()), 0};
+    if (std::isfinite(problem_->most_gain[j])) {
+      row.least = std::log(gain[j] / problem_->most_gain[j]);
+      row.gradient = -slope.row(j);
+    }
+    rows.push_back(std::move(row));
+  }
+}
+
+Linearised programme_at(const GainProblem& problem, const GainPoint& point, double T,
+                        const VectorXd& log_errors, double radius) {
+  const Index n = point.theta().size();
+  const auto per_loop = parallel_map(problem.loops.size(), [&](std::size_t i) {
+    std::vector<Row> rows;
+    point.add_margin_rows(i, rows);
+    return rows;
+  });
+  Linearised result;
+  numerics::LinearProgramme& lp = result.programme;
+  const auto with_lack = [&](const Row& row) {
+    Row wide{VectorXd::Zero(n + 2), row.least};
+    wide.gradient.head(n) = row.gradient;
+    wide.gradient[n + 1] = 1;
+    lp.rows.push_back(std::move(wide));
+  };
+  std::vector<Row> count;
+  point.add_count_rows(count);
+  for (const Row& row : count) with_lack(row);
+  for (const auto& rows : per_loop) {
+    result.first_margin_row.push_back(lp.rows.size());
+    for (const Row& row : rows) with_lack(row);
+  }
+  result.first_margin_row.push_back(lp.rows.size());
+  const double largest = log_errors.maxCoeff();
+  for (Index i = 0; i < log_errors.size(); ++i) {
+    if (log_errors[i] < largest - 0.5) continue;
+    point.add_error_rows(problem.settling[static_cast<std::size_t>(i)], T, largest, lp.rows);
+  }
+  lp.cost = VectorXd::Zero(n + 2);
+  lp.cost[n] = 1;
+  lp.cost[n + 1] = price_of_margin;
+  lp.lower = VectorXd::Zero(n + 2);
+  lp.upper = VectorXd::Constant(n + 2, 1e30);
+  lp.lower[n] = T > problem.settling_s ? -1e30 : std::log(settled);
+  lp.lower.head(n) = (problem.lower - point.theta()).cwiseMin(0).cwiseMax(-radius);
+  lp.upper.head(n) = (problem.upper - point.theta()).cwiseMax(0).cwiseMin(radius);
+  return result;
+}
+
+}  // namespace tachless::design

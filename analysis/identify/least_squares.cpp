@@ -1,0 +1,331 @@
+#include "identify/least_squares.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "identify/inertia.h"
+#include "numerics/decompositions.h"
+#include "robot/dynamics.h"
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double cutoff_hz = 15;
+constexpr double settle_s = 0.3;  ///< left out at both ends: the filter's own transient
+
+/// Butterworth's low-pass of second order, forwards and backwards: no phase.
+void low_pass(Eigen::Ref<VectorXd> x, double h) {
+  const double w = std::tan(std::numbers::pi * std::min(cutoff_hz * h, 0.2));
+  const double scale = 1 / (1 + std::numbers::sqrt2 * w + w * w);
+  const double b = w * w * scale, a1 = 2 * (w * w - 1) * scale,
+               a2 = (1 - std::numbers::sqrt2 * w + w * w) * scale;
+  for (int pass = 0; pass < 2; ++pass) {
+    double x1 = x[0], x2 = x[0], y1 = x[0], y2 = x[0];
+    for (double& value : x) {
+      const double y = b * (value + 2 * x1 + x2) - a1 * y1 - a2 * y2;
+      x2 = std::exchange(x1, value);
+      y2 = std::exchange(y1, y);
+      value = y;
+    }
+    x.reverseInPlace();
+  }
+}
+
+/// The robot without unknowns, and, where the payload is one, with a unit of it.
+struct Models {
+  robot::Model bare, loaded;
+
+  Models(const Recording& recording, const Parameters& parameters) {
+    const VectorXd zero = VectorXd::Zero(parameters.size());
+    scenario::Scenario plant = parameters.plant(recording.scenario, zero);
+    const bool unknown = parameters.first(Kind::payload) >= 0;
+    if (unknown) plant.plant.payload.mass_kg = 1e-9;  // its inertia is known, if any
+    bare = scenario::with_payload(plant, *plant.model);
+    bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
+    drive = plant.plant.drive;
+    if (!unknown) return;
+    plant.plant.payload.mass_kg += 1;
+    loaded = scenario::with_payload(plant, *plant.model);
+    loaded.rotor_inertia = bare.rotor_inertia;
+  }
+
+  plant::DriveSpec drive;
+};
+
+/// A model for each number of each body, all else without mass; of first moments, of a mass of 1 at
+/// 1 m.
+std::vector<robot::Model> unit_models(const robot::Model& bare) {
+  robot::Model empty = bare;
+  empty.rotor_inertia = Vector::Zero(bare.num_joints);
+  for (robot::MassProperties& each : empty.bodies) each = {};
+  std::vector<robot::Model> all;
+  for (std::size_t body = 0; body < bare.bodies.size(); ++body) {
+    for (Eigen::Index c = 0; c < Inertial::SizeAtCompileTime; ++c) {
+      Inertial unit = Inertial::Unit(c);
+      if (c >= 1 && c <= 3) unit[0] = 1;
+      robot::MassProperties& of = all.emplace_back(empty).bodies[body];
+      of = mass_properties(unit);
+    }
+  }
+  return all;
+}
+
+double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
+
+/// The rows at every few instants, without both ends.
+/// @param columns of each parameter, @param torque a row per tick, @param whole its scale, which is
+/// `applied` through the filter once less
+Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
+                   const MatrixXd& whole, const MatrixXd& applied, double h) {
+  const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
+  const auto edge = static_cast<Eigen::Index>(settle_s / h);
+  const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
+  Regression result{MatrixXd(instants * n, std::ssize(columns)),
+                    VectorXd(instants * n),
+                    VectorXd(instants * n),
+                    VectorXd(instants * n),
+                    Eigen::VectorXi(instants * n),
+                    whole.cwiseAbs().colwise().maxCoeff().transpose(),
+                    VectorXd(std::ssize(columns))};
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const VectorXd largest = columns[i].cwiseAbs().colwise().maxCoeff().transpose();
+    result.share[static_cast<Eigen::Index>(i)] =
+        largest.cwiseQuotient(result.peak.cwiseMax(1e-300)).maxCoeff();
+  }
+  Eigen::Index row = 0;
+  for (Eigen::Index instant = 0; instant < instants; ++instant) {
+    const Eigen::Index k = edge + instant * step;
+    for (Eigen::Index j = 0; j < n; ++j, ++row) {
+      for (std::size_t i = 0; i < columns.size(); ++i) {
+        result.columns(row, static_cast<Eigen::Index>(i)) = columns[i](k, j);
+      }
+      result.torque[row] = torque(k, j);
+      result.applied[row] = applied(k, j);
+      result.time_s[row] = static_cast<double>(k) * h;
+      result.joint[row] = static_cast<int>(j);
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+MatrixXd low_passed(MatrixXd columns, double h) {
+  for (Eigen::Index i = 0; i < columns.cols(); ++i) low_pass(columns.col(i), h);
+  return columns;
+}
+
+VectorXd Regression::residual(const VectorXd& values) const {
+  const VectorXd left = torque - columns * values;
+  VectorXd sum = VectorXd::Zero(peak.size()), count = VectorXd::Zero(peak.size());
+  for (Eigen::Index row = 0; row < left.size(); ++row) {
+    sum[joint[row]] += left[row] * left[row];
+    count[joint[row]] += 1;
+  }
+  return sum.cwiseQuotient(count).cwiseSqrt();
+}
+
+Regression regression(const Recording& recording, const Parameters& parameters) {
+  const double h = recording.scenario.loop.period_s;
+  const Eigen::Index ticks = recording.num_ticks(), n = recording.q.cols(), p = parameters.size();
+  const Models models(recording, parameters);
+  const MatrixXd q = low_passed(recording.q, h);
+  // What acts at t_k: the torque is held over each tick.
+  MatrixXd tau = recording.tau;
+  if (recording.controlled) {
+    tau.bottomRows(ticks - 1) =
+        0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
+  }
+  MatrixXd left = low_passed(tau, h);  // without the robot's own torque, below
+  const MatrixXd whole = left;
+  const Eigen::Index inertia = parameters.first(Kind::inertia),
+                     delay = parameters.first(Kind::delay);
+  const std::vector<robot::Model> units =
+      inertia < 0 ? std::vector<robot::Model>() : unit_models(models.bare);
+  std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
+  for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
+    const Vector at = q.row(k).transpose();
+    const Vector v = (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h);
+    const Vector a = (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h);
+    const Vector own = robot::inverse_dynamics<double>(models.bare, at, v, a);
+    Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
+    for (Eigen::Index j = 0; j < n; ++j)
+      friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
+    left.row(k) -= (own + friction).transpose();
+    // Over a delay of d ticks: tau(t - d h) = tau - d h taudot.
+    const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
+    if (delay >= 0) left.row(k) += recording.scenario.loop.command_delay * per_tick;
+    for (Eigen::Index i = 0; i < p; ++i) {
+      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
+      MatrixXd& column = columns[static_cast<std::size_t>(i)];
+      switch (entry.kind) {
+        case Kind::rotor:
+          column(k, entry.joint) = a[entry.joint];
+          break;
+        case Kind::viscous:
+          column(k, entry.joint) = v[entry.joint];
+          break;
+        case Kind::coulomb:
+          column(k, entry.joint) = sign(v[entry.joint]);
+          break;
+        case Kind::payload:
+          column.row(k) =
+              (robot::inverse_dynamics<double>(models.loaded, at, v, a) - own).transpose();
+          break;
+        case Kind::delay:
+          column.row(k) = per_tick;
+          break;
+        case Kind::inertia:
+          column.row(k) = robot::inverse_dynamics<double>(
+                              units[static_cast<std::size_t>(i - inertia)], at, v, a)
+                              .transpose();
+          if (entry.component >= 1 && entry.component <= 3) {
+            column.row(k) -= columns[static_cast<std::size_t>(i - entry.component)].row(k);
+          }
+          break;
+        case Kind::offset:
+          column(k, entry.joint) = 1;
+          break;
+      }
+    }
+  }
+  left.row(0) = left.row(1);
+  left.row(ticks - 1) = left.row(ticks - 2);
+  left = low_passed(std::move(left), h);
+  for (MatrixXd& column : columns) column = low_passed(std::move(column), h);
+
+  return thinned(columns, left, whole, low_passed(whole, h), h);
+}
+
+namespace {
+
+constexpr int passes = 4;
+constexpr int blocks = 20;       ///< of time, for the covariance
+constexpr double slowest = 0.1;  ///< of a joint's speeds: below, its friction may be that of rest
+
+/// All rows, each weighted by its joint's.
+struct Weighted {
+  MatrixXd columns;
+  VectorXd torque;
+};
+
+/// @param viscous number of the column that is the first joint's velocity, -1: rows at rest as well
+Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight, Eigen::Index viscous) {
+  Eigen::Index rows = 0, row = 0;
+  for (const Regression& each : of) rows += each.torque.size();
+  Weighted all{MatrixXd(rows, of.front().columns.cols()), VectorXd(rows)};
+  for (const Regression& each : of) {
+    const MatrixXd speed =
+        each.columns.middleCols(std::max<Eigen::Index>(0, viscous), viscous < 0 ? 0 : weight.size())
+            .cwiseAbs();
+    const Eigen::RowVectorXd least = slowest * speed.colwise().maxCoeff();
+    for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
+      const Eigen::Index j = each.joint[i];
+      const double w = viscous >= 0 && speed(i, j) < least[j] ? 0 : weight[j];
+      all.columns.row(row) = w * each.columns.row(i);
+      all.torque[row] = w * each.torque[i];
+    }
+  }
+  return all;
+}
+
+/// Student's, 97.5 %, to 1 % from one degree of freedom on: the normal's, its expansion's first
+/// term and a fit of the others.
+double quantile(double freedom) {
+  const double x = 1 / std::max(1.0, freedom);
+  return 1.96 * std::exp(x * (1.21 + x * (0.735 - 0.075 * x)));
+}
+
+/// Of `of` times the least-squares solution: what leaving out each block of time moves it by, so
+/// that a block that it follows counts as it should, and Student's quantile at the degrees of
+/// freedom of that sum of squares for a white residual (R. Bell, D. McCaffrey, Bias reduction in
+/// standard errors for linear regression with multi-stage samples, Survey Methodology 28(2), 2002).
+VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
+  const Eigen::Index length = residual.size() / blocks, p = J.cols();
+  const MatrixXd N = J.transpose() * J, inverse = numerics::inverse(N);
+  std::vector<MatrixXd> own, without;  // normal matrices; solutions of the other blocks'
+  MatrixXd moves(of.rows(), blocks);
+  for (Eigen::Index b = 0; b < blocks; ++b) {
+    const auto rows = J.middleRows(b * length, length);
+    own.emplace_back(rows.transpose() * rows);
+    without.emplace_back(numerics::inverse(N - own.back()) * of.transpose());
+    moves.col(b) =
+        without.back().transpose() * (rows.transpose() * residual.segment(b * length, length));
+  }
+  VectorXd result(of.rows());
+  for (Eigen::Index i = 0; i < result.size(); ++i) {
+    MatrixXd seen(p, blocks), covariance = MatrixXd::Zero(blocks, blocks);
+    for (std::size_t b = 0; b < own.size(); ++b) {
+      const auto at = static_cast<Eigen::Index>(b);
+      seen.col(at) = own[b] * without[b].col(i);
+      covariance(at, at) = seen.col(at).dot(without[b].col(i));
+    }
+    covariance -= seen.transpose() * inverse * seen;
+    const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm();
+    const double width = quantile(freedom) * moves.row(i).norm() * std::sqrt(1 - 1.0 / blocks);
+    result[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
+  }
+  return result;
+}
+
+/// Which parameters are determined, alone or in sums, and how well.
+void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
+  VectorXd norm = rows.columns.colwise().norm().transpose();
+  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // less is rounding
+  static_cast<Precision&>(of) =
+      precision(rows.columns, norm, rows.torque - rows.columns * of.values);
+  of.sums.resize(static_cast<std::size_t>(norm.size()));
+  for (Eigen::Index i = 0; i < norm.size(); ++i) {
+    if (of.free(i, i) < 1e-6) continue;
+    of.half_width[i] = std::numeric_limits<double>::infinity();
+    std::string& with = of.sums[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j < norm.size(); ++j) {
+      if (j == i || std::abs(of.free(i, j)) < 0.2 * of.free(i, i)) continue;
+      const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
+      with += (with.empty() ? "" : ", ") + entry.name;
+    }
+    if (with.empty()) with = "nothing";
+  }
+}
+
+}  // namespace
+
+Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual) {
+  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
+  constexpr double zero = 1e-9;
+  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
+  const auto [value, V] = numerics::symmetric_eigen(scaled.transpose() * scaled);
+  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
+  const Eigen::Index rank = value.size() - null;
+  const auto determined = V.rightCols(rank);
+  return {half_widths(scaled * determined, residual, determined).cwiseQuotient(norm), rank,
+          std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]),
+          V.leftCols(null) * V.leftCols(null).transpose()};
+}
+
+LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
+                           const robot::Model& model, bool start) {
+  const Eigen::Index n = of.front().peak.size();
+  LeastSquares result;
+  VectorXd weight = VectorXd::Ones(n);
+  for (const Regression& each : of)
+    weight = weight.cwiseMin(each.peak.cwiseMax(1e-9).cwiseInverse());
+  for (int pass = 0; pass < passes; ++pass) {
+    const Weighted rows = weighted(of, weight, start ? parameters.first(Kind::viscous) : -1);
+    result.values = possible_values(rows.columns.transpose() * rows.columns,
+                                    rows.columns.transpose() * rows.torque, parameters, model);
+    if (pass + 1 == passes) set_intervals(rows, parameters, result);
+    VectorXd residual = VectorXd::Zero(n);
+    for (const Regression& each : of) residual = residual.cwiseMax(each.residual(result.values));
+    weight = residual.cwiseMax(1e-9).cwiseInverse();
+  }
+  return result;
+}
+
+}  // namespace tachless::identify

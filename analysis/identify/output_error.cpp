@@ -1,0 +1,177 @@
+#include "identify/output_error.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/failure.h"
+#include "base/parallel.h"
+#include "controller/registry.h"
+#include "identify/inertia.h"
+#include "in_process/in_process_loop.h"
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int most_iterations = 30;
+constexpr double good_step = 0.02;  ///< of half an interval's width: then it has converged
+
+/// All recordings' residuals at once: a column vector, tick by tick, joints weighted.
+using Residual = VectorXd;
+
+class Problem {
+ public:
+  Problem(const std::vector<Recording>& recordings, const Parameters& parameters)
+      : recordings_(recordings), parameters_(parameters) {}
+
+  /// Nothing (size 0) when a simulated run ends early.
+  [[nodiscard]] Residual residual(const VectorXd& values) const {
+    std::vector<MatrixXd> parts;
+    Eigen::Index rows = 0;
+    for (const Recording& recording : recordings_) {
+      parts.push_back(simulated_residual(recording, parameters_, values));
+      if (parts.back().rows() < recording.num_ticks()) return {};
+      rows += parts.back().size();
+    }
+    Residual all(rows);
+    Eigen::Index at = 0;
+    for (const MatrixXd& part : parts) {
+      const MatrixXd by_tick = part.transpose();
+      all.segment(at, part.size()) = by_tick.reshaped();
+      at += part.size();
+    }
+    return all;
+  }
+
+  /// Root mean square per joint.
+  [[nodiscard]] VectorXd spread(const Residual& residual) const {
+    const Eigen::Index n = recordings_.front().q.cols(), ticks = residual.size() / n;
+    return residual.reshaped(n, ticks).rowwise().norm() / std::sqrt(static_cast<double>(ticks));
+  }
+
+  /// By differences, one simulation per parameter.
+  [[nodiscard]] MatrixXd jacobian(const VectorXd& values, const Residual& here,
+                                  const VectorXd& steps) const {
+    MatrixXd result(here.size(), values.size());
+    base::parallel_for(static_cast<std::size_t>(values.size()), [&](std::size_t i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      VectorXd moved = values;
+      moved[at] += steps[at];
+      const Residual there = residual(moved);
+      if (there.size() == 0) {
+        result.col(at).setZero();
+      } else {
+        result.col(at) = (there - here) / steps[at];
+      }
+    });
+    return result;
+  }
+
+ private:
+  const std::vector<Recording>& recordings_;
+  const Parameters& parameters_;
+};
+
+/// Weighted by each joint's spread.
+template <class Matrix>
+Matrix weighted(Matrix rows, const VectorXd& spread) {
+  for (Eigen::Index row = 0; row < rows.rows(); ++row) rows.row(row) /= spread[row % spread.size()];
+  return rows;
+}
+
+/// A step of each parameter that the simulation resolves: from its value, or its `scale`; of a
+/// link's numbers, from that link.
+VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
+                          const Parameters& parameters, const robot::Model& model) {
+  VectorXd steps = (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
+  for (Eigen::Index i = 0; i < steps.size(); ++i) {
+    const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    if (entry.kind == Kind::delay) steps[i] = 0.1;
+    if (entry.kind != Kind::inertia) continue;
+    const robot::MassProperties& link = model.bodies[static_cast<std::size_t>(entry.joint)];
+    constexpr double length = 0.1;
+    const double mass = std::max(0.1, link.mass);
+    steps[i] = 1e-3 * mass *
+               (entry.component == 0  ? 1
+                : entry.component < 4 ? length
+                                      : length * length);
+  }
+  return steps;
+}
+
+}  // namespace
+
+MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
+                            const VectorXd& values) {
+  const scenario::Scenario plant = parameters.plant(recording.scenario, values);
+  MatrixXd result(recording.num_ticks(), recording.q.cols());
+  Eigen::Index done = 0;
+  try {
+    in_process::run_in_process(
+        plant, controller::scenario_law(recording.scenario),
+        [&](const in_process::TickRecord& record) {
+          if (const auto* const q = messages::parts_of(record.measurement)[0]) {
+            result.row(done) = recording.q.row(done) - q->transpose();
+          }
+          return ++done < recording.num_ticks();
+        });
+  } catch (const base::Failure& failure) {
+    if (failure.code() != base::ExitCode::protective_stop) throw;
+  }
+  return result.topRows(done);
+}
+
+Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
+                 const VectorXd& start, const Report& report) {
+  const Problem problem(recordings, parameters);
+  Fit fit{start, {}, 0, {}};
+  Residual here = problem.residual(fit.values);
+  if (here.size() == 0) {
+    throw base::Failure(base::ExitCode::check_said_no,
+                        "the loop with the parameters of least squares does not run to its "
+                        "end in simulation; nothing is identified");
+  }
+  // Of a parameter that is near zero: what it began at, or a thousandth of the largest.
+  VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
+  const robot::Model& model = *recordings.front().scenario.model;
+  VectorXd left;
+  for (int iteration = 0; iteration < most_iterations; ++iteration) {
+    report(fmt::format("simulating {} loops, pass {} of at most {}", parameters.size() + 1,
+                       iteration + 1, most_iterations));
+    const VectorXd spread = problem.spread(here).cwiseMax(1e-12);
+    const MatrixXd J = weighted(
+        problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
+        spread);
+    const Residual r = weighted(here, spread);
+    const Precision found = precision(J, J.colwise().norm().transpose().cwiseMax(1e-300), r);
+    fit.condition = found.condition;
+    fit.half_width = found.half_width;
+    fit.residual = spread;
+    const VectorXd step = possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r),
+                                          parameters, model) -
+                          fit.values;
+    left = step.cwiseAbs();
+    double best = r.squaredNorm(), shrink = 1;
+    bool moved = false;
+    for (int attempt = 0; attempt < 6 && !moved; ++attempt, shrink /= 3) {
+      const VectorXd candidate = fit.values + shrink * step;
+      const Residual there = problem.residual(candidate);
+      if (there.size() == 0 || weighted(there, spread).squaredNorm() >= best) continue;
+      best = weighted(there, spread).squaredNorm();
+      const VectorXd change = candidate - fit.values;
+      fit.values = candidate;
+      here = there;
+      moved = true;
+      if ((change.cwiseAbs().array() <= good_step * fit.half_width.array()).all()) return fit;
+    }
+    if (!moved) break;
+  }
+  fit.half_width += left;  // has not converged: by so much it would still change
+  return fit;
+}
+
+}  // namespace tachless::identify

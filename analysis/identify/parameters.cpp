@@ -1,0 +1,190 @@
+#include "identify/parameters.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+namespace tachless::identify {
+namespace {
+
+/// N m, N m s/rad and kg m², or on a prismatic joint N, N s/m and kg.
+std::string unit_of(Kind kind, bool turns) {
+  switch (kind) {
+    case Kind::rotor:
+      return turns ? "kg m2" : "kg";
+    case Kind::viscous:
+      return turns ? "N m s/rad" : "N s/m";
+    case Kind::coulomb:
+    case Kind::offset:
+      return turns ? "N m" : "N";
+    case Kind::delay:
+      return "ticks";
+    case Kind::payload:
+    case Kind::inertia:
+      break;
+  }
+  return "kg";
+}
+
+/// Just below the next tick after the longest that drives have.
+constexpr double longest_delay = plant::max_delay_ticks + 0.999;
+
+constexpr std::array<const char*, 10> component_names = {"mass", "mx",  "my",  "mz",  "Ixx",
+                                                         "Iyy",  "Izz", "Ixy", "Ixz", "Iyz"};
+
+}  // namespace
+
+Inertial inertial_of(const robot::MassProperties& body) {
+  const Eigen::Vector3d& c = body.p_Bcm;
+  const Eigen::Matrix3d I =
+      body.I_Bcm + body.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  Inertial value;
+  value << body.mass, body.mass * c, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2);
+  return value;
+}
+
+robot::MassProperties mass_properties(const Inertial& value) {
+  robot::MassProperties body;
+  body.mass = value[0];
+  if (body.mass != 0) body.p_Bcm = value.segment<3>(1) / body.mass;
+  const Eigen::Vector3d& c = body.p_Bcm;
+  body.I_Bcm << value[4], value[7], value[8], value[7], value[5], value[9], value[8], value[9],
+      value[6];
+  body.I_Bcm -= body.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  return body;
+}
+
+Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown) {
+  for (const Kind kind : unknown) {
+    const std::string name(kind_names[static_cast<std::size_t>(kind)]);
+    if (kind == Kind::payload || kind == Kind::delay) {
+      entries_.push_back({kind, -1, name, unit_of(kind, true)});
+      continue;
+    }
+    if (kind == Kind::inertia) {
+      for (int body = 0; body < std::ssize(scenario.model->bodies); ++body) {
+        for (int c = 0; c < std::ssize(component_names); ++c) {
+          const auto at = static_cast<std::size_t>(c);
+          entries_.push_back(
+              {kind, body,
+               fmt::format("{} {}", component_names[at],
+                           scenario.model->bodies[static_cast<std::size_t>(body)].link),
+               c == 0  ? "kg"
+               : c < 4 ? "kg m"
+                       : "kg m2",
+               c});
+        }
+      }
+      continue;
+    }
+    for (int i = 0; i < scenario.num_joints; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const bool turns = scenario.model->joint_types[at] == robot::JointType::revolute;
+      entries_.push_back(
+          {kind, i, name + " " + scenario.model->joint_names[at], unit_of(kind, turns)});
+    }
+  }
+}
+
+Eigen::Index Parameters::first(Kind kind) const {
+  const auto found = std::ranges::find(entries_, kind, &Entry::kind);
+  return found == entries_.end() ? -1 : found - entries_.begin();
+}
+
+scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
+                                     const Eigen::VectorXd& values) const {
+  scenario::Scenario changed = scenario;
+  plant::DriveSpec& drive = changed.plant.drive;
+  drive.static_friction_Nm.reset();
+  for (Eigen::Index i = 0; i < size(); ++i) {
+    const Entry& entry = entries_[static_cast<std::size_t>(i)];
+    const double value = values[i];
+    switch (entry.kind) {
+      case Kind::rotor:
+        changed.robot.rigid_rotor_inertia_kgm2[entry.joint] = value;
+        break;
+      case Kind::viscous:
+        drive.viscous_friction_Nms_per_rad[entry.joint] = value;
+        break;
+      case Kind::coulomb:
+        drive.coulomb_friction_Nm[entry.joint] = value;
+        break;
+      case Kind::payload:
+        changed.plant.payload.mass_kg = value;
+        break;
+      case Kind::delay:
+        changed.loop.command_delay = static_cast<int>(std::clamp(value, 0.0, longest_delay));
+        drive.delay_fraction = std::clamp(value, 0.0, longest_delay) - changed.loop.command_delay;
+        break;
+      case Kind::inertia:
+      case Kind::offset:
+        break;
+    }
+  }
+  changed.plant.mechanics = plant::Mechanics::native;
+  // What the recorded run did beyond the URDF's range and speed it does again, without a warning.
+  auto model = std::make_shared<robot::Model>(*scenario.model);
+  if (const Eigen::Index first_of_bodies = first(Kind::inertia); first_of_bodies >= 0) {
+    for (std::size_t body = 0; body < model->bodies.size(); ++body) {
+      const Inertial change =
+          values.segment<10>(first_of_bodies + 10 * static_cast<Eigen::Index>(body));
+      robot::MassProperties& of_body = model->bodies[body];
+      if (!change.isZero(0)) of_body = mass_properties(inertial_of(of_body) + change);
+    }
+  }
+  model->lower.setConstant(-robot::Model::unlimited);
+  model->upper.setConstant(robot::Model::unlimited);
+  model->velocity_limit.setConstant(robot::Model::unlimited);
+  changed.model = std::move(model);
+  changed.plant.on_limit = plant::OnLimit::warn;
+  plant::EncoderSpec& encoder = changed.plant.encoder;
+  encoder.resolution_bits.reset();
+  encoder.noise_std_rad = encoder.velocity_noise_std_rad_per_s = 0;
+  return changed;
+}
+
+std::vector<double> Parameters::of(Kind kind, const Eigen::VectorXd& values) const {
+  std::vector<double> found;
+  for (Eigen::Index i = 0; i < size(); ++i) {
+    if (entries_[static_cast<std::size_t>(i)].kind == kind) found.push_back(values[i]);
+  }
+  return found;
+}
+
+std::vector<std::string> Parameters::overrides(const scenario::Scenario& scenario,
+                                               const Eigen::VectorXd& values) const {
+  constexpr std::array<std::pair<Kind, const char*>, 5> keys = {
+      {{Kind::rotor, "robot.joints={{rigid: {{rotor_inertia_kgm2: [{:.6g}]}}}}"},
+       {Kind::viscous, "plant.drive.viscous_friction_Nms_per_rad=[{:.6g}]"},
+       {Kind::viscous, "controller.friction.viscous=[{:.6g}]"},
+       {Kind::coulomb, "plant.drive.coulomb_friction_Nm=[{:.6g}]"},
+       {Kind::coulomb, "controller.friction.coulomb=[{:.6g}]"}}};
+  std::vector<std::string> result;
+  for (const auto& [kind, key] : keys) {
+    const std::vector<double> found = of(kind, values);
+    if (!found.empty()) result.push_back(fmt::format(fmt::runtime(key), fmt::join(found, ", ")));
+  }
+  const std::vector<double> coulomb = of(Kind::coulomb, values);
+  if (!coulomb.empty() && scenario.plant.drive.static_friction_Nm) {
+    result.push_back(
+        fmt::format("plant.drive.static_friction_Nm=[{:.6g}]", fmt::join(coulomb, ", ")));
+  }
+  for (const double mass : of(Kind::payload, values)) {
+    result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
+  }
+  for (const double delay : of(Kind::delay, values)) {
+    const int whole = static_cast<int>(std::lround(delay)), own = scenario.loop.command_delay;
+    result.push_back(fmt::format("loop.command_delay={}", std::min(whole, own)));
+    result.push_back(
+        fmt::format("plant.encoder.latency_ticks={}",
+                    std::min(plant::max_delay_ticks,
+                             scenario.plant.encoder.latency_ticks + std::max(0, whole - own))));
+  }
+  return result;
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,124 @@
+#include "identify/recording.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "base/failure.h"
+
+namespace tachless::identify {
+namespace {
+
+using base::bad_usage;
+
+constexpr double shortest_s = 2;
+constexpr double most_saturated = 0.01;  ///< of the ticks
+
+/// A real arm begins near the scenario's start (plant::GuardedRobot::start_tolerance) and under a
+/// torque that holds it; an emulated one where the scenario says, but for its encoders' errors.
+void begin_as_recorded(Recording& recording) {
+  const scenario::Scenario& scenario = recording.scenario;
+  const plant::EncoderSpec& encoder = scenario.plant.encoder;
+  plant::InitialState& initial = recording.scenario.plant.initial;
+  const Vector first = recording.q.row(0).transpose();
+  Vector off = scenario::encoder_count(scenario, *scenario.model).array() +
+               (6 * encoder.noise_std_rad + 1e-9);
+  if (encoder.eccentricity_rad.size() > 0) off += encoder.eccentricity_rad;
+  if (((first - initial.position_rad).cwiseAbs().array() > off.array()).any()) {
+    initial.position_rad = first;
+  }
+  if (scenario.loop.command_delay > 0 && initial.torque == plant::InitialTorque::zero) {
+    initial.torque_Nm = recording.tau.row(0).transpose();
+  }
+}
+
+}  // namespace
+
+void require_usable(const Recording& recording) {
+  const double seconds =
+      static_cast<double>(recording.num_ticks()) * recording.scenario.loop.period_s;
+  if (seconds < shortest_s) {
+    throw bad_usage("{}: {:.3g} s of positions and torques; at least {:g} s are needed",
+                    recording.source, seconds, shortest_s);
+  }
+  const Eigen::RowVectorXd range =
+      recording.q.colwise().maxCoeff() - recording.q.colwise().minCoeff();
+  const Vector count = scenario::encoder_count(recording.scenario, *recording.scenario.model);
+  const double needed = std::max(0.02, count.size() > 0 ? 100 * count.maxCoeff() : 0.0);
+  if (range.maxCoeff() >= needed) return;
+  throw bad_usage(
+      "{}: too little motion: no joint moves by more than {:.2g} rad (m), at least {:.2g} are "
+      "needed; record a run whose reference moves every joint",
+      recording.source, range.maxCoeff(), needed);
+}
+
+Ticks read_ticks(logger::RunLog& log, bool to_stop) {
+  const Eigen::Index n = log.scenario().num_joints;
+  std::vector<double> q, tau;
+  Ticks result;
+  logger::TickRecord record;
+  while (log.next(record)) {
+    if (!record.measurement || !record.truth) continue;
+    const messages::truth::PlantTruth& truth = *record.truth;
+    if (to_stop && truth.fault == messages::truth::DriveFault::protective_stop) break;
+    const Vector positions = messages::links_of(*record.measurement);
+    if (positions.size() != n) {
+      throw bad_usage("{}: holds no positions of the joints (links)", log.path().string());
+    }
+    q.insert(q.end(), positions.begin(), positions.end());
+    tau.insert(tau.end(), truth.tau.begin(), truth.tau.end());
+    result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
+    result.missed += truth.fault == messages::truth::DriveFault::command_missed ? 1 : 0;
+  }
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto ticks = static_cast<Eigen::Index>(q.size()) / n;
+  result.q = Eigen::Map<const Rows>(q.data(), ticks, n);
+  result.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
+  return result;
+}
+
+Recording read_recording(const std::filesystem::path& log) {
+  logger::RunLog run = logger::RunLog::open(log);
+  Recording result{log.string(), run.scenario(), {}, {}};
+  if (result.scenario.robot.flexible) {
+    throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
+  }
+  const plant::Spec& plant = result.scenario.plant;
+  if (plant.dry_run || plant.withheld_ticks > 0) {
+    throw bad_usage("{}: {}, in which the robot was sent nothing; record a run of it",
+                    result.source, plant.dry_run ? "a dry run" : "a run with plant.withheld_ticks");
+  }
+  Ticks ticks = read_ticks(run);
+  if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
+    throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
+                    result.source, gaps, ticks.missed);
+  }
+  if (!run.summary().gains.empty()) {
+    throw bad_usage("{}: the law's gains change at tick {}; record a run whose gains stay",
+                    result.source, run.summary().gains.front().tick);
+  }
+  result.q = std::move(ticks.q);
+  result.tau = std::move(ticks.tau);
+  if (static_cast<double>(ticks.saturated) >
+      most_saturated * static_cast<double>(result.num_ticks())) {
+    throw bad_usage("{}: a torque was at its limit in {} of {} ticks; record a slower motion",
+                    result.source, ticks.saturated, result.num_ticks());
+  }
+  require_usable(result);
+  begin_as_recorded(result);
+  return result;
+}
+
+void require_same_robot(const Recording& first, const Recording& other) {
+  const scenario::RobotSpec &a = first.scenario.robot, &b = other.scenario.robot;
+  if (a.urdf_text == b.urdf_text && a.locked == b.locked && a.base.rpy == b.base.rpy &&
+      a.gravity_m_per_s2 == b.gravity_m_per_s2) {
+    return;
+  }
+  throw bad_usage("{}: is of another robot than {}: URDF, locked joints, base or gravity differ",
+                  other.source, first.source);
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,77 @@
+#include "linear/frequencies.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace tachless::linear {
+
+using Eigen::Index;
+using Eigen::VectorXcd;
+
+Eigen::VectorXd balance(Eigen::MatrixXd& map) {
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(map.rows());
+  for (bool done = false; !done;) {
+    done = true;
+    for (Index i = 0; i < map.rows(); ++i) {
+      const double own = std::abs(map(i, i));
+      const double column = map.col(i).cwiseAbs().sum() - own;
+      const double row = map.row(i).cwiseAbs().sum() - own;
+      if (!(column > 0) || !(row > 0)) continue;
+      const double f = std::exp2(std::round(std::log2(row / column) / 2));
+      if (column * f + row / f >= 0.95 * (column + row)) continue;
+      map.col(i) *= f;
+      map.row(i) /= f;
+      scale[i] *= f;
+      done = false;
+    }
+  }
+  return scale;
+}
+
+VectorXcd balanced_eigenvalues(Eigen::MatrixXd map) {
+  balance(map);
+  return numerics::eigenvalues(map);
+}
+
+double spectral_radius(const Eigen::MatrixXd& map) {
+  return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
+}
+
+FrequencyResponse::FrequencyResponse(const numerics::Schur& A, const Eigen::MatrixXd& B,
+                                     const Eigen::MatrixXd& C)
+    : A_(A.T), B_(A.U.adjoint() * B), C_(C * A.U) {}
+
+Eigen::MatrixXcd FrequencyResponse::at(const std::complex<double>& z) const {
+  Eigen::MatrixXcd resolvent = -A_;
+  resolvent.diagonal().array() += z;
+  const Eigen::MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
+  return C_ * state;
+}
+
+std::vector<double> frequencies(const VectorXcd& poles, double period_s, int num_points,
+                                const VectorXcd& peaks) {
+  const double highest = std::numbers::pi / period_s;
+  double slowest = highest;
+  for (const auto& p : poles) {
+    const double w = std::abs(std::log(p)) / period_s;
+    if (w > 0) slowest = std::min(slowest, w);
+  }
+  const double lowest = std::min(0.1 * slowest, std::max(1e-2 * slowest, 1e-6 * highest));
+  const double ratio = std::pow(highest / lowest, 1.0 / num_points);
+  std::vector<double> w;
+  for (int k = 0; k <= num_points; ++k) w.push_back(lowest * std::pow(ratio, k));
+  const auto add = [&](double at) {
+    if (at > lowest && at < highest) w.push_back(at);
+  };
+  for (const auto& p : poles) add(std::arg(p) / period_s);
+  for (double beside = 1e-6; beside < 0.01; beside *= 4) {
+    for (const auto& p : peaks) {
+      add((1 - beside) * std::arg(p) / period_s);
+      add((1 + beside) * std::arg(p) / period_s);
+    }
+  }
+  std::ranges::sort(w);
+  return w;
+}
+
+}  // namespace tachless::linear

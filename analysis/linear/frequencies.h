@@ -1,0 +1,71 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <complex>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "numerics/decompositions.h"
+
+/// At which frequencies a sampled loop is looked at, and the least value over them.
+namespace tachless::linear {
+
+/// Balances a one-period map (Parlett and Reinsch, 1969), which Eigen's decompositions leave out:
+/// torques of 1e7 N m stand beside radians, and a slow pole at a short period is within 1e-7 of 1.
+/// @return the diagonal of S; the map has become S^-1 map S
+Eigen::VectorXd balance(Eigen::MatrixXd& map);
+
+/// Eigenvalues of a one-period map.
+Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
+double spectral_radius(const Eigen::MatrixXd& map);
+
+/// C (z - A)^-1 B of x' = A x + B u, y = C x over one period; in Schur's coordinates, where a
+/// frequency costs a substitution.
+class FrequencyResponse {
+ public:
+  FrequencyResponse() = default;
+  FrequencyResponse(const numerics::Schur& A, const Eigen::MatrixXd& B, const Eigen::MatrixXd& C);
+  [[nodiscard]] Eigen::MatrixXcd at(const std::complex<double>& z) const;
+
+ private:
+  Eigen::MatrixXcd A_, B_, C_;
+};
+
+/// From well below the slowest mode to half the sampling rate, and those of the closed loop's
+/// poles: a resonance may be narrower than any grid [rad/s], rising. @param peaks poles of the
+/// response, beside which there are more frequencies: at one without damping it has no value
+std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points,
+                                const Eigen::VectorXcd& peaks = {});
+
+/// The least f over the frequencies, refined between the neighbours of the lowest minima.
+template <class F>
+double least_over(const std::vector<double>& w, const F& f) {
+  constexpr std::size_t refined = 3;
+  std::vector<double> value;
+  for (const double each : w) value.push_back(f(each));
+  std::vector<std::pair<double, std::size_t>> minima;
+  for (std::size_t k = 0; k < w.size(); ++k) {
+    const bool before = k == 0 || value[k] <= value[k - 1];
+    if (before && (k + 1 == w.size() || value[k] <= value[k + 1])) minima.emplace_back(value[k], k);
+  }
+  std::ranges::sort(minima);
+  double least = minima.front().first;
+  for (std::size_t m = 0; m < std::min(refined, minima.size()); ++m) {
+    const std::size_t k = minima[m].second;
+    double low = w[k == 0 ? 0 : k - 1], high = w[std::min(k + 1, w.size() - 1)];
+    for (int i = 0; i < 30; ++i) {
+      const double third = (high - low) / 3;
+      if (f(low + third) < f(high - third)) {
+        high -= third;
+      } else {
+        low += third;
+      }
+    }
+    least = std::min(least, f((low + high) / 2));
+  }
+  return least;
+}
+
+}  // namespace tachless::linear

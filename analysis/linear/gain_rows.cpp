@@ -1,0 +1,199 @@
+#include "linear/gain_rows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "numerics/decompositions.h"
+
+namespace tachless::linear {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+constexpr int num_frequencies = 80;
+constexpr double lowest_rad_per_s = 1;
+
+/// Only the rows of one joint, of vectors that each have an entry per joint.
+MatrixXd rows_of_joint(const MatrixXd& all, Index joint, Index n) {
+  MatrixXd own = MatrixXd::Zero(all.rows(), all.cols());
+  for (Index i = joint; i < all.rows(); i += n) own.row(i) = all.row(i);
+  return own;
+}
+
+/// T of a similarity T^-1 L T that makes L near normal: P is near M^-1 times a number, K diagonal.
+VectorXd scale_of(const MatrixXcd& K) { return K.rowwise().norm().cwiseSqrt().cwiseMax(1e-30); }
+
+/// No eigenvalue is nearer to 0 than Gershgorin's discs.
+double least_by_discs(const MatrixXcd& A) {
+  const MatrixXd size = A.cwiseAbs2().cwiseSqrt();
+  return (2 * size.diagonal() - size.rowwise().sum()).minCoeff();
+}
+
+}  // namespace
+
+LinearLaw Feedback::derivative(Index variable) const {
+  if (!by_joint) return by_kind[static_cast<std::size_t>(variable)];
+  const Index n = law.D.rows(), joint = variable % n;
+  const LinearLaw& all = by_kind[static_cast<std::size_t>(variable / n)];
+  const auto own = [&](const MatrixXd& each) { return rows_of_joint(each, joint, n); };
+  return {own(all.A), own(all.B), own(all.C), own(all.D), law.measured};
+}
+
+FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s) {
+  const LinearLaw& law = feedback.law;
+  FeedbackAt at{w, law.D.cast<std::complex<double>>(), {}};
+  const Index memory = law.A.rows();
+  MatrixXcd to_memory, from_memory;  // (z - A)^-1 B, C (z - A)^-1
+  if (memory > 0) {
+    MatrixXcd resolvent = -law.A.cast<std::complex<double>>();
+    resolvent.diagonal().array() += std::polar(1.0, w * period_s);
+    const MatrixXcd inverse = numerics::complex_inverse(resolvent);
+    to_memory = inverse * law.B;
+    from_memory = law.C * inverse;
+    at.K += law.C * to_memory;
+  }
+  for (const LinearLaw& by : feedback.by_kind) {
+    at.by_kind.emplace_back(by.D);
+    if (memory == 0) continue;
+    at.by_kind.back() +=
+        by.C * to_memory + from_memory * (by.B.cast<std::complex<double>>() + by.A * to_memory);
+  }
+  return at;
+}
+
+std::vector<double> kept_frequencies(double period_s) {
+  const double highest = 0.999 * std::numbers::pi / period_s;
+  std::vector<double> w;
+  for (int k = 0; k < num_frequencies; ++k) {
+    w.push_back(lowest_rad_per_s * std::pow(highest / lowest_rad_per_s,
+                                            static_cast<double>(k) / (num_frequencies - 1)));
+  }
+  return w;
+}
+
+RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay)
+    : n_(plant.num_joints), period_s_(period_s) {
+  LinearLaw compensation{MatrixXd(0, 0),  MatrixXd(0, law.D.cols()),
+                         MatrixXd(n_, 0), law.compensation,
+                         law.measured,    law.compensation};
+  const CutLoop loop = cut(plant, compensation, period_s, delay);
+  A_ = loop.A;
+  B_ = loop.B;
+  C_ = measured_rows(law.measured, n_, A_.rows());
+  over_frequency_ = {numerics::complex_schur(A_), B_, C_};
+  w_ = kept_frequencies(period_s);
+  for (const double w : w_) at_w_.push_back(over_frequency_.at(std::polar(1.0, w * period_s)));
+}
+
+MatrixXd RestLoop::closed(const LinearLaw& law) const {
+  const Index x = A_.rows(), m = law.A.rows();
+  MatrixXd map(x + m, x + m);
+  map << A_ + B_ * (law.D * C_), B_ * law.C, law.B * C_, law.A;
+  return map;
+}
+
+MatrixXd RestLoop::displaced(const LinearLaw& law) const {
+  const Index x = A_.rows(), m = law.A.rows();
+  MatrixXd state = MatrixXd::Zero(x + m, n_);
+  state.topRows(n_).setIdentity();
+  if (C_.cols() >= 4 * n_ && C_.rows() > 0 &&
+      std::ranges::find(law.measured, Part::theta) != law.measured.end()) {
+    state.middleRows(2 * n_, n_).setIdentity();
+  }
+  state.bottomRows(m) = first_memory(law, C_ * state.topRows(x));
+  return state;
+}
+
+MatrixXcd RestLoop::response(double w) const {
+  const auto kept = std::ranges::lower_bound(w_, w);
+  if (kept != w_.end() && *kept == w) return at_w_[static_cast<std::size_t>(kept - w_.begin())];
+  return over_frequency_.at(std::polar(1.0, w * period_s_));
+}
+
+std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, double enough) const {
+  std::vector<double> least;
+  for (const FeedbackAt& at : grid) {
+    const VectorXd scale = scale_of(at.K);
+    MatrixXcd one_plus =
+        -(scale.cwiseInverse().asDiagonal() * (at.K * response(at.w)) * scale.asDiagonal());
+    one_plus.diagonal().array() += 1;
+    double bound = least_by_discs(one_plus);
+    if (bound > enough) {
+      least.push_back(bound);
+      continue;
+    }
+    // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
+    MatrixXcd inverse = numerics::complex_inverse(one_plus);
+    bound = 1 / inverse.norm();
+    for (int k = 2; bound <= enough && k <= 8; k *= 2) {
+      inverse = inverse.lazyProduct(inverse).eval();
+      bound = std::pow(inverse.norm(), -1.0 / k);
+    }
+    least.push_back(bound > enough ? bound : numerics::eigenvalues(one_plus).cwiseAbs().minCoeff());
+  }
+  return least;
+}
+
+void RestLoop::add_rows(const FeedbackAt& at, const Feedback& feedback, double least, double near,
+                        std::vector<numerics::LinearProgramme::Row>& rows) const {
+  const MatrixXcd P = response(at.w);
+  const VectorXd scale = scale_of(at.K);
+  const auto scaled = [&](const MatrixXcd& K) -> MatrixXcd {
+    return -(scale.cwiseInverse().asDiagonal() * (K * P) * scale.asDiagonal());
+  };
+  const numerics::ComplexEigen eigen = numerics::complex_eigen(scaled(at.K));
+  const MatrixXcd left = numerics::complex_inverse(eigen.vectors);
+  const Index variables = std::ssize(at.by_kind) * (feedback.by_joint ? n_ : 1);
+  for (Index m = 0; m < n_; ++m) {
+    const std::complex<double> from = eigen.values[m] + 1.0;
+    const double distance = std::abs(from);
+    if (distance > least + near) continue;
+    numerics::LinearProgramme::Row row{VectorXd(variables), least - distance};
+    for (std::size_t kind = 0; kind < at.by_kind.size(); ++kind) {
+      const VectorXcd moved = scaled(at.by_kind[kind]) * eigen.vectors.col(m);
+      const VectorXd change =
+          (std::conj(from) / distance * left.row(m).transpose().cwiseProduct(moved).array()).real();
+      const auto first = static_cast<Index>(kind);
+      if (feedback.by_joint) {
+        row.gradient.segment(first * n_, n_) = change;
+      } else {
+        row.gradient[first] = change.sum();
+      }
+    }
+    rows.push_back(std::move(row));
+  }
+}
+
+Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, double end_s,
+              int most_instants) {
+  const double h = loop.period_s();
+  const Index n = loop.num_joints();
+  auto first = std::max<long long>(1, std::llround(begin_s / h));
+  const auto last = std::max(first + 1, std::llround(end_s / h));
+  long long stride = 1;
+  while ((last - first) / stride > most_instants) stride *= 2;
+  MatrixXd power = loop.closed(feedback), step = power, state = loop.displaced(feedback);
+  for (long long bit = 1, rest = first; bit <= std::max(first, stride); bit *= 2) {
+    if (bit == stride) step = power;
+    if (rest % 2 == 1) state = power * state;
+    rest /= 2;
+    power = power * power;
+  }
+  Errors result;
+  result.error.resize((last - first) / stride + 1, n * n);
+  for (Index k = 0; k < result.error.rows(); ++k) {
+    result.time_s.push_back(h * static_cast<double>(first + k * stride));
+    const MatrixXd here = state.topRows(n);
+    result.error.row(k) = Eigen::Map<const Eigen::RowVectorXd>(here.data(), n * n);
+    state = step * state;
+  }
+  return result;
+}
+
+}  // namespace tachless::linear

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "linear/frequencies.h"
+#include "linear/linear_loop.h"
+#include "linear/sampled_limit.h"
+#include "numerics/linear_programme.h"
+
+/// What a loop at rest asks of the gains of its law, and its derivatives by them: the distance of
+/// L(exp(iwh)) from -1 and the errors from each joint alone. The derivatives are by the logarithms
+/// of gains, numbered kind by kind, joint by joint within a kind.
+namespace tachless::linear {
+
+/// A law's feedback terms, D without the compensation, and their derivatives.
+struct Feedback {
+  LinearLaw law;
+  std::vector<LinearLaw> by_kind;  ///< by the gains of one kind, those of all joints together
+  /// Whether each joint's gains act on its own torque and memory alone, so that each is a variable
+  /// of its own; otherwise there is one variable for each kind.
+  bool by_joint = true;
+
+  [[nodiscard]] LinearLaw derivative(Eigen::Index variable) const;
+};
+
+/// Its frequency response K and derivatives by kind, torque = K y.
+struct FeedbackAt {
+  double w = 0;  ///< [rad/s]
+  Eigen::MatrixXcd K;
+  std::vector<Eigen::MatrixXcd> by_kind;
+};
+FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s);
+
+/// The frequencies at which a RestLoop keeps its response, ascending [rad/s].
+std::vector<double> kept_frequencies(double period_s);
+
+/// A plant at rest with its compensation of gravity closed and its delay: everything but the gains.
+class RestLoop {
+ public:
+  RestLoop() = default;
+  RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
+
+  /// The map of one period.
+  [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
+  /// Of `closed`: a column for each joint displaced alone by 1, its rotor with it and the law's
+  /// memory as a run begins there.
+  [[nodiscard]] Eigen::MatrixXd displaced(const LinearLaw& feedback) const;
+
+  /// The least |1 + eigenvalue of L| at each of these frequencies; where it is above `enough` for
+  /// certain, a smaller number above that.
+  [[nodiscard]] std::vector<double> modulus(const std::vector<FeedbackAt>& grid,
+                                            double enough) const;
+  /// Rows |1 + eigenvalue| + gradient' d >= `least`, of eigenvalues within `near` of that.
+  void add_rows(const FeedbackAt& at, const Feedback& feedback, double least, double near,
+                std::vector<numerics::LinearProgramme::Row>& rows) const;
+
+  [[nodiscard]] Eigen::Index num_joints() const { return n_; }
+  [[nodiscard]] double period_s() const { return period_s_; }
+
+ private:
+  [[nodiscard]] Eigen::MatrixXcd response(double w) const;
+
+  Eigen::Index n_ = 0;
+  double period_s_ = 0;
+  std::vector<double> w_;               ///< kept_frequencies
+  std::vector<Eigen::MatrixXcd> at_w_;  ///< the responses there
+  Eigen::MatrixXd A_, B_, C_;           ///< from torque to measurement
+  FrequencyResponse over_frequency_;
+};
+
+/// The errors of all joints from each alone, a row for each of some instants from begin to end.
+struct Errors {
+  std::vector<double> time_s;
+  Eigen::MatrixXd error;  ///< of joint i from joint k: column k n + i
+};
+Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, double end_s,
+              int most_instants);
+
+}  // namespace tachless::linear

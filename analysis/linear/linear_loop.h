@@ -1,0 +1,88 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <vector>
+
+#include "controller/law/law.h"
+#include "messages/measurements.h"
+#include "messages/signals.h"
+#include "robot/model.h"
+
+/// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
+/// time, and the map of one period that they make with the torque held.
+namespace tachless::linear {
+
+using messages::Part;
+
+/// Where `is` ends between `inside`, where it holds, and `outside`, by bisection: it holds there.
+template <class Inside>
+double edge(double inside, double outside, int halvings, const Inside& is) {
+  for (; halvings > 0; --halvings) {
+    const double middle = (inside + outside) / 2;
+    (is(middle) ? inside : outside) = middle;
+  }
+  return inside;
+}
+
+/// xdot = A x + B tau in deviations x = (q, v) from the reference, (q, v, theta, thetadot) with
+/// flexible joints; torques of current loops that lag come last.
+struct LinearPlant {
+  Eigen::MatrixXd A, B;
+  Eigen::Index num_joints = 0;
+};
+
+/// At rest in `q`.
+messages::ReferencePoint constant_reference(const Vector& q);
+
+/// The gradient of inverse dynamics M(q) a + C(q, v) v + g(q) by q, at a point of a motion
+/// [N m/rad].
+Eigen::MatrixXd gradient_by_q(const robot::Model& model, const messages::ReferencePoint& point);
+
+/// M eddot + 2 C(q, v) edot + gradient_by_q e = tau. `friction` [N m s/rad] is viscous, at the
+/// joints, in addition; empty: none.
+LinearPlant rigid_plant(const robot::Model& model, const messages::ReferencePoint& point,
+                        const Eigen::VectorXd& friction = {});
+/// The links' motion is `point`; springs and rotors are linear anyway. `friction` is the motors'.
+LinearPlant flexible_plant(const robot::Model& links, const messages::ReferencePoint& point,
+                           const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
+                           const Eigen::VectorXd& friction = {});
+
+/// memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the plant.
+struct LinearLaw {
+  Eigen::MatrixXd A, B, C, D;
+  std::vector<Part> measured;
+  /// The part of D that compensates gravity by the model: no gain of the feedback. Empty: none.
+  Eigen::MatrixXd compensation = {};
+  /// The memory that it begins a run with, by its first measurement. Empty: not known.
+  Eigen::MatrixXd start = {};
+};
+
+/// What of so many states, the plant's first, a law measures: y = C x.
+Eigen::MatrixXd measured_rows(const std::vector<Part>& measured, Eigen::Index num_joints,
+                              Eigen::Index states);
+
+/// The memory of a run that begins with these deviations of the measurement, each in a column:
+/// where `start` is not known that after long, of a law that forgets, else 0.
+Eigen::MatrixXd first_memory(const LinearLaw& law, const Eigen::MatrixXd& measured);
+
+/// The gradient of a law by central differences of step `step` times max(1, |x_i|).
+LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd& memory,
+                     const Eigen::VectorXd& measurement, std::vector<Part> measured,
+                     double step = 1e-6);
+
+/// The plant over one period with its torque held, exactly: x' = A x + B tau.
+LinearPlant held(const LinearPlant& plant, double period_s);
+
+/// One period of (x, memory, torques under way) with the law's feedback terms cut: the torque
+/// computed at tick k acts from tick k + delay on, the compensation of gravity stays closed, and
+/// the feedback terms C state enter through B.
+struct CutLoop {
+  Eigen::MatrixXd A, B, C;
+
+  /// The map of one period when it is closed again; `gain` multiplies the feedback terms.
+  [[nodiscard]] Eigen::MatrixXd closed(double gain = 1) const;
+};
+CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
+
+}  // namespace tachless::linear

@@ -1,0 +1,243 @@
+#include "linear/sampled_limit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "linear/gain_rows.h"
+#include "numerics/decompositions.h"
+
+namespace tachless::linear {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+
+/// The loop's frequency response L, from a torque that is added to the feedback terms to the
+/// feedback terms that come back, negated: 1 + L is singular where the loop is on the edge.
+class Response {
+ public:
+  Response(const CutLoop& open, double period_s) : period_s_(period_s) {
+    MatrixXd closed = open.closed();
+    const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
+    poles_ = numerics::eigenvalues(closed);
+    // Of the balanced loop, or the rounding of a law's large states hides its small ones.
+    const numerics::Schur A =
+        numerics::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
+    peaks_ = A.T.diagonal();
+    response_ = {A, inverse.asDiagonal() * open.B, open.C * scale.asDiagonal()};
+  }
+
+  [[nodiscard]] MatrixXcd at(double w) const {
+    return -response_.at(std::polar(1.0, w * period_s_));
+  }
+  [[nodiscard]] VectorXcd eigenvalues(double w) const { return numerics::eigenvalues(at(w)); }
+  [[nodiscard]] double modulus(double w) const {
+    return (eigenvalues(w).array() + 1).abs().minCoeff();
+  }
+  [[nodiscard]] double smallest_singular_value(double w) const {
+    MatrixXcd one_plus = at(w);
+    one_plus.diagonal().array() += 1;
+    return numerics::smallest_singular_value(one_plus);
+  }
+  [[nodiscard]] std::vector<double> frequencies(bool with_peaks = false) const {
+    return linear::frequencies(poles_, period_s_, 500, with_peaks ? peaks_ : VectorXcd());
+  }
+
+ private:
+  double period_s_;
+  FrequencyResponse response_;
+  VectorXcd poles_, peaks_;  ///< of the closed loop; poles of L
+};
+
+/// States of the loop (plant, memory, torques under way), one for each joint displaced alone by 1,
+/// its rotor with it, the law's memory as a run begins there, and no torque under way.
+MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law) {
+  const Index n = loop.plant.num_joints, plant = loop.plant.A.rows(), memory = law.A.rows();
+  MatrixXd state = MatrixXd::Zero(plant + memory + loop.delay * n, n);
+  state.topRows(n).setIdentity();
+  if (plant >= 4 * n) state.middleRows(2 * n, n).setIdentity();
+  state.middleRows(plant, memory) =
+      first_memory(law, measured_rows(law.measured, n, plant) * state.topRows(plant));
+  return state;
+}
+
+/// When the errors from each of `displaced` are last above 1 %, in steps of several periods where
+/// it takes long.
+Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
+                               double period_s, double decay_per_s) {
+  constexpr double part = 0.01, most_steps = 2000;
+  const Index n = loop.plant.num_joints;
+  // Several slowest modes together need longer than one; more than threefold none has been seen.
+  double longest_s = -3 * std::log(part) / decay_per_s;
+  while (true) {
+    MatrixXd step = map;
+    double step_s = period_s;
+    for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
+    MatrixXd state = displaced(loop, law);
+    Eigen::VectorXd settled_s = Eigen::VectorXd::Zero(n);
+    for (double t = step_s; t <= longest_s; t += step_s) {
+      state = step * state;
+      for (Index k = 0; k < n; ++k) {
+        if (state.col(k).head(n).cwiseAbs().maxCoeff() > part) settled_s[k] = t;
+      }
+    }
+    // The slowest mode may be a small part of the error: then once more, closer.
+    const double last_s = settled_s.maxCoeff() + step_s;
+    if (step_s == period_s || last_s > longest_s / 4) return settled_s;
+    longest_s = last_s;
+  }
+}
+
+/// Phase and delay margin: where an eigenvalue of L crosses the unit circle, turned by its
+/// distance from -1 it makes 1 + L singular.
+void crossings(const Response& response, const std::vector<double>& w, Margins& margins) {
+  constexpr int halvings = 40;
+  margins.phase_deg = 180;
+  margins.delay_s = infinity;
+  const auto by_size = [&](double x) {
+    VectorXcd all = response.eigenvalues(x);
+    std::sort(all.begin(), all.end(),
+              [](const auto& a, const auto& b) { return std::abs(a) < std::abs(b); });
+    return all;
+  };
+  VectorXcd before = by_size(w[0]);
+  for (std::size_t k = 1; k < w.size(); ++k) {
+    const VectorXcd now = by_size(w[k]);
+    for (Index i = 0; i < now.size(); ++i) {
+      const bool outside = std::abs(before[i]) > 1;
+      if (outside == (std::abs(now[i]) > 1)) continue;
+      const double at = edge(w[k - 1], w[k], halvings,
+                             [&](double x) { return (std::abs(by_size(x)[i]) > 1) == outside; });
+      // A lag turns -1's predecessor into it: the angle from -1 up to the eigenvalue.
+      double lag = std::arg(-by_size(at)[i]);
+      margins.phase_deg = std::min(margins.phase_deg, std::abs(lag) * 180 / std::numbers::pi);
+      if (lag < 0) lag += 2 * std::numbers::pi;
+      margins.delay_s = std::min(margins.delay_s, lag / at);
+    }
+    before = now;
+  }
+}
+
+}  // namespace
+
+CutLoop cut(const SampledLoop& loop, double period_s) {
+  return cut(loop.plant, loop.law(period_s), period_s, loop.delay);
+}
+
+double radius_at(const SampledLoop& loop, double period_s) {
+  return spectral_radius(cut(loop, period_s).closed());
+}
+
+std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s) {
+  constexpr double ratio = 1.1;
+  constexpr int halvings = 17;  // to a millionth
+  const auto stable = [&](double h) { return radius_at(loop, h) < 1; };
+  double inside = from_s;
+  while (!stable(inside)) {
+    inside /= ratio;
+    if (inside < shortest_s) return {};
+  }
+  while (inside < longest_s) {
+    const double next = std::min(inside * ratio, longest_s);
+    if (!stable(next)) return edge(inside, next, halvings, stable);
+    inside = next;
+  }
+  return inside;
+}
+
+Modes modes(const SampledLoop& loop, double period_s) {
+  const LinearLaw law = loop.law(period_s);
+  const MatrixXd map = cut(loop.plant, law, period_s, loop.delay).closed();
+  const VectorXcd z = balanced_eigenvalues(map);
+  Modes result;
+  result.radius = z.cwiseAbs().maxCoeff();
+  result.stable = result.radius < 1;
+  double decay = infinity;
+  for (const std::complex<double>& value : z) {
+    if (std::abs(value) < 1e-12) continue;  // decayed after some periods
+    const std::complex<double> s = std::log(value) / period_s;
+    decay = std::min(decay, -s.real());
+    const double damping = -s.real() / std::abs(s);
+    if (s.imag() != 0 && damping < result.least_damping) {
+      result.least_damping = damping;
+      result.least_damped_hz = std::abs(s.imag()) / (2 * std::numbers::pi);
+    }
+  }
+  result.decay_per_s = decay;
+  result.settling_s = result.settling_mean_s = infinity;
+  if (result.stable) {
+    const Eigen::VectorXd each = settling_times(loop, law, map, period_s, result.decay_per_s);
+    result.settling_s = each.maxCoeff();
+    result.settling_mean_s = each.mean();
+  }
+  return result;
+}
+
+double modulus_margin(const SampledLoop& loop, double period_s) {
+  const CutLoop open = cut(loop, period_s);
+  if (spectral_radius(open.closed()) >= 1) return 0;
+  const Response response(open, period_s);
+  return least_over(response.frequencies(), [&](double w) { return response.modulus(w); });
+}
+
+Margins margins(const SampledLoop& loop, double period_s) {
+  Margins result;
+  const CutLoop open = cut(loop, period_s);
+  const auto stable = [&](double gain) { return spectral_radius(open.closed(gain)) < 1; };
+  if (!stable(1)) return result;
+  result.gain = infinity;
+  constexpr double factor = 1.1, largest_gain = 1e4;
+  for (double gain = 1; gain < largest_gain; gain *= factor) {
+    if (stable(gain * factor)) continue;
+    result.gain = edge(gain, gain * factor, 20, stable);  // to 1e-7
+    break;
+  }
+  const Response response(open, period_s);
+  const std::vector<double> w = response.frequencies();
+  result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
+  result.modulus_independent =
+      least_over(w, [&](double x) { return response.smallest_singular_value(x); });
+  crossings(response, response.frequencies(true), result);
+  return result;
+}
+
+MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
+                           const Eigen::VectorXd& springs, double period_s) {
+  constexpr double slowly = 1e-3;  // [rad/s]
+  law.D -= law.compensation;
+  const MatrixXd feedback =
+      scale.asDiagonal() * at_frequency({law, {}, true}, slowly, period_s).K.real();
+  const Index n = law.D.rows();
+  MatrixXd K = MatrixXd::Zero(n, n), by_theta = K;
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    const auto block = feedback.middleCols(static_cast<Index>(i) * n, n);
+    if (law.measured[i] == Part::q || law.measured[i] == Part::theta) K -= block;
+    if (law.measured[i] == Part::theta) by_theta -= block;
+  }
+  if (springs.size() == 0) return K;
+  // A torque d on the links leaves theta = q - d / springs, and the motors' torque is -d.
+  by_theta *= springs.cwiseInverse().asDiagonal();
+  return numerics::inverse(MatrixXd::Identity(n, n) + by_theta) * K;
+}
+
+double radius_along(const std::function<MatrixXd(int)>& map_at, int ticks) {
+  MatrixXd product = map_at(0);
+  double log_size = 0;
+  for (int k = 1; k < ticks; ++k) {
+    product = map_at(k) * product;
+    const double size = product.cwiseAbs().maxCoeff();
+    if (size == 0) return 0;
+    product /= size;
+    log_size += std::log(size);
+  }
+  const double radius = spectral_radius(product);
+  return radius == 0 ? 0 : std::exp((std::log(radius) + log_size) / ticks);
+}
+
+}  // namespace tachless::linear

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+
+#include "linear/frequencies.h"
+#include "linear/linear_loop.h"
+
+/// Whether the loop of a law that runs at a fixed period is stable, how far from the limit, and
+/// how it moves: of its linearisation, exactly over one period. It does not cover large errors,
+/// saturation or quantisation; that of a moving reference needs `radius_along`, since the
+/// eigenvalues at frozen postures are neither necessary nor sufficient.
+namespace tachless::linear {
+
+/// A plant and the law for any period.
+struct SampledLoop {
+  LinearPlant plant;
+  std::function<LinearLaw(double period_s)> law;
+  int delay = 0;  ///< whole periods from measurement to torque
+};
+
+CutLoop cut(const SampledLoop& loop, double period_s);
+
+/// Of the map of one period.
+double radius_at(const SampledLoop& loop, double period_s);
+
+/// Of the periods that are tried [s].
+inline constexpr double shortest_s = 1e-7, longest_s = 1;
+/// The first stable period that has an unstable one next to it, sought from `from_s` on: upwards
+/// where the loop is stable there, else downwards [s]. At least `longest_s`, or `from_s` beyond
+/// that, when no unstable one was found; nothing when the shortest is unstable, so that no sampling
+/// is to blame.
+std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s = shortest_s);
+
+/// How the loop moves at one period.
+struct Modes {
+  bool stable = false;
+  double radius = 0;       ///< spectral radius of the one-period map
+  double decay_per_s = 0;  ///< of the slowest mode
+  /// Until the errors of all joints stay below 1 % of the one that began in one joint alone, at
+  /// rest: the longest of all joints, and the mean [s].
+  double settling_s = 0, settling_mean_s = 0;
+  double least_damped_hz = 0;
+  double least_damping = 1;  ///< 1: no mode oscillates
+};
+Modes modes(const SampledLoop& loop, double period_s);
+
+/// Margins of the loop broken at the law's feedback terms, all joints at once: its compensation of
+/// gravity by the model stays closed (LinearLaw::compensation), since no gain multiplies it.
+struct Margins {
+  /// Least distance of L's eigenvalues from -1 over all frequencies: what one factor, lag or delay
+  /// common to all joints needs.
+  double modulus = 0;
+  /// Least singular value of 1 + L: the size of the smallest errors, independent in all joints and
+  /// in units of torque, that may make it unstable.
+  double modulus_independent = 0;
+  double gain = 0;       ///< factor on all joints that makes it unstable; infinite up to 1e4
+  double phase_deg = 0;  ///< lag common to all joints that does; 180 when none
+  double delay_s = 0;    ///< delay common to all joints that does; infinite when none
+};
+/// The modulus alone; 0 of an unstable loop.
+double modulus_margin(const SampledLoop& loop, double period_s);
+/// Of a stable loop; all zero for an unstable one.
+Margins margins(const SampledLoop& loop, double period_s);
+
+/// Torque on the links per position error at rest, all joints together, gravity taken as
+/// compensated and without what an integral adds. @param scale of the drives' torques
+/// @param springs of flexible joints; empty: rigid
+Eigen::MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
+                                  const Eigen::VectorXd& springs, double period_s);
+
+/// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
+/// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.
+double radius_along(const std::function<Eigen::MatrixXd(int)>& map_at, int ticks);
+
+}  // namespace tachless::linear

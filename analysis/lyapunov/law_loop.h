@@ -1,0 +1,79 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "lyapunov/error_system.h"
+#include "messages/signals.h"
+#include "scenario/scenario.h"
+
+/// A scenario's law in the error coordinates of the certificate, and the friction that disturbs it.
+namespace tachless::lyapunov {
+
+/// What of a scenario's law the certificate is about.
+struct LawLoop {
+  std::vector<ErrorSystem> systems;  ///< of the start first; one where the gains are constant
+  Eigen::VectorXd initial;           ///< (e, nu, edot) at t = 0
+  std::optional<Weights> weights;    ///< those of a law with an integral, which has no others
+  Eigen::VectorXd ki;                ///< of its integral [N m/rad]
+};
+
+/// The loop of a law with filtered errors at a point of the reference: its gains and their rates by
+/// what it answers to unit errors. @param D viscous friction of the joints [N m s/rad]
+template <class L>
+ErrorSystem system_at(const L& law, const messages::ReferencePoint& reference,
+                      const Eigen::VectorXd& D) {
+  const Eigen::Index n = reference.q_ref.size();
+  ErrorSystem s{
+      Eigen::MatrixXd(n, n), Eigen::MatrixXd(n, n), law.filter_pole(), law.filter_gain(), {}, D};
+  s.kp_dot = s.kd_dot = s.kp;
+  const Vector none = Vector::Zero(n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const Vector unit = Vector::Unit(n, j);
+    s.kp.col(j) = -law.feedback(none, unit, none, reference);
+    s.kd.col(j) = -law.feedback(none, none, unit, reference);
+    s.kp_dot.col(j) = law.feedback_rate(unit, none, reference);
+    s.kd_dot.col(j) = law.feedback_rate(none, unit, reference);
+  }
+  s.v_ref = reference.v_ref;
+  return s;
+}
+
+/// Why there is no stability certificate: other laws, and a rigid law on flexible joints; empty:
+/// there is one.
+std::string no_certificate(const scenario::Scenario& scenario);
+
+/// Nothing for laws that it is not about. @throw base::Failure(bad_usage).
+std::optional<LawLoop> law_loop(const scenario::Scenario& scenario);
+
+/// M of the error equation's links: with the rotors of rigid joints.
+robot::Model error_model(const scenario::Scenario& scenario);
+
+/// V [J] of the error state x at posture q.
+double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
+                      const Vector& q, const Eigen::VectorXd& x);
+
+/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|, of all
+/// joints together and of each. Its axes are those of the motion's mean square, at least a
+/// thousandth of the longest.
+struct VelocityBound {
+  double speed = 0;
+  Eigen::VectorXd each;
+  Eigen::MatrixXd scale;
+};
+VelocityBound velocity_bound(const scenario::Scenario& scenario);
+
+/// Torques of a rigid robot's friction that are in no term of Mm. With f = Fc Sgn(v) + r, |r| <= Fs
+/// - Fc, less Ff tanh(v_ref / s) fed forward, Vdot <= -x' Mm x + |y|' on_y + |delta|' on_delta +
+/// power, y = edot + delta: -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most 0.2785 Fc s.
+struct FrictionTorques {
+  Eigen::VectorXd on_y, on_delta;  ///< [N m]
+  double power = 0;                ///< [W]
+
+  [[nodiscard]] bool any() const { return !on_y.isZero(0) || !on_delta.isZero(0); }
+};
+/// @param v_ref largest of each joint; empty or 0 at a constant reference
+FrictionTorques friction_torques(const scenario::Scenario& scenario, const Eigen::VectorXd& v_ref);
+
+}  // namespace tachless::lyapunov

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "lyapunov/error_system.h"
+#include "numerics/postures.h"
+
+/// The constants of a robot, and the conditions of stability that Loria and Ortega (1995) print,
+/// which are made of such norms. One weight eps = eps_1 = eps_2; continuous time. They are very
+/// conservative and their proof has a gap (docs/certificate.md): matrix_condition.h has neither
+/// fault.
+namespace tachless::lyapunov {
+
+/// Norms are Euclidean, of matrices the spectral one; sup and inf are over the postures and, where
+/// there is an x, over |x| = 1. Of sampled postures, the best of which are refined locally: no
+/// bounds. They know no gains.
+struct RobotConstants {
+  numerics::Extreme lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
+  numerics::Extreme k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
+  numerics::Extreme k_g;                         ///< sup |dg/dq| [N m/rad]
+};
+
+RobotConstants robot_constants(const robot::Model& model);
+
+struct Interval {
+  double low = 0, high = 0;
+};
+
+/// The paper's conditions: some eps with (25) < eps < (19), (20), (23), (24), (27), and (7), for
+/// some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0; gamma_2 = 1/2 as (27)
+/// prints it. The bounds are given for
+/// gamma_1 = beta_1 = beta_3 = 1 (upper ones to be multiplied by the share, the lower one divided).
+struct PrintedConditions {
+  double eq7 = 0;  ///< b_i > eq7 / beta_2; of flexible joints, eq. 12
+  double eq19 = 0, eq20 = 0;
+  double eq23 = 0;  ///< times gamma_1
+  double eq24 = 0;  ///< times gamma_1 beta_1
+  double eq25 = 0;  ///< divided by beta_3
+  double eq27 = 0;  ///< for gamma_2 = 1/2
+  bool feasible = false;
+  Interval epsilon;  ///< for which some beta and gamma exist
+  // The best certified ball over eps, beta and gamma.
+  double c1 = 0;    ///< eq. 8
+  double eq26 = 0;  ///< R = (beta_2 lambda(B) lambda(M) - Lambda(M)) / (2 k_c) [rad; rad/s]
+};
+
+PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
+                                     double B_d);
+
+}  // namespace tachless::lyapunov

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+
+#include "linear/scenario_loop.h"
+
+namespace tachless::lyapunov {
+
+/// One period of a scenario's loop with its reference held at a posture, as it is coded: the
+/// emulator's arm over the tick with the torque held, friction included; the law's own step; torque
+/// limits; delay. Encoders are ideal; disturbances, torque offsets and rates are not in it.
+///
+/// The state x is the deviation from rest there, in the order of `cut`: the plant's (q, v), with
+/// flexible joints (q, v, theta, thetadot), and of current loops that lag the torques; the law's
+/// memory before the tick; the torques under
+/// way, the newest first.
+class OneTick {
+ public:
+  /// Precondition: `controller::LawFacts::no_linearisation` is empty.
+  /// @throw base::Failure(bad_usage) as `ScenarioLoop`.
+  OneTick(const scenario::Scenario& scenario, const Vector& q_ref);
+
+  /// x at the next tick; not a number where the plant cannot be integrated.
+  [[nodiscard]] Eigen::VectorXd operator()(const Eigen::VectorXd& x) const;
+  /// Its gradient at x = 0.
+  [[nodiscard]] Eigen::MatrixXd linear() const;
+
+  /// x of a run that starts with that deviation of the plant's state: the law's memory as it starts
+  /// there, and under way the torque that holds the reference.
+  [[nodiscard]] Eigen::VectorXd start(const Eigen::VectorXd& plant) const;
+
+  [[nodiscard]] Eigen::Index num_joints() const { return torque_.size(); }
+  [[nodiscard]] Eigen::Index plant_size() const { return plant_.size(); }
+  [[nodiscard]] Eigen::Index size() const;
+  [[nodiscard]] const Vector& q_ref() const { return reference_.q_ref; }
+  [[nodiscard]] int delay() const { return settings_.command_delay; }
+
+ private:
+  std::shared_ptr<const scenario::Scenario> scenario_;
+  linear::ScenarioLoop loop_;
+  messages::ReferencePoint reference_;
+  robot::Model model_;
+  controller::law::Settings settings_;
+  controller::SteppedLaw law_;
+  Eigen::VectorXd plant_, torque_, limit_;  ///< at rest; limits
+  Eigen::MatrixXd measured_;                ///< what of the plant the law measures
+  struct Arms;
+  std::shared_ptr<Arms> arms_;  ///< one for each thread that is in a call
+};
+
+}  // namespace tachless::lyapunov

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+
+#include "linear/effort.h"
+#include "lyapunov/one_tick.h"
+
+namespace tachless::lyapunov {
+
+/// V(x) = x' P x of the state of `OneTick` at a posture: V <= 1 is the largest set in which a
+/// search found no x with V(F(x)) >= V(x), F the one-tick map as coded. Searched, not proved.
+struct SampledRegion {
+  Vector q_ref;
+  Eigen::MatrixXd P;
+  /// Largest error of one joint alone, from rest and with the law's memory as it then starts
+  /// [rad; m], and rate alone [rad/s; m/s].
+  Eigen::VectorXd e_at_rest, edot;
+  double widest = 0;   ///< largest error of a joint in the set [rad; m]
+  bool cut = false;    ///< the set ends there, where the search does, without a violation
+  int directions = 0;  ///< looked at for the result, beside the ascents
+
+  [[nodiscard]] double V(const Eigen::VectorXd& x) const { return x.dot(P * x); }
+};
+
+/// About the start of the reference's motion. P is the best of some that are
+/// P = Q + sum_k w_k A_k' P A_k / r², A_k the one-tick maps linearised at postures about q_ref.
+/// Nothing, and why, of a law that cannot be linearised, with dry friction, and where no set was
+/// found.
+/// @throw base::Failure(bad_usage)
+std::optional<SampledRegion> sampled_region(const scenario::Scenario& scenario,
+                                            std::string& why_not,
+                                            const linear::OnProgress& tell = linear::no_progress);
+
+}  // namespace tachless::lyapunov

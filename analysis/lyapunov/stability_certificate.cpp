@@ -1,0 +1,403 @@
+#include "lyapunov/stability_certificate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <utility>
+
+#include "linear/scenario_loop.h"
+#include "lyapunov/law_loop.h"
+#include "numerics/decompositions.h"
+#include "reference/make_trajectory.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
+
+namespace tachless::lyapunov {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// @param disturbed whether friction disturbs. @param region of the weights chosen, if any; how
+/// far its errors go is said of that of full effort, where it is finite
+std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed,
+                                  const std::optional<CertifiedRegion>& region,
+                                  linear::Effort effort) {
+  std::vector<std::string> result;
+  const auto add = [&](bool there, std::string what) {
+    if (there) result.push_back(std::move(what));
+  };
+  const double payload_kg = scenario.plant.payload.mass_kg;
+  add(payload_kg > 0,
+      fmt::format("the payload of {:g} kg is not in it: the law does not know of it", payload_kg));
+  const auto& drive = scenario.plant.drive;
+  const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
+  if (const auto& flexible = scenario.robot.flexible) {
+    add(viscous || drive.dry_friction() || !flexible->motor_damping.isZero(0) ||
+            !flexible->motor_coulomb_friction_Nm.isZero(0),
+        "the friction of joints and motors is not in it");
+  } else {
+    add(disturbed, viscous && !drive.dry_friction()
+                       ? "of viscous friction it has D edot; D v_ref, which the law does not feed "
+                         "forward in full (controller.friction), disturbs"
+                       : "dry friction is not in the region: it disturbs");
+  }
+  add(drive.current_loop_hz || !(drive.torque_scale.array() == 1).all(),
+      "current loops and the torques' scale (plant.drive) are not in it");
+  add(!drive.torque_offset_Nm.isZero(0),
+      "the torques' offset (plant.drive) is not in it: it disturbs");
+  add(!scenario.plant.encoder.eccentricity_rad.isZero(0),
+      "the encoders' eccentricity is not in it");
+  add(!scenario.plant.disturbances.empty(), "disturbances are not in it");
+  add(scenario.believed_model != nullptr, "the law's robot (controller.urdf) is not the plant's");
+  const robot::Model& model = *scenario.model;
+  for (int i = 0; region && region->tube.size() == 0 && i < model.num_joints; ++i) {
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
+    const double most = region->region.e_reached[i];
+    result.push_back(fmt::format(
+        "{} is prismatic and its range was sampled: it holds while |e_{}| stays in that range{}",
+        robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
+        effort == linear::Effort::full && std::isfinite(most)
+            ? fmt::format("; from the whole level set it may reach {:g} m", most)
+            : ""));
+  }
+  return result;
+}
+
+/// The loop in error coordinates, where it starts, and the search for weights of V.
+class ErrorLoop {
+ public:
+  explicit ErrorLoop(const scenario::Scenario& scenario)
+      : scenario_(scenario),
+        model_(error_model(scenario)),
+        loop_(law_loop(scenario).value()),
+        velocity_(velocity_bound(scenario)),
+        q_(scenario.plant.initial.position_rad),
+        friction_(friction_torques(scenario, velocity_.each)),
+        circle_(VectorXd::Constant(scenario.num_joints, infinity)) {
+    for (Eigen::Index i = 0; i < circle_.size(); ++i) {
+      const auto type = model_.joint_types[static_cast<std::size_t>(i)];
+      if (type == robot::JointType::revolute) circle_[i] = std::numbers::pi;
+    }
+    if (loop_.systems[0].rotor_inertia.size() > 0) friction_ = {};
+    if (!torque_limited()) return;
+    const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+    for (const double t_s : reference::Motion(scenario, trajectory).closely(64, most_errors)) {
+      on_the_way_.push_back(trajectory.at(t_s));
+    }
+  }
+
+  [[nodiscard]] const ErrorSystem& system() const { return loop_.systems[0]; }
+  [[nodiscard]] const std::optional<Weights>& own_weights() const { return loop_.weights; }
+  [[nodiscard]] const robot::Model& model() const { return model_; }
+  [[nodiscard]] double B_d() const { return velocity_.speed; }
+  [[nodiscard]] bool disturbed() const { return friction_.any(); }
+  [[nodiscard]] double V0(const Weights& weights) const {
+    return lyapunov_value(system(), weights, model_, q_, loop_.initial);
+  }
+  /// At a constant reference V without cross terms does not rise, from wherever it starts.
+  [[nodiscard]] CertifiedStart held_start() const {
+    Region region;
+    region.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
+    if (!torque_limited()) return {true, true, true, {}};
+    return {true, true, true, torque_share(of_1_J(region, {}), V0({})).maxCoeff()};
+  }
+  /// Whether what is certified holds for all postures.
+  [[nodiscard]] bool proved() { return fine().postures.proved; }
+
+  /// The search is over few postures, to which those that bind are added, and then what is found is
+  /// certified over many. A law with weights of its own has those.
+  /// @param from as of `best_weights`
+  std::optional<CertifiedRegion> best(Goal goal, std::optional<Weights> from = {}) {
+    if (loop_.weights) return certified(*loop_.weights);
+    MatrixCondition coarse{{}, postures(24, false, 12), unit(), false, velocity_.scale};
+    for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
+      coarse.systems.push_back(loop_.systems[i]);
+    }
+    MatrixCondition middle =
+        proved() ? MatrixCondition{fine().systems, fine().postures, unit(), false, velocity_.scale}
+                 : MatrixCondition{loop_.systems, postures(90, false, samples(128)), unit(), false,
+                                   velocity_.scale};
+    constexpr int rounds = 4;  // the posture that forbids what was found joins the search
+    for (int k = 0; k < rounds; ++k) {
+      const auto found = best_weights(coarse, middle, goal, from);
+      if (!found) return {};
+      if (auto result = certified(found->weights)) return result;
+      from = found->weights;
+      for (MatrixCondition* each : {&coarse, &middle}) {
+        each->postures.add(fine().slowest(*from, 0).q);
+      }
+    }
+    return {};
+  }
+
+  /// The region with the largest errors at rest (their product), of every posture or, where those
+  /// are sampled, of a tube about the reference. At fixed weights the errors that the condition
+  /// allows fall with the tube's width, so that they are alike at one width, which is the best;
+  /// each step goes half way there (in logarithms).
+  /// @param known a region of every posture, if any is known: the result is not less
+  std::optional<CertifiedRegion> largest(const std::optional<CertifiedRegion>& known) {
+    auto result = best(Goal::level);
+    if (proved() || circle_.size() > most_joints_of_certified_run) return result;
+    const auto value = [](const std::optional<CertifiedRegion>& c) {
+      return c ? c->region.e_at_rest.array().log().sum() : -infinity;
+    };
+    if (value(known) > value(result)) result = known;
+    auto found = result;
+    VectorXd tube = VectorXd::Constant(circle_.size(), 0.3);
+    for (int round = 0; round < 6; ++round) {
+      if (found) {
+        const double beyond = found->tube.size() > 0 ? found->beyond_tube : 1;
+        if (found->tube.size() > 0 && std::abs(std::log(beyond)) < 0.05) break;
+        const VectorXd next =
+            found->region.e_reached.head(tube.size()) * (std::max(1.0, beyond) / std::sqrt(beyond));
+        tube = next.cwiseMin(circle_);
+      } else if (!result) {
+        tube /= 3;
+      } else if (result->tube.size() > 0) {
+        tube = (tube.array() * result->tube.array()).sqrt().matrix().eval();
+      } else {
+        break;
+      }
+      if (tube == circle_) break;
+      look_within(tube);
+      found = best(Goal::level, result ? std::optional(result->weights) : std::nullopt);
+      if (value(found) > value(result)) result = found;
+    }
+    look_within(result ? result->tube : VectorXd());
+    return result;
+  }
+
+ private:
+  /// From here on only postures so near the reference; empty: all.
+  void look_within(const VectorXd& tube) {
+    tube_ = tube;
+    fine_.reset();
+    centres_.clear();
+    if (tube.size() == 0) return;
+    constexpr int instants = 257;
+    for (const messages::ReferencePoint& r :
+         linear::ScenarioLoop(scenario_).rest_points(instants)) {
+      centres_.push_back(r.q_ref);
+    }
+  }
+
+  std::optional<CertifiedRegion> certified(const Weights& weights) {
+    auto region = fine().region(weights);
+    if (!region) return {};
+    CertifiedRegion result;
+    result.tube = tube_;
+    for (Eigen::Index i = 0; i < tube_.size(); ++i) {
+      if (tube_[i] == circle_[i]) continue;
+      result.beyond_tube = std::max(result.beyond_tube, region->e_reached[i] / tube_[i]);
+      result.starts_in_tube &= std::abs(loop_.initial[i]) <= tube_[i];
+    }
+    // The level from which no error reaches the tube's end.
+    if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
+    static_cast<Certified&>(result) = {weights, *region, fine().rate(weights, 0)};
+    result.V0 = V0(weights);
+    const double room = region->level - result.V0;
+    if (loop_.weights) result.unknown_torque = (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt();
+    // From V0 on, |delta| stays below sqrt(2 w V).
+    if (result.holds_initial_state()) {
+      result.rate_from_start =
+          loop_.weights ? 0 : fine().rate(weights, std::sqrt(2 * region->w * result.V0));
+    }
+    result.torque = torque(result);
+    if (friction_.any() && std::isfinite(region->level)) result.friction_error = ultimate(result);
+    return result;
+  }
+
+  /// The region of a level that is the square of `part` of its own.
+  static Region scaled(Region region, double part) {
+    region.level *= part * part;
+    region.rho *= part;
+    region.ball *= part;
+    for (VectorXd* each : {&region.e_at_rest, &region.edot, &region.e_reached}) *each *= part;
+    return region;
+  }
+
+  [[nodiscard]] numerics::Postures postures(int circle_points, bool bound_between,
+                                            int samples) const {
+    return numerics::Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
+  }
+
+  /// At a level of 1 J, of weights 0 or an inertia that is the same at all postures.
+  [[nodiscard]] Region of_1_J(Region region, const Weights& weights) const {
+    const MatrixXd M = robot::mass_matrix(model_, q_);
+    region.level = 1;
+    region.e_at_rest = (2 * system().kp.diagonal().cwiseInverse()).cwiseSqrt();
+    region.e_reached = VectorXd::Zero(q_.size());
+    for (const ErrorSystem& each : loop_.systems) {
+      const MatrixXd inverse = 2 * numerics::inverse(lyapunov_matrix(each, weights, M));
+      region.e_reached = region.e_reached.cwiseMax(inverse.diagonal().head(q_.size()).cwiseSqrt());
+    }
+    return region;
+  }
+
+  /// Of each joint's limit what the torque may take where V <= level.
+  [[nodiscard]] VectorXd torque_share(const Region& region, double level) const {
+    const VectorXd reach =
+        (region.e_reached * std::sqrt(level / region.level)).cwiseMin(std::numbers::pi);
+    std::mt19937_64 random(1);
+    std::uniform_real_distribution<double> part(-1, 1);
+    VectorXd torque = VectorXd::Zero(reach.size());
+    const std::size_t errors = most_errors / on_the_way_.size();
+    for (std::size_t k = 0; k < on_the_way_.size() * errors; ++k) {
+      const messages::ReferencePoint& r = on_the_way_[k / errors];
+      Vector q = r.q_ref;
+      for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += reach[i] * part(random);
+      VectorXd each = robot::inverse_dynamics(model_, q, r.v_ref, r.a_ref).cwiseAbs();
+      if (const auto& friction = scenario_.controller.friction; friction.given()) {
+        each += friction.viscous.cwiseProduct(r.v_ref.cwiseAbs()) + friction.coulomb;
+      }
+      torque = torque.cwiseMax(each);
+    }
+    VectorXd feedback = region.feedback;
+    if (loop_.ki.size() > 0) feedback = (feedback.cwiseAbs2() + loop_.ki).cwiseSqrt();
+    torque += std::sqrt(2 * level) * feedback;
+    return torque.cwiseQuotient(VectorXd(*scenario_.plant.drive.torque_limit_Nm));
+  }
+  [[nodiscard]] bool torque_limited() const {
+    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+    return !scenario_.robot.flexible && limit && limit->array().isFinite().any();
+  }
+  [[nodiscard]] std::optional<CertifiedRegion::Torque> torque(const CertifiedRegion& c) const {
+    if (!torque_limited()) return {};
+    Region region = c.region;
+    const auto most = [&](double level) { return torque_share(region, level).maxCoeff(); };
+    if (!std::isfinite(region.level)) {
+      region = of_1_J(region, c.weights);
+      while (most(region.level) <= 1) region = scaled(region, 2);
+    }
+    const auto within = [&](double root) { return most(region.level * root * root) <= 1; };
+    const double root = within(1) ? 1 : linear::edge(0, 1, 30, within);
+    CertifiedRegion::Torque result{region.level * (root * root), region.e_at_rest * root, 0, {}};
+    if (c.holds_initial_state()) result.share = most(c.V0);
+    torque_share(region, result.level).maxCoeff(&result.joint);
+    return result;
+  }
+
+  /// Where errors end from a quarter of the level on, by Vdot <= -mu V + sqrt(2 V) s + power with
+  /// V = 1/2 y' M y + 1/2 (e, nu)' S (e, nu); empty: nothing is certified.
+  VectorXd ultimate(const CertifiedRegion& c) {
+    const double mu = fine().rate(c.weights, c.region.rho / 2);
+    if (!(mu > 0)) return {};
+    double of_y = 0;
+    for (const numerics::Inertia& at : fine().postures.inertia) {
+      const MatrixXd inverse = numerics::inverse(at.M);
+      of_y = std::max(of_y, friction_.on_y.dot(inverse.cwiseAbs() * friction_.on_y));
+    }
+    double of_delta = 0;
+    for (const ErrorSystem& each : loop_.systems) {
+      const MatrixXd L = delta_scale(each, c.weights);
+      of_delta = std::max(of_delta, (L.transpose() * friction_.on_delta).norm());
+    }
+    const double s = std::sqrt(of_y) + std::sqrt(c.region.w) * of_delta;
+    const double root =
+        (std::sqrt(2) * s + std::sqrt(2 * s * s + 4 * mu * friction_.power)) / (2 * mu);
+    if (root * root > c.region.level / 4) return {};
+    return c.region.e_reached * (root / std::sqrt(c.region.level));
+  }
+
+  /// |scale^-1 v_ref|, if it moves.
+  [[nodiscard]] double unit() const { return velocity_.speed > 0 ? 1 : 0; }
+  /// Fewer postures where each is looked at with many gains.
+  [[nodiscard]] int samples(int of_constant) const {
+    return loop_.systems.size() == 1 ? of_constant : of_constant / 8;
+  }
+  const MatrixCondition& fine() {
+    if (!fine_) {
+      const bool constant = loop_.systems.size() == 1;
+      fine_ = {loop_.systems, postures(constant ? 360 : 90, constant, samples(1024)), unit(),
+               constant, velocity_.scale};
+    }
+    return *fine_;
+  }
+
+  static constexpr int most_errors = 1024;  ///< at which torques are looked at, at most
+  const scenario::Scenario& scenario_;
+  robot::Model model_;
+  LawLoop loop_;
+  VelocityBound velocity_;
+  Vector q_;  ///< at the start
+  FrictionTorques friction_;
+  VectorXd circle_;  ///< a tube's width that holds all of a joint's postures
+  VectorXd tube_;    ///< as of CertifiedRegion
+  std::vector<Vector> centres_;
+  std::vector<messages::ReferencePoint> on_the_way_;  ///< where torque limits are looked at
+  std::optional<MatrixCondition> fine_;
+};
+
+}  // namespace
+
+std::optional<StabilityCertificate> stability_certificate(const scenario::Scenario& scenario,
+                                                          linear::Effort effort,
+                                                          std::string& why_not,
+                                                          const linear::OnProgress& tell) {
+  why_not = no_certificate(scenario);
+  if (!why_not.empty()) return {};
+  ErrorLoop loop(scenario);
+  StabilityCertificate result;
+  result.B_d = loop.B_d();
+  result.own_weights = loop.own_weights().has_value();
+  result.constant = result.B_d == 0 && !result.own_weights;
+  const bool few = !result.constant && scenario.num_joints <= most_joints_of_certified_run;
+  if (few || effort == linear::Effort::full) {
+    tell("certified region: fastest rate");
+    result.proved = loop.proved();
+    result.fastest = loop.best(Goal::rate);
+    result.start = {result.proved || effort == linear::Effort::full, false, result.proved, {}};
+    add(result.start, result.fastest);
+    if (!result.constant && (result.proved || effort == linear::Effort::full)) {
+      tell("certified region: largest region");
+      result.largest = loop.largest(result.fastest);
+      if (result.own_weights) result.fastest = std::exchange(result.largest, {});
+    }
+    if (result.largest && result.largest->tube.size() > 0) {
+      const auto near = loop.best(Goal::rate, result.largest->weights);
+      const bool start = result.start.certified;  // by the fastest one so far
+      if (near && (!start || (holds_start(near) && near->rate > result.fastest->rate)))
+        result.fastest = near;
+    }
+    if (result.proved || !result.start.certified) {
+      add(result.start, result.fastest);
+      add(result.start, result.largest);
+    }
+  }
+  if (result.constant) result.start = loop.held_start();
+  result.provisos = provisos(scenario, loop.disturbed(),
+                             result.largest ? result.largest : result.fastest, effort);
+  return result;
+}
+
+std::optional<PaperConditions> paper_conditions(const scenario::Scenario& scenario,
+                                                std::string& why_not) {
+  why_not = no_certificate(scenario);
+  if (!why_not.empty()) return {};
+  const ErrorLoop loop(scenario);
+  const RobotConstants constants = robot_constants(loop.model());
+  return PaperConditions{constants, printed_conditions(loop.system(), constants, loop.B_d())};
+}
+
+std::optional<CertifiedRun> certified_run(const scenario::Scenario& scenario) {
+  std::string why_not;
+  const auto all = stability_certificate(scenario, linear::Effort::quick, why_not);
+  if (!all) return {};
+  if (all->constant) {
+    const double V0 = ErrorLoop(scenario).V0({});
+    return CertifiedRun{{}, V0, infinity, 0, true, all->provisos, all->start};
+  }
+  std::optional<CertifiedRun> best;
+  for (const auto& found : {all->fastest, all->largest}) {
+    if (!found || (best && found->rate_from_start <= best->rate)) continue;
+    best = CertifiedRun{found->weights, found->V0,     found->region.level, found->rate_from_start,
+                        all->proved,    all->provisos, all->start};
+  }
+  return best;
+}
+
+}  // namespace tachless::lyapunov

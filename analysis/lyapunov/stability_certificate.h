@@ -1,0 +1,136 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "linear/effort.h"
+#include "lyapunov/matrix_condition.h"
+#include "lyapunov/norm_conditions.h"
+
+/// The Lyapunov certificate of a scenario under the laws of Loria and Ortega: continuous time, an
+/// exact model, no saturation, quantisation, delay or feed-forward lead.
+namespace tachless::lyapunov {
+
+/// What is certified of the scenario's own start: the one answer behind `certify`, the closing
+/// table of `run` and summary.json. By the weights that quick effort finds too, and of those that
+/// hold the start by the ones that need the least torque; at a constant reference by V without
+/// cross terms. Only where none holds it do the weights count that full effort alone finds.
+struct CertifiedStart {
+  bool decided = false;  ///< quick effort may leave it open where postures are sampled
+  bool certified = false;
+  bool proved = false;  ///< of all postures; otherwise of the sampled ones
+  /// Of a torque limit, the largest from the start on; nothing: not certified, flexible joints, or
+  /// no limits.
+  std::optional<double> torque_share;
+};
+
+/// What one choice of the weights certifies, and what of it holds from the scenario's start.
+struct CertifiedRegion : Certified {
+  double V0 = 0;  ///< at the start [J]
+  /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
+  double rate_from_start = -1;
+
+  /// Of a law with an integral: the largest constant torque unknown to it, at one joint alone, from
+  /// the scenario's start [N m]; empty for others.
+  Eigen::VectorXd unknown_torque;
+  /// Where |e_i| ends with the friction that Mm does not have, from V <= level / 4 on [rad; m];
+  /// nothing: there is none; empty: no bound is certified.
+  std::optional<Eigen::VectorXd> friction_error;
+
+  /// Of a rigid robot with torque limits: the largest V of the region up to which no torque reaches
+  /// its limit [J], the joint that ends it, and the largest share of a limit from the start on,
+  /// where the region holds that. |Feed-forward| + |Kp e + Kd nu| at most, the first at sampled
+  /// instants and errors.
+  struct Torque {
+    double level = 0;
+    Eigen::VectorXd e_at_rest;  ///< alone, of that level [rad; m]
+    Eigen::Index joint = 0;
+    std::optional<double> share;
+  };
+  std::optional<Torque> torque;
+
+  /// The postures it is about: within that of q_ref(t), pi: of that joint all [rad; m]; empty:
+  /// every posture. No error leaves it while V <= level, so it is part of the region.
+  Eigen::VectorXd tube;
+  bool starts_in_tube = true;
+  double beyond_tube = 0;  ///< largest error over the tube, of the level without it
+
+  [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level && starts_in_tube; }
+};
+
+inline bool holds_start(const std::optional<CertifiedRegion>& region) {
+  return region && region->holds_initial_state();
+}
+/// What one more region says of the start: each that holds it bounds its torque.
+inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& region) {
+  if (!holds_start(region)) return;
+  start.decided = start.certified = true;
+  if (!region->torque) return;
+  start.torque_share = std::min(*region->torque->share, start.torque_share.value_or(infinity));
+}
+
+struct StabilityCertificate {
+  bool proved = false;       ///< of all postures; otherwise of the sampled ones
+  double B_d = 0;            ///< sup |v_ref| [rad/s; m/s]
+  bool own_weights = false;  ///< the law's, of its integral: `fastest` has them
+  bool constant = false;     ///< of the reference: proved with both weights 0, by LaSalle
+  /// By weights of the fastest rate and of the largest ball; nothing: no weights are certified. At
+  /// a constant reference the ball has no limit and there is no largest one.
+  std::optional<CertifiedRegion> fastest, largest;
+  CertifiedStart start;
+  /// Why the certificate is not of this very scenario: payload, friction, a prismatic joint's
+  /// range.
+  std::vector<std::string> provisos;
+};
+
+inline constexpr int most_joints_of_certified_run = 16;
+
+/// Where postures are sampled the region is of every posture, or of those near the reference where
+/// that gives more.
+/// @param effort quick leaves the largest region out where postures are sampled (7 joints take 5
+/// s), and all regions with more joints than `most_joints_of_certified_run` (28 would take a
+/// minute)
+/// @param why_not receives the reason of `no_certificate` where nothing is returned
+/// @throw base::Failure(bad_usage)
+std::optional<StabilityCertificate> stability_certificate(
+    const scenario::Scenario& scenario, linear::Effort effort, std::string& why_not,
+    const linear::OnProgress& tell = linear::no_progress);
+
+/// Where in the plane of two joints' initial positions certified starts end, all else as in the
+/// scenario: 72 points around q_ref(0), of the region or of what of it the torque limits allow;
+/// empty: nothing is certified there, or everything.
+std::vector<Eigen::Vector2d> certified_outline(const scenario::Scenario& scenario, int i, int j);
+
+/// What the paper prints of the scenario's loop. Errors and reason as above.
+struct PaperConditions {
+  RobotConstants constants;
+  PrintedConditions printed;
+};
+std::optional<PaperConditions> paper_conditions(const scenario::Scenario& scenario,
+                                                std::string& why_not);
+
+/// What is certified of V along the scenario's own run.
+struct CertifiedRun {
+  Weights weights;
+  double V0 = 0;     ///< at the start [J]
+  double level = 0;  ///< V <= level is invariant [J]; infinite at a constant reference
+  double rate = 0;   ///< V <= V0 exp(-rate t) [1/s]; negative: the start is in no certified region
+  bool proved = false;  ///< of all postures; otherwise of the sampled ones
+  std::vector<std::string> provisos;
+  CertifiedStart start;
+
+  /// Of V after t_s [J], in continuous time; infinite where nothing is certified.
+  [[nodiscard]] double bound(double t_s) const {
+    return rate < 0 ? infinity : V0 * std::exp(-rate * t_s);
+  }
+};
+
+/// By `stability_certificate` with quick effort: of its weights those that certify the faster decay
+/// from the scenario's start; without cross terms at a constant reference, where V does not rise.
+/// Nothing where no weights are certified.
+std::optional<CertifiedRun> certified_run(const scenario::Scenario& scenario);
+
+}  // namespace tachless::lyapunov

@@ -1,0 +1,259 @@
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/parallel.h"
+#include "linear/linear_loop.h"
+#include "lyapunov/matrix_condition.h"
+#include "numerics/linear_programme.h"
+
+// Rate and sqrt(2 level) are the least over postures and states of a quotient, num / den: -Vdot / V
+// at delta = 0, and with den what |C(q, delta)| can take of it on V = 1/2. In the weights num is
+// affine, but for the worst v_ref, and den affine or convex: the set of weights above a value is
+// convex. So the search keeps the states that were found to bind, linearises their quotients, and
+// takes the best of a linear programme within a trust region.
+namespace tachless::lyapunov {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// x = (eps_1, eps_2), one of each error.
+Weights weights_of(const VectorXd& x) { return {x.head(x.size() / 2), x.tail(x.size() / 2)}; }
+
+/// A state that binds at a posture: its quotient for any weights.
+struct Cut {
+  const ErrorSystem* system;
+  numerics::Inertia inertia;
+  VectorXd state;
+
+  /// num / den and its gradient by x.
+  [[nodiscard]] std::pair<double, VectorXd> quotient(Goal goal, const MatrixXd& v_ref,
+                                                     const VectorXd& x) const;
+};
+
+/// @param v_ref the worst is v_ref d, |d| <= 1
+std::pair<double, VectorXd> Cut::quotient(Goal goal, const MatrixXd& v_ref,
+                                          const VectorXd& x) const {
+  const ErrorSystem& s = *system;
+  const Index N = s.num_errors(), n = s.num_links();
+  const VectorXd e = state.head(N), nu = state.segment(N, N), edot = state.tail(N);
+  const auto eps_1 = x.head(N), eps_2 = x.tail(N);
+  const MatrixXd M = s.inertia(inertia.M), damper = s.kd_by_b();
+  const VectorXd p = M * edot;
+  const VectorXd delta = (eps_1.cwiseProduct(e) - eps_2.cwiseProduct(nu)).head(n);
+  // Of each unit of v_ref: C edot, C' edot, and what num has of it.
+  MatrixXd forth(n, n), back(n, n);
+  for (Index j = 0; j < n; ++j) {
+    const MatrixXd& C = inertia.C[static_cast<std::size_t>(j)];
+    forth.col(j) = C * edot.head(n);
+    back.col(j) = C.transpose() * edot.head(n);
+  }
+  const VectorXd along = forth.transpose() * edot.head(n);
+  const VectorXd of_v = along + (forth - back).transpose() * delta;
+  const VectorXd v = s.v_ref.size() > 0
+                         ? s.v_ref
+                         : VectorXd(-v_ref * (v_ref.transpose() * of_v).stableNormalized());
+  VectorXd f = s.kp * e + s.kd * nu;
+  f.head(n) += (forth - back) * v;
+  double num = nu.dot(damper * s.a.cwiseProduct(nu)) + along.dot(v);
+  if (s.damping.size() > 0) {
+    f += s.damping.cwiseProduct(edot);
+    num += edot.dot(s.damping.cwiseProduct(edot));
+  }
+  if (s.kp_dot.size() > 0) {
+    num -= 0.5 * (e.dot(s.kp_dot * e) + nu.dot(s.kd_dot * nu.cwiseQuotient(s.b)));
+  }
+  VectorXd of_num(2 * N), of_den(2 * N);
+  of_num << e.cwiseProduct(f) - edot.cwiseProduct(p),
+      (s.b.cwiseProduct(edot) - s.a.cwiseProduct(nu)).cwiseProduct(p) - nu.cwiseProduct(f);
+  num += of_num.dot(x);
+  double den = 0;
+  if (goal == Goal::rate) {
+    of_den << e.cwiseProduct(p), -nu.cwiseProduct(p);
+    den = 0.5 * (edot.dot(p) + e.dot(s.kp * e) + nu.dot(damper * nu)) + of_den.dot(x);
+  } else {  // sqrt(u' S^-1 u), u = (E1 c, -E2 c), c' delta = edot' C(q, delta) edot
+    VectorXd c = VectorXd::Zero(N);
+    c.head(n) = along;
+    const MatrixXd G = delta_of(s, weights_of(x)).transpose();
+    const VectorXd u = G * c;
+    const VectorXd y = (stiffness_of(s) - G * M * G.transpose()).llt().solve(u);
+    const VectorXd by = c + M * (G.transpose() * y);
+    den = std::sqrt(u.dot(y));
+    of_den << y.head(N).cwiseProduct(by) / den, -y.tail(N).cwiseProduct(by) / den;
+  }
+  return {num / den, (of_num - num / den * of_den) / den};
+}
+
+class WeightSearch {
+ public:
+  WeightSearch(const MatrixCondition& coarse, Goal goal) : on_(coarse), goal_(goal) {}
+
+  /// Of all postures; to be made large.
+  [[nodiscard]] double merit(const VectorXd& x) const {
+    if (goal_ == Goal::rate) return on_.rate(weights_of(x), 0);
+    const auto region = on_.region(weights_of(x));
+    return region ? std::min(enough(), std::sqrt(2 * region->level)) : -infinity;
+  }
+  /// Errors of 1000 rad from rest in each joint: where friction outweighs C(q, v_ref) there is no
+  /// largest level, and the largest weights of those that do are as good.
+  [[nodiscard]] double enough() const {
+    return 1000 * std::sqrt(on_.systems[0].kp.diagonal().maxCoeff());
+  }
+
+  VectorXd improved(VectorXd x) {
+    cuts_.clear();
+    double best = merit(x), radius = 0.3;
+    add_cuts(x);
+    for (int step = 0; step < 60 && std::isfinite(best) && radius > 1e-3 &&
+                       !(goal_ == Goal::level && best >= enough());
+         ++step) {
+      const auto [d, promised] = programme(x, radius);
+      if (d.size() == 0 || promised - best < 2e-3 * std::abs(best)) break;
+      const VectorXd next = x + x.cwiseProduct(d);
+      const double found = merit(next);
+      if (std::isfinite(found)) add_cuts(next);
+      if (found > best + 0.1 * (promised - best)) {
+        radius = std::min(0.6, 1.6 * radius);
+      } else {
+        radius /= 2;
+      }
+      if (found > best) {
+        x = next;
+        best = found;
+      }
+    }
+    return x;
+  }
+
+ private:
+  /// The states that bind at the postures near the worst.
+  void add_cuts(const VectorXd& x) {
+    const Weights weights = weights_of(x);
+    const std::size_t count = on_.postures.inertia.size();
+    std::vector<MatrixXd> states(count * on_.systems.size());
+    const auto value = base::parallel_map(states.size(), [&](std::size_t i) {
+      return on_.at(goal_, weights, on_.systems[i / count], on_.postures.inertia[i % count],
+                    states[i]);
+    });
+    const double least = *std::ranges::min_element(value);
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      if (value[i] > least + 0.5 * std::abs(least)) continue;
+      for (Index k = 0; k < states[i].cols(); ++k) {
+        cuts_.push_back(
+            {&on_.systems[i / count], on_.postures.inertia[i % count], states[i].col(k)});
+      }
+    }
+  }
+
+  /// The best step relative to x of the linearised quotients, and what it promises.
+  [[nodiscard]] std::pair<VectorXd, double> programme(const VectorXd& x, double radius) {
+    const Index n = x.size();
+    const Index links = on_.postures.model.num_joints;
+    const MatrixXd v_ref =
+        on_.B_d * (on_.v_scale.size() > 0 ? on_.v_scale : MatrixXd::Identity(links, links));
+    const auto all = base::parallel_map(
+        cuts_.size(), [&](std::size_t i) { return cuts_[i].quotient(goal_, v_ref, x); });
+    double least = infinity;
+    for (const auto& [value, gradient] : all) least = std::min(least, value);
+    const double size = std::abs(least);
+    numerics::LinearProgramme lp{VectorXd::Zero(n + 1),
+                                 VectorXd::Constant(n + 1, -radius),
+                                 VectorXd::Constant(n + 1, radius),
+                                 {}};
+    lp.cost[n] = -1;
+    lp.lower[n] = -1e3;
+    lp.upper[n] = 1e3;
+    for (const auto& [value, gradient] : all) {
+      if (!(value < least + 5 * size)) continue;
+      numerics::LinearProgramme::Row row{VectorXd(n + 1), -value / size};
+      row.gradient << gradient.cwiseProduct(x) / size, -1;
+      lp.rows.push_back(std::move(row));
+    }
+    const auto optimum = numerics::solution(lp);
+    if (!optimum) return {};
+    return {optimum->x.head(n), size * optimum->x[n]};
+  }
+
+  const MatrixCondition& on_;  ///< to which postures may be added
+  Goal goal_;
+  std::vector<Cut> cuts_;
+};
+
+/// The best point of a coarse grid of weights in fixed proportions. Mm's second block is positive
+/// only for eps_2 below a_i / b_i, and its third only for eps_1 below eps_2 b_i.
+VectorXd start(const MatrixCondition& coarse, const WeightSearch& search) {
+  const ErrorSystem& system = coarse.systems[0];
+  const double a = system.a.minCoeff();
+  VectorXd best;
+  double value = -infinity;
+  for (double below = 0.7; below < 14; below += 1.1) {
+    for (double ratio_below = 0.7; ratio_below < 12; ratio_below += 1.1) {
+      const double top = a * std::exp(-below);
+      VectorXd x(2 * system.num_errors());
+      x << VectorXd::Constant(system.num_errors(), top * std::exp(-ratio_below)),
+          top * system.b.cwiseInverse();
+      const double found = search.merit(x);
+      if (best.size() > 0 && !(found > value)) continue;
+      best = x;
+      value = found;
+    }
+  }
+  return best;
+}
+
+double merit(Goal goal, const Certified& c) {
+  return goal == Goal::rate ? c.rate : std::sqrt(2 * c.region.level);
+}
+
+/// From x on; the postures that bind what is found join the coarse ones. At least `best`.
+std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
+                                  VectorXd x, std::optional<Certified> best) {
+  constexpr int rounds = 6;
+  WeightSearch search(coarse, goal);
+  for (int round = 0; round < rounds; ++round) {
+    if (best && std::isinf(search.merit(x))) x << best->weights.eps_1, best->weights.eps_2;
+    x = search.improved(x);
+    const double promised = search.merit(x);
+    const Weights weights = weights_of(x);
+    const numerics::Extreme slowest = fine.slowest(weights, 0);
+    const auto region = fine.region(weights);
+    if (region) {
+      Certified found{weights, *region, slowest.value};
+      const double kept = merit(goal, found);
+      if (!best || kept > merit(goal, *best)) best = std::move(found);
+      if (promised < 1.02 * kept) break;
+    }
+    if (coarse.postures.kind != numerics::Postures::Kind::sampled) break;
+    coarse.postures.add(slowest.q);
+    if (region) coarse.postures.add(region->q);
+  }
+  return best;
+}
+
+}  // namespace
+
+std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
+                                      Goal goal, const std::optional<Weights>& from) {
+  const auto from_weights = [&](const Weights& weights, std::optional<Certified> best) {
+    VectorXd x(2 * weights.eps_1.size());
+    x << weights.eps_1, weights.eps_2;
+    return improved(coarse, fine, goal, x, std::move(best));
+  };
+  if (from) {
+    const auto region = fine.region(*from);
+    if (!region) return from_weights(*from, {});
+    return from_weights(*from, Certified{*from, *region, fine.rate(*from, 0)});
+  }
+  const auto from_grid = [&](Goal of) {
+    return improved(coarse, fine, of, start(coarse, WeightSearch(coarse, of)), {});
+  };
+  auto best = from_grid(goal);
+  if (best || goal == Goal::rate) return best;
+  best = from_grid(Goal::rate);  // where few weights have a level, those of a positive rate do
+  return best ? from_weights(best->weights, best) : best;
+}
+
+}  // namespace tachless::lyapunov

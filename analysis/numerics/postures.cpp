@@ -1,0 +1,276 @@
+#include "numerics/postures.h"
+
+#include <nlopt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "base/parallel.h"
+#include "numerics/decompositions.h"
+#include "robot/dynamics.h"
+
+namespace tachless::numerics {
+namespace {
+
+/// What NLopt calls back with.
+struct Search {
+  const std::function<double(const Eigen::VectorXd&)>& f;
+  Minimum best;
+  std::exception_ptr failure;
+  nlopt_opt handle = nullptr;
+};
+
+// NLopt's handling of infinite values is not documented: a large number says the same.
+constexpr double out_of_range = 1e300;
+
+double evaluate(unsigned n, const double* x, double* /*gradient*/, void* data) {
+  Search& search = *static_cast<Search*>(data);
+  try {
+    const Eigen::VectorXd point = Eigen::Map<const Eigen::VectorXd>(x, n);
+    const double value = search.f(point);
+    if (!(value < out_of_range)) return out_of_range;
+    if (value < search.best.value) search.best = {point, value};
+    return value;
+  } catch (...) {  // must not pass through C code
+    search.failure = std::current_exception();
+    nlopt_force_stop(search.handle);
+    return out_of_range;
+  }
+}
+
+/// Whether M and C do not depend on joint 0, because everything hangs on it.
+bool all_hang_on_first_joint(const robot::Model& model) {
+  return std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+    const bool first = &body == &model.bodies.front();
+    return first == (body.parent < 0) && first == (body.coordinate == 0);
+  });
+}
+
+/// The smallest d <= 8 for which every multiplier of joint 1 is a multiple of 1/d; 0: none.
+int multiplier_denominator(const robot::Model& model) {
+  for (int d = 1; d <= 8; ++d) {
+    if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+          const double m = body.multiplier * d;
+          return std::abs(m - std::round(m)) < 1e-12;
+        })) {
+      return d;
+    }
+  }
+  return 0;
+}
+
+/// a += s b.
+void add_scaled(Inertia& a, double s, const Inertia& b) {
+  a.M += s * b.M;
+  for (std::size_t j = 0; j < a.C.size(); ++j) a.C[j] += s * b.C[j];
+}
+
+double size_of(const Inertia& x) {
+  double largest = x.M.cwiseAbs().maxCoeff();
+  for (const Eigen::MatrixXd& C : x.C) largest = std::max(largest, C.cwiseAbs().maxCoeff());
+  return largest;
+}
+
+Vector second_joint_at(double q2) {
+  Vector q(2);
+  q << 0, q2;
+  return q;
+}
+
+/// Of one joint's coordinate [rad; m].
+std::pair<double, double> range_of(const robot::Model& model, int i) {
+  if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) {
+    return {-std::numbers::pi, std::numbers::pi};
+  }
+  return {std::isfinite(model.lower[i]) ? model.lower[i] : -1,
+          std::isfinite(model.upper[i]) ? model.upper[i] : 1};
+}
+
+/// Whether each prismatic joint is within its range.
+bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
+  for (int i = 0; i < model.num_joints; ++i) {
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
+    const auto [low, high] = range_of(model, i);
+    if (q[i] < low || q[i] > high) return false;
+  }
+  return true;
+}
+
+/// The smallest f, which has these values at the postures `q`; from the best `starts` of them it
+/// is refined locally in at most so many evaluations, 0: not at all.
+Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
+                    const std::function<double(const Vector&)>& f, const std::vector<Vector>& q,
+                    const std::vector<double>& value, std::size_t starts, int max_evaluations) {
+  std::vector<std::size_t> order(q.size());
+  std::iota(order.begin(), order.end(), 0);
+  starts = std::min(starts, q.size());
+  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(starts), order.end(),
+                    [&](std::size_t a, std::size_t b) { return value[a] < value[b]; });
+  if (max_evaluations == 0) return {value[order[0]], q[order[0]]};
+  const std::vector<Minimum> refined = base::parallel_map(starts, [&](std::size_t i) {
+    const auto objective = [&](const Eigen::VectorXd& x) {
+      return allowed(x) ? f(x) : std::numeric_limits<double>::infinity();
+    };
+    return minimise(objective, q[order[i]], 0.2, max_evaluations);
+  });
+  const Minimum& best = *std::ranges::min_element(refined, {}, &Minimum::value);
+  return {best.value, best.x};
+}
+
+/// Fourier's sums of M and C over q2; false when they do not end within the sums' reach. A body
+/// turned by the angle m q2 enters M and C with at most 2 |m| turns, and the angles of a chain of
+/// mimics add up: 32 turns are far more than enough, and what is left over is checked to be
+/// rounding.
+bool find_harmonics(Postures& postures, int denominator, double& period) {
+  const int num_samples = 64 * denominator;
+  std::vector<Inertia> sample;
+  for (int k = 0; k < num_samples; ++k) {
+    const double q2 = 2 * std::numbers::pi * denominator * k / num_samples;
+    sample.push_back(inertia_at(postures.model, second_joint_at(q2)));
+  }
+  const double rounding = 1e-13 * size_of(sample[0]);
+  int common = 0;
+  for (int order = 1; order < num_samples / 2; ++order) {
+    Postures::Harmonic h{static_cast<double>(order) / denominator, sample[0], sample[0]};
+    add_scaled(h.cosine, -1, sample[0]);
+    add_scaled(h.sine, -1, sample[0]);
+    for (int k = 0; k < num_samples; ++k) {
+      // The product is reduced in integers: order k may be large.
+      const double angle = 2 * std::numbers::pi * (order * k % num_samples) / num_samples;
+      add_scaled(h.cosine, 2.0 / num_samples * std::cos(angle),
+                 sample[static_cast<std::size_t>(k)]);
+      add_scaled(h.sine, 2.0 / num_samples * std::sin(angle), sample[static_cast<std::size_t>(k)]);
+    }
+    if (std::max(size_of(h.cosine), size_of(h.sine)) <= rounding) continue;
+    if (order > num_samples / 4) return false;
+    common = std::gcd(common, order);
+    postures.harmonics.push_back(std::move(h));
+  }
+  period = common == 0 ? 0 : 2 * std::numbers::pi * denominator / common;
+  return true;
+}
+
+}  // namespace
+
+Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
+                 const Eigen::VectorXd& start, double step, int max_evaluations) {
+  const std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)> opt(
+      nlopt_create(NLOPT_LN_SBPLX, static_cast<unsigned>(start.size())), &nlopt_destroy);
+  Search search{f, {start, out_of_range}, nullptr, opt.get()};
+  nlopt_set_min_objective(opt.get(), evaluate, &search);
+  nlopt_set_initial_step1(opt.get(), step);
+  nlopt_set_maxeval(opt.get(), max_evaluations);
+  nlopt_set_xtol_abs1(opt.get(), 1e-5);
+  nlopt_set_ftol_rel(opt.get(), 1e-8);
+  Eigen::VectorXd x = start;
+  double value = 0;
+  nlopt_optimize(opt.get(), x.data(), &value);  // why it stopped does not matter
+  if (search.failure) std::rethrow_exception(search.failure);
+  return search.best;
+}
+
+Inertia inertia_at(const robot::Model& model, const Vector& q) {
+  Inertia result{robot::mass_matrix(model, q), {}};
+  Vector unit = Vector::Zero(model.num_joints);
+  for (int j = 0; j < model.num_joints; ++j) {
+    unit[j] = 1;
+    result.C.emplace_back(robot::coriolis_matrix(model, q, unit));
+    unit[j] = 0;
+  }
+  return result;
+}
+
+Vector spread_posture(const robot::Model& model, int k) {
+  const int n = model.num_joints;
+  double ratio = 2;  // the root of x^(n+1) = x + 1; the golden ratio for n = 1
+  for (int i = 0; i < 60; ++i) ratio = std::pow(1 + ratio, 1.0 / (n + 1));
+  Vector q(n);
+  for (int i = 0; i < n; ++i) {
+    const double turns = 0.5 + (k + 1) * std::pow(ratio, -(i + 1));
+    const double part = turns - std::floor(turns);
+    const auto [low, high] = range_of(model, i);
+    q[i] = low + part * (high - low);
+  }
+  return q;
+}
+
+Extreme largest(const robot::Model& model, const std::function<double(const Vector&)>& f,
+                int samples) {
+  std::vector<Vector> q(static_cast<std::size_t>(samples));
+  const std::vector<double> value = base::parallel_map(q.size(), [&](std::size_t i) {
+    q[i] = spread_posture(model, static_cast<int>(i));
+    return -f(q[i]);
+  });
+  Extreme best = smallest_of([&](const Vector& x) { return in_range(model, x); },
+                             [&](const Vector& x) { return -f(x); }, q, value, 6, 1000);
+  for (int i = 0; i < model.num_joints; ++i) {
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) {
+      best.q[i] = std::remainder(best.q[i], 2 * std::numbers::pi);
+    }
+  }
+  return {-best.value, best.q};
+}
+
+Postures::Postures(robot::Model of, const PostureOptions& options)
+    : model(std::move(of)), centres(options.centres), reach(options.reach) {
+  const bool hang = all_hang_on_first_joint(model);
+  const int denominator = multiplier_denominator(model);
+  if (hang && model.num_joints == 1) {
+    kind = Kind::point;
+    proved = true;
+    q.push_back(Vector::Zero(1));
+  } else if (hang && model.num_joints == 2 && denominator > 0 &&
+             model.joint_types[0] == robot::JointType::revolute &&
+             model.joint_types[1] == robot::JointType::revolute) {
+    kind = Kind::circle;
+    double period = 2 * std::numbers::pi * denominator;
+    proved = find_harmonics(*this, denominator, period) && options.bound_between;
+    if (!proved) harmonics.clear();
+    const int num_points = period == 0 ? 1 : options.circle_points;
+    const double step = period / num_points;
+    chord_factor = proved ? step * step / 8 : 0;
+    for (int k = 0; k < num_points; ++k) q.push_back(second_joint_at(step * k));
+  } else {
+    for (int k = 0; k < options.samples; ++k) {
+      Vector posture = spread_posture(model, k);
+      if (!centres.empty()) {
+        const double share = std::fmod(k / std::numbers::phi, 1);
+        const Vector& centre = centres[static_cast<std::size_t>(share * centres.size())];
+        for (int i = 0; i < model.num_joints; ++i) {
+          const auto [low, high] = range_of(model, i);
+          posture[i] = centre[i] + reach[i] * (2 * posture[i] - low - high) / (high - low);
+        }
+      }
+      q.push_back(std::move(posture));
+    }
+  }
+  inertia = base::parallel_map(q.size(), [&](std::size_t i) { return inertia_at(model, q[i]); });
+}
+
+void Postures::add(const Vector& posture) {
+  q.push_back(posture);
+  inertia.push_back(inertia_at(model, posture));
+}
+
+bool Postures::contains(const Vector& posture) const {
+  if (centres.empty()) return in_range(model, posture);
+  return std::ranges::any_of(centres, [&](const Vector& centre) {
+    return ((posture - centre).array().abs() <= reach.array()).all();
+  });
+}
+
+Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool refine) const {
+  const std::vector<double> value =
+      base::parallel_map(q.size(), [&](std::size_t i) { return f(inertia[i]); });
+  return smallest_of([&](const Vector& at) { return contains(at); },
+                     [&](const Vector& at) { return f(inertia_at(model, at)); }, q, value, 3,
+                     refine && kind == Kind::sampled ? 300 : 0);
+}
+
+}  // namespace tachless::numerics

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "in_process/in_process_loop.h"
+#include "scenario/scenario.h"
+#include "study/verdict.h"
+
+/// A run in a few numbers, by which runs are compared. Steps the loop in this process; writes no
+/// file.
+namespace tachless::study {
+
+/// A run whose error exceeds it is broken off as diverging [rad; m].
+inline constexpr double diverged_error = 100;
+
+/// Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
+struct Measures {
+  Verdict verdict;
+  std::int64_t ticks = 0;       ///< stepped
+  double peak_error = 0;        ///< [rad; m]
+  double rms_error = 0;         ///< [rad; m]
+  double settled_error = 0;     ///< root mean square over the last quarter of the run [rad; m]
+  double torque_rms = 0;        ///< applied [N m; N]
+  double torque_variation = 0;  ///< sum of |tau_k - tau_(k-1)| over the run's length [N m/s]
+  double energy = 0;            ///< sum over the joints of the integral of |tau v| [J]
+  /// Root mean square of what stands in for the velocity, less the velocity, over the last quarter
+  /// of the run [rad/s; m/s]: of a law's v_hat, or v_ref + nu; NaN for a law that has neither.
+  double velocity_error = 0;
+
+  // Of a comparison of laws; NaN where they were not computed.
+  /// Root mean square, over ticks and joints, of what counts and noise of the sensors add to the
+  /// torque [N m; N]; NaN with exact sensors, and when the run was broken off.
+  double torque_noise = NAN;
+  double largest_period_s = NAN;  ///< at which the linearised loop is stable [s]
+};
+
+/// A number of `Measures` by name, for tables and figures.
+struct MeasureColumn {
+  std::string_view name, unit;
+  double (*value)(const Measures&);
+};
+/// Its unit on a robot with these joints: "rad", "m", or both where it has both kinds.
+std::string unit_of(const MeasureColumn& column, const robot::JointLabels& joints);
+/// @param comparison with those of a comparison of laws, which are the last ones
+std::span<const MeasureColumn> measure_columns(bool comparison = false);
+
+/// `Measures::torque_noise` of the scenario: two runs, with its sensors and with exact ones.
+double torque_noise(const scenario::Scenario& scenario);
+
+/// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
+/// m, at which the run is broken off as diverging.
+/// @param on_tick called with each tick; nothing is returned once it returns false
+/// @throw base::Failure(bad_usage) for a scenario that makes no sense.
+std::optional<Measures> measure(
+    const scenario::Scenario& scenario,
+    const std::function<bool(const in_process::TickRecord&)>& on_tick = {});
+
+}  // namespace tachless::study

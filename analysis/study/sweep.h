@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "study/measures.h"
+#include "study/sweep_plan.h"
+
+/// Carrying out a sweep, over all cores, so that it can be interrupted and resumed at any time:
+/// each finished run is a line in a file of its shard, and the result depends on the plan
+/// alone. A directory holds plan.json, rows-I-of-N.csv, and in the end results.csv.
+namespace tachless::study {
+
+/// One of `count` parts of a sweep: the cases whose number modulo `count` is `index` - 1.
+struct Shard {
+  int index = 1, count = 1;
+};
+
+/// A finished run.
+struct SweepRow {
+  std::string line;  ///< of it in results.csv
+  SweepCase which;
+  Outcome outcome = Outcome::not_judged;
+  std::vector<double> measures;  ///< in the order of `measure_columns`; NaN: has none
+  std::string stopped;           ///< why a protective stop ended it
+};
+
+class Sweep {
+ public:
+  /// The sweep of that plan in `directory`: a new one, or the one begun there before.
+  /// @throw base::Failure(bad_usage) when there is another plan's, or it cannot be written.
+  static Sweep begin(const std::filesystem::path& directory, const SweepPlan& plan);
+  /// The sweep begun in `directory`. @throw base::Failure(bad_usage) when there is none.
+  static Sweep open(const std::filesystem::path& directory);
+
+  [[nodiscard]] const SweepPlan& plan() const { return plan_; }
+  [[nodiscard]] const std::filesystem::path& directory() const { return directory_; }
+
+  /// Of each case, whether its row is in one of the files. A line that was broken off is none.
+  /// @throw base::Failure(bad_usage) naming file and line that is no row of this plan.
+  [[nodiscard]] std::vector<bool> finished() const;
+
+  /// Finished runs by file.
+  [[nodiscard]] std::map<std::string, std::int64_t> counts() const;
+
+  /// Called while it runs with the number of the shard's cases that are finished.
+  using OnProgress = std::function<void(std::int64_t done, std::int64_t all)>;
+  /// Fills in what a comparison measures besides the run itself.
+  using Complete = std::function<void(const scenario::Scenario&, Measures&)>;
+  /// Runs the cases of the shard that are not finished yet.
+  /// @param threads at once, at least 1
+  /// @param go_on asked now and then from all threads; once it returns false the runs under way are
+  /// given up
+  /// @param on_progress called by one thread at a time
+  /// @param complete of a comparison (`SweepPlan::is_comparison`); called from all threads
+  /// @return whether the shard is finished.
+  /// @throw base::Failure(bad_usage) naming the case when the scenario does not take its
+  /// values, or when another process runs the same shard.
+  bool run(const Shard& shard, int threads, const std::function<bool()>& go_on,
+           const OnProgress& on_progress, const Complete& complete = {}) const;
+
+  /// All rows, in the order of their cases.
+  /// @throw base::Failure(check_said_no) with the number of those missing.
+  [[nodiscard]] std::vector<SweepRow> rows() const;
+  /// The table of all rows that results.csv holds, the same to the last byte however the sweep was
+  /// run.
+  [[nodiscard]] std::string table(const std::vector<SweepRow>& rows) const;
+
+ private:
+  Sweep(std::filesystem::path directory, SweepPlan plan)
+      : directory_(std::move(directory)), plan_(std::move(plan)) {}
+  template <class F>
+  void for_each_row(const F& f) const;
+
+  std::filesystem::path directory_;
+  SweepPlan plan_;
+};
+
+}  // namespace tachless::study

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "scenario/scenario.h"
+
+/// Which runs a sweep consists of: a function from the number of a case to a scenario. Runs
+/// nothing. Cases are numbered from 0, laws outermost, the last axis innermost; a drawn value
+/// depends on seed, case and axis alone.
+namespace tachless::study {
+
+/// A number of the scenario that is varied.
+struct Axis {
+  std::string text;          ///< as it was given
+  std::string key;           ///< "controller.gains.kp"
+  std::optional<int> entry;  ///< of a list, from 0; nothing: all of it
+  bool factor = false;       ///< the values multiply what the scenario has
+  bool logarithmic = false;
+  std::vector<double> values;  ///< of a grid
+  double low = 0, high = 0;    ///< of a drawn value
+
+  /// "controller.gains.kp*", as in the header of a table.
+  [[nodiscard]] std::string name() const { return text.substr(0, text.find('=')); }
+};
+
+/// "loop.period_s=1e-4:1e-2:9:log" (from, to, how many), "plant.encoder.resolution_bits=12,16,20",
+/// "plant.initial.position_rad[0]=-1:1:21" (one joint), "controller.gains.kp*=0.1:10:13:log" (times
+/// what the scenario has). A drawn one is without the number: "controller.gains.kp*=0.1:10:log".
+/// @throw base::Failure(bad_usage) naming `text` and what is wrong with it
+Axis parse_axis(const std::string& text, bool drawn);
+
+/// A law of a sweep and what it changes in the scenario.
+struct SweepLaw {
+  std::string name;
+  std::vector<std::string> overrides;  ///< its parameters
+};
+
+/// What a row of the results is about.
+struct SweepCase {
+  std::int64_t index = 0;
+  std::string law;
+  std::vector<double> values;  ///< of the axes, in their order
+};
+
+struct SweepPlan {
+  std::string name, source;  ///< of the scenario, and its file
+  std::string text, urdf;    ///< the scenario, and its robot's description
+  int num_joints = 0;
+  std::vector<SweepLaw> laws;  ///< at least one
+  std::vector<Axis> axes;
+  std::int64_t drawn = 0;  ///< cases that are drawn; 0: the grid of all axes
+  std::uint64_t seed = 1;
+
+  /// Without axes it compares laws: a run of each.
+  [[nodiscard]] bool is_comparison() const { return axes.empty(); }
+  [[nodiscard]] std::int64_t cases_per_law() const;
+  [[nodiscard]] std::int64_t num_cases() const {
+    return cases_per_law() * static_cast<std::int64_t>(laws.size());
+  }
+  [[nodiscard]] SweepCase at(std::int64_t index) const;
+  /// When loop.period_s is varied, the run's length becomes the nearest whole number of periods.
+  /// @throw base::Failure(bad_usage) when the scenario does not take the values.
+  [[nodiscard]] scenario::Scenario scenario(const SweepCase& which) const;
+
+  [[nodiscard]] std::string json() const;
+  /// @throw base::Failure(bad_usage) naming `source` when it is no plan
+  static SweepPlan from_json(const std::string& json, const std::string& source);
+};
+
+}  // namespace tachless::study

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "base/quantities.h"
+
+/// What a run did, from its signals. Steps nothing.
+namespace tachless::study {
+
+struct Point {
+  double x = 0, y = 0;
+  bool operator==(const Point&) const = default;
+};
+
+/// A curve of any length in at most `max_points` points, such that every peak survives: where
+/// samples are many, each stretch of equally many samples is represented by its lowest and its
+/// highest sample. Memory does not grow with the curve.
+class Envelope {
+ public:
+  static constexpr std::size_t max_points = 4000;
+
+  /// @param x not below that of the sample before
+  void add(double x, double y);
+
+  /// In the order of the samples; at most `at_most` of them (or 2), by wider stretches.
+  [[nodiscard]] std::vector<Point> points(std::size_t at_most = max_points) const;
+
+ private:
+  struct Bin {
+    Point low, high;
+  };
+  static Bin merge(const Bin& a, const Bin& b);
+  static void halve(std::vector<Bin>& bins);
+
+  std::vector<Bin> bins_;
+  std::int64_t samples_per_bin_ = 1;
+  std::int64_t samples_in_last_ = 0;
+};
+
+/// Peak, root mean square, first and last value of a signal.
+class Extent {
+ public:
+  void add(double value);
+
+  [[nodiscard]] double peak() const { return peak_; }  ///< of the absolute value
+  [[nodiscard]] double rms() const;
+  [[nodiscard]] double first() const { return first_; }
+  [[nodiscard]] double final() const { return final_; }
+
+ private:
+  double peak_ = 0;
+  double sum_of_squares_ = 0;
+  double first_ = 0, final_ = 0;
+  std::int64_t count_ = 0;
+};
+
+/// How well one joint followed its reference.
+struct JointTracking {
+  Extent error;   ///< q - q_ref [rad; m if prismatic]
+  Extent torque;  ///< applied [N m; N if prismatic]
+  Envelope q, q_ref, theta, abs_error, tau;
+  Envelope error_over_time;  ///< signed
+};
+
+/// What the closing table, the summary and the figure say about a run, gathered tick by tick.
+class Tracking {
+ public:
+  explicit Tracking(int num_joints);
+
+  /// One tick at time `t_s`. `theta` is empty on a robot with rigid joints.
+  /// @param tau torque applied over the tick
+  void add(double t_s, const Vector& q, const Vector& q_ref, const Vector& theta,
+           const Vector& tau);
+
+  [[nodiscard]] const std::vector<JointTracking>& joints() const { return joints_; }
+  [[nodiscard]] std::int64_t num_ticks() const { return num_ticks_; }
+  [[nodiscard]] bool has_motors() const { return has_motors_; }
+
+ private:
+  std::vector<JointTracking> joints_;
+  std::int64_t num_ticks_ = 0;
+  bool has_motors_ = false;
+};
+
+}  // namespace tachless::study

@@ -1,0 +1,130 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tuple>
+
+#include "base/quantities.h"
+#include "base/schema.h"
+
+namespace tachless::controller::law {
+
+/// How the continuous filter is carried over to sampled positions. Each is of the form
+/// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}).
+enum class Discretisation {
+  first_order_hold,  ///< ramp-invariant: exact for e piecewise linear
+  tustin,
+  backward_euler,
+  zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
+};
+/// As scenarios have them.
+constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
+  return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
+}
+
+/// Where the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)` begins.
+enum class FilterStart {
+  at_error,  ///< w(0) = e(0), hence nu(0) = 0
+  zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
+};
+/// As scenarios have them.
+constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
+  return {"at_error", "zero"};
+}
+
+}  // namespace tachless::controller::law
+
+/// The scenario's `controller` map, each value declared once with its key. Values only: no law and
+/// no reading.
+namespace tachless::controller {
+
+/// Name of the law of a program that is not one of tachless.
+inline constexpr std::string_view external_law_name = "external";
+
+enum class FeedforwardLead { none, half_tick_plus_delay };
+constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
+  return {"none", "half_tick_plus_delay"};
+}
+
+/// Friction that a law feeds forward from the reference: D v_ref + Fc tanh(v_ref / smoothing). Of
+/// zero size where none is given.
+struct FrictionSpec {
+  Vector viscous;    ///< D [N m s/rad]
+  Vector coulomb;    ///< Fc [N m; N]
+  Vector smoothing;  ///< [rad/s; m/s]
+
+  [[nodiscard]] bool given() const {
+    return viscous.size() > 0 && !(viscous.isZero(0) && coulomb.isZero(0));
+  }
+  [[nodiscard]] Vector torque(const Vector& v_ref) const {
+    return viscous.cwiseProduct(v_ref) +
+           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).array().tanh().matrix());
+  }
+
+  static constexpr std::tuple keys{
+      base::Key{"viscous", &FrictionSpec::viscous, "N m s/rad (N s/m)",
+                "D of D v_ref; the joints of the robot are rigid"}
+          .in(base::not_negative)
+          .by_default(0),
+      base::Key{"coulomb", &FrictionSpec::coulomb, "N m (N)", "Fc of Fc tanh(v_ref / smoothing)"}
+          .in(base::not_negative)
+          .by_default(0),
+      base::Key{"smoothing", &FrictionSpec::smoothing, "rad/s (m/s)",
+                "Reference velocity over which Coulomb's part turns round"}
+          .in(base::positive)
+          .by_default(0.01)};
+};
+
+/// The scenario's `controller` map.
+struct Spec {
+  std::string law;
+  std::string measurement;  ///< suffix of the channel that feeds the law; empty: its own
+  std::string announced;    ///< what a recorded run's external law called itself; else empty
+  std::string urdf_path;    ///< as written in the scenario; empty: the law's robot is the plant's
+  /// Each of length num_joints, or its square: a matrix, row by row.
+  std::map<std::string, Vector> gains;
+  bool gains_may_change = false;
+  FrictionSpec friction;
+  law::Discretisation filter = law::Discretisation::first_order_hold;
+  law::FilterStart filter_start = law::FilterStart::at_error;
+  FeedforwardLead feedforward_lead = FeedforwardLead::none;
+
+  /// The law for people: "loria_ortega_rigid", "my_pd (external)".
+  [[nodiscard]] std::string law_text() const;
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
+
+  static constexpr base::Key urdf_key =
+      base::Key{"urdf", &Spec::urdf_path, "",
+                "URDF file of the robot that the law takes the plant for: the same joints in the "
+                "same order, read with the same keys of `robot`"}
+          .by_default("`robot.urdf`");
+
+  static constexpr std::tuple keys{
+      base::Key{"law", &Spec::law, "",
+                "Name of the control law: lower-case letters, digits, `_`; `external`: a program "
+                "of yours computes it (`run --controller`)"},
+      base::Key{"measurement", &Spec::measurement, "",
+                "What the law measures, and nothing else; an external one needs it: `POSITION`, "
+                "`MOTOR_POSITION`, `LINK_STATE`, `STATE`"}
+          .by_default("the law's own"),
+      urdf_key,
+      base::Key{"gains", &Spec::gains, "",
+                "The law's gains by name; which ones, with units and ranges, the law says"},
+      base::Key{"gains_may_change", &Spec::gains_may_change, "",
+                "`tachless gains` may change them in a run"}
+          .by_default(),
+      base::Key{"friction", &Spec::friction},
+      base::Key{"filter", &Spec::filter, "", "How the filter b p/(p + a) is discretised"}
+          .by_default(),
+      base::Key{"filter_start", &Spec::filter_start, "",
+                "`at_error`: w(0) = e(0), so nu(0) = 0; `zero`: w(0) = 0, kicks with Kd B e(0)"}
+          .by_default(),
+      base::Key{"feedforward_lead", &Spec::feedforward_lead, "",
+                "Evaluates the feed-forward ahead by the mean age of a held torque"}
+          .by_default()};
+};
+
+}  // namespace tachless::controller

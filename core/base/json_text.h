@@ -1,0 +1,16 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace tachless::base {
+
+/// `json` as text, for every JSON that is written: bytes that are not UTF-8 (of a name of a file,
+/// of a message from the bus) become U+FFFD, where the library would throw.
+/// @param indent spaces a level; -1: all on one line
+template <class Json>
+std::string json_text(const Json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace tachless::base

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <fmt/core.h>
+
+#include <string_view>
+#include <utility>
+
+/// Lines for people, on stderr: "tachless-plant: waiting for controller". Never called from the
+/// code that runs once per tick: writing may block and allocates.
+namespace tachless::base {
+
+enum class Verbosity { quiet, normal, verbose };
+
+/// What stands before a line: nothing, or its level ("<error> "), for a program that reads it.
+enum class Marks { none, levels };
+inline constexpr std::string_view error_mark = "<error> ";
+inline constexpr std::string_view warning_mark = "<warning> ";
+
+/// Sets the program's name and what is shown: quiet = warnings and errors, normal = also what
+/// happens once per run, verbose = also details. To be called once, before the first line.
+/// All lines are made printable (text.h).
+void start_logging(std::string_view program, Verbosity verbosity, Marks marks = Marks::none);
+
+void log_detail(std::string_view line);  ///< shown with --verbose
+void log_info(std::string_view line);
+void log_warning(std::string_view line);
+void log_error(std::string_view line);
+
+/// The same with arguments, as fmt::format writes them.
+template <class First, class... Rest>
+void log_detail(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_detail(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <class First, class... Rest>
+void log_info(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_info(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <class First, class... Rest>
+void log_warning(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_warning(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <class First, class... Rest>
+void log_error(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_error(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+
+/// A line that another program has written, under whatever verbosity, without a name before it.
+void pass_on(std::string_view line);
+
+}  // namespace tachless::base

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+
+/// Vocabulary shared by every room. This header and core/robot/model.h stay C++17-clean: the
+/// Simbody translation unit includes them.
+namespace tachless {
+
+/// Most joints a robot may have. Vectors and matrices reserve room for that many in place, so
+/// that nothing allocates once a run has begun.
+inline constexpr int max_joints = 64;
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// One entry per joint.
+template <class Scalar>
+using VectorOf = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, Eigen::ColMajor, max_joints, 1>;
+/// One row and one column per joint, or fewer.
+template <class Scalar>
+using MatrixOf =
+    Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, max_joints>;
+
+using Vector = VectorOf<double>;  ///< of values
+using Matrix = MatrixOf<double>;  ///< likewise
+
+}  // namespace tachless

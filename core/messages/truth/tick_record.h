@@ -1,0 +1,87 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <tuple>
+#include <type_traits>
+#include <variant>
+
+#include "messages/measurements.h"
+#include "messages/messages.h"
+#include "messages/slot.h"
+#include "messages/truth/plant_truth.h"
+
+/// All messages of one tick, for logs and offline use. Not for controllers: it holds the truth.
+namespace tachless::messages {
+
+struct TickRecord {
+  std::int64_t tick = 0;
+  std::optional<Tick> clock;
+  std::optional<AnyMeasurement> measurement;
+  std::optional<ReferencePoint> reference;
+  std::optional<TorqueCommand> command;
+  std::optional<LawSignals> controller_state;
+  std::optional<truth::PlantTruth> truth;
+};
+
+/// Types of the messages in a TickRecord besides the measurement.
+using TickMessages = TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth>;
+
+template <class... Value>
+TypeList<Value..., truth::PlantTruth> with_truth(TypeList<Value...>);
+/// Every type of message.
+using AllMessages = decltype(with_truth(Messages()));
+
+/// Whether messages of the type are sent for every tick of a run, and have a slot.
+template <class Value>
+constexpr bool once_per_tick =
+    !std::is_same_v<Value, Participant> && !std::is_same_v<Value, RunInfo> &&
+    !std::is_same_v<Value, LogAck> && !std::is_same_v<Value, GainChange>;
+
+/// The slot of a message type.
+template <class Value>
+constexpr Slot slot_of() {
+  if constexpr (is_measurement<Value>) return Slot::measurement;
+  if constexpr (std::is_same_v<Value, Tick>) return Slot::tick;
+  if constexpr (std::is_same_v<Value, ReferencePoint>) return Slot::reference;
+  if constexpr (std::is_same_v<Value, TorqueCommand>) return Slot::command;
+  if constexpr (std::is_same_v<Value, LawSignals>) return Slot::controller_state;
+  if constexpr (std::is_same_v<Value, truth::PlantTruth>) return Slot::truth;
+}
+
+/// The record's messages in the order of Slot; `Record` is TickRecord, const or not.
+template <class Record>
+auto by_slot(Record& record) {
+  return std::tie(record.clock, record.measurement, record.reference, record.command,
+                  record.controller_state, record.truth);
+}
+
+/// What the record holds a message as.
+template <class Value>
+using Held = std::optional<std::conditional_t<is_measurement<Value>, AnyMeasurement, Value>>;
+
+template <class Value>
+void put(TickRecord& record, const Value& value) {
+  std::get<Held<Value>&>(by_slot(record)) = value;
+}
+
+/// The record's message of that type, which it has.
+template <class Value>
+const Value& get(const TickRecord& record) {
+  const auto& held = *std::get<const Held<Value>&>(by_slot(record));
+  if constexpr (is_measurement<Value>) {
+    return std::get<Value>(held);
+  } else {
+    return held;
+  }
+}
+
+/// Whether the record has a message in that slot.
+inline bool has(const TickRecord& record, Slot slot) {
+  return std::apply(
+      [&](const auto&... held) { return std::array{held.has_value()...}[index(slot)]; },
+      by_slot(record));
+}
+
+}  // namespace tachless::messages

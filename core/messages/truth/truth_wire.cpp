@@ -1,0 +1,18 @@
+#include "messages/truth/truth_wire.h"
+
+#include <tachless_truth/plant_truth_t.hpp>
+
+#include "messages/codec.h"
+
+namespace tachless::messages {
+
+template <>
+std::int64_t fingerprint<messages::truth::PlantTruth>() {
+  return tachless_truth::plant_truth_t::getHash();
+}
+
+template class Codec<messages::truth::PlantTruth>;
+template std::optional<messages::Layout> announced_layout<messages::truth::PlantTruth>(
+    std::span<const std::byte>);
+
+}  // namespace tachless::messages

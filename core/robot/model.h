@@ -1,0 +1,175 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <limits>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "base/quantities.h"
+
+namespace tachless::robot {
+
+/// What a coordinate is: an angle [rad] or a length [m].
+enum class JointType { revolute, prismatic };
+
+/// Most moving bodies a model may have: mimic joints move bodies without adding coordinates.
+inline constexpr int max_bodies = 2 * max_joints;
+
+/// Mass, centre of mass and inertia of something rigid, in one frame, B.
+struct MassProperties {
+  double mass = 0;                                  ///< [kg]
+  Eigen::Vector3d p_Bcm = Eigen::Vector3d::Zero();  ///< centre of mass [m]
+  Eigen::Matrix3d I_Bcm = Eigen::Matrix3d::Zero();  ///< about the centre of mass [kg m2]
+};
+
+/// Two rigid things, in the same frame, as one. Inertia without mass counts too.
+MassProperties combine(const MassProperties& a, const MassProperties& b);
+
+/// R I R', symmetric, and exactly I for R = 1.
+Eigen::Matrix3d rotated(const Eigen::Matrix3d& I, const Eigen::Matrix3d& R);
+
+/// Empty when a rigid body can have these properties, else what forbids it, with the value and
+/// the remedy. Allowed for rounding in what people print: 1e-6 of the largest principal moment, and
+/// a radius of gyration of 1e-6 m.
+std::string why_not_physical(const MassProperties& body);
+
+/// One moving body of the tree, in its own frame: everything fixed to it is merged in. Bodies are
+/// ordered so that a parent comes before its children.
+struct Body : MassProperties {
+  std::string link;                      ///< URDF link that moves with the joint
+  std::string joint;                     ///< URDF joint that moves it
+  int parent = -1;                       ///< index into `Model::bodies`; -1 is the ground
+  JointType type = JointType::revolute;  ///< its coordinate's unit
+  Eigen::Matrix3d R_PB =
+      Eigen::Matrix3d::Identity();                 ///< body frame in the parent's at joint angle 0
+  Eigen::Vector3d p_PB = Eigen::Vector3d::Zero();  ///< its origin, expressed in the parent's [m]
+  Eigen::Vector3d axis_B = Eigen::Vector3d::UnitZ();  ///< unit, in the body frame
+  /// q_tree = multiplier q[coordinate] + offset; a `mimic` joint shares another's coordinate.
+  int coordinate = 0;
+  double multiplier = 1;  ///< of the shared coordinate
+  double offset = 0;      ///< [rad; m]
+};
+
+/// Where a URDF link ended up after merging fixed joints.
+struct Frame {
+  int body = -1;                                       ///< -1 is the ground
+  Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();  ///< its axes in the body's frame
+  Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();      ///< its origin there [m]
+  bool leaf = false;  ///< no joint, not even a fixed one, goes on from this link
+};
+
+/// A robot: a tree of revolute and prismatic joints, some of which may mimic others.
+struct Model {
+  /// A limit that is none.
+  static constexpr double unlimited = std::numeric_limits<double>::infinity();
+
+  int num_joints = 0;                       ///< independent coordinates
+  std::vector<Body> bodies;                 ///< parents before children
+  std::map<std::string, Frame> frames;      ///< by URDF link name
+  std::vector<std::string> joint_names;     ///< by coordinate
+  std::vector<JointType> joint_types;       ///< by coordinate
+  Vector lower;                             ///< [rad; m], -unlimited where the URDF has none
+  Vector upper;                             ///< likewise, +unlimited
+  Vector effort_limit;                      ///< [N m; N], unlimited where none (or 0) is given
+  Vector velocity_limit;                    ///< [rad/s; m/s]
+  Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the world [m/s2]
+  Vector rotor_inertia;  ///< added to the diagonal of M [kg m2]; zero from a URDF; empty is zero
+  Vector damping;        ///< viscous, of the URDF's dynamics [N m s/rad; N s/m]
+  Vector friction;       ///< Coulomb's, of the URDF's dynamics [N m; N]
+  std::vector<std::string> warnings;  ///< what the URDF has that is not as it should be
+};
+
+/// What people read beside a joint's values: its name in the URDF, and the units of what is an
+/// angle on a revolute joint and a torque there.
+struct JointLabels {
+  std::vector<std::string> name;    ///< in the URDF
+  std::vector<std::string> length;  ///< "rad" or "m"
+  std::vector<std::string> effort;  ///< "N m" or "N"
+
+  /// "joint 2 (elbow)"; counts from 0.
+  [[nodiscard]] std::string joint(std::size_t i) const;
+};
+/// Of each joint of the model.
+JointLabels joint_labels(const Model& model);
+
+/// Each joint as near to 0 as its range allows.
+Vector nearest_to_zero(const Model& model);
+
+/// A joint's range; where it has none on a side, half a turn or 1 m from where it is nearest to 0.
+std::pair<double, double> finite_range(const Model& model, int joint);
+
+/// What becomes of a moving body that has an inertia which no body can have.
+enum class CheckInertia { refuse, warn };
+/// As scenarios have them.
+constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
+  return {"refuse", "warn"};
+}
+
+/// How a URDF is read, beside its text.
+struct UrdfOptions {
+  CheckInertia check_inertia = CheckInertia::refuse;  ///< of a body that cannot have its inertia
+  std::map<std::string, double> locked;  ///< joints fixed at a position [rad; m]; no coordinates
+  Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero();  ///< of the root link in the world [rad]
+  Eigen::Vector3d base_xyz = Eigen::Vector3d::Zero();  ///< its origin there [m]
+};
+
+/// The part of a URDF's text that is read: names, joints, limits and inertials, every number as it
+/// is written; without visuals, collisions, comments and what others have added. Reading it gives
+/// the same model.
+/// @throw std::invalid_argument as `model_from_urdf`, of what the XML shows
+std::string urdf_mechanics(const std::string& text, const std::string& source);
+
+/// Reads a URDF text: revolute, continuous, prismatic and fixed joints, `mimic`. The root link is
+/// fixed to the ground. `source` is the file name for messages.
+///
+/// Coordinates are numbered depth-first from the root, the children of a link in the order in
+/// which their joints stand in the file; bodies likewise. A mimic joint adds a body, not a
+/// coordinate, and its own limits are not read; its damping and friction are added to those of the
+/// joint that drives it. Links behind fixed and locked joints are merged into the body they are
+/// fixed to, and the merged body is judged; what is fixed to the ground is not. An effort or
+/// velocity limit of 0 or below means none. Visuals, collisions, safety controllers and
+/// transmissions are not read.
+/// @throw std::invalid_argument in one line naming source, link or joint, value and remedy: XML or
+/// URDF that does not parse, what xacro has left, duplicated or unknown names, a tree that is none,
+/// joints of other types, a mimic cycle, an axis of zero length, limits that enclose nothing, more
+/// than `max_joints` coordinates or `max_bodies` bodies, and inertias no body can have, all of them
+/// at once, unless `check_inertia` is `warn`. Does not look at the inertia matrix.
+Model read_urdf(const std::string& text, const std::string& source,
+                const UrdfOptions& options = {});
+
+/// Whether each body can have the inertia it has.
+bool is_possible(const Model& model);
+
+/// The joints at which the inertia matrix is not positive definite, each pivot above rounding of
+/// its diagonal entry, at the posture nearest to 0 or at one of some others in the joints' range:
+/// 8, or 1000 where a body has an inertia that none can have.
+std::vector<std::string> joints_without_inertia(const Model& model);
+
+/// @throw std::invalid_argument in one line when there are `joints_without_inertia`: links without
+/// mass leave a joint without inertia.
+void require_positive_inertia(const Model& model, const std::string& source);
+
+/// `read_urdf` and `require_positive_inertia`.
+inline Model model_from_urdf(const std::string& text, const std::string& source,
+                             const UrdfOptions& options = {}) {
+  Model model = read_urdf(text, source, options);
+  require_positive_inertia(model, source);
+  return model;
+}
+
+/// The leaf link that is farthest from the root, by moving joints, then by distance along the
+/// joints' origins at q = 0: where a tool is. Of several at one place the first by name; several at
+/// different places, such as fingers, are all of them.
+std::vector<std::string> farthest_leaves(const Model& model);
+
+/// The model with a payload that is fixed to `link`, in whose frame it is given. Default: the one
+/// of `farthest_leaves`.
+/// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
+/// it does not move, or the default is ambiguous: equally far links at different places.
+Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});
+
+}  // namespace tachless::robot

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "scenario/scenario.h"
+#include "scenario/yaml_tree.h"
+
+/// The table of `reference: {file: …}`.
+namespace tachless::scenario {
+
+/// Writes the digest of the table that the tree names into the tree, where it is not given.
+/// @param scenario for complaints @param directory of the scenario
+/// @throw Failure(bad_usage) when the table cannot be read
+void pin_motion(YamlNode& root, const Scenario& scenario, const std::filesystem::path& directory);
+
+/// Gives the scenario the motion of the table that it names, if any.
+/// @throw Failure(bad_usage) when it cannot be read or has another digest, and as `parse_motion`
+void read_motion(Scenario& scenario, const std::filesystem::path& directory);
+
+/// A spline through the rows of a table (docs/trajectories.md).
+/// @param source the file's name @throw std::invalid_argument, one line "source:line: …", for what
+/// is no number, times that do not increase, columns that are not the joints, and positions or
+/// speeds beyond the model's limits
+reference::trajectory::WaypointSpline parse_motion(std::string_view text, const std::string& source,
+                                                   const robot::Model& model);
+
+}  // namespace tachless::scenario

@@ -1,0 +1,363 @@
+#include "scenario/scenario.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+
+#include "base/file_text.h"
+#include "base/fnv.h"
+#include "base/text.h"
+#include "messages/measurements.h"
+#include "robot/urdf_xml.h"
+#include "scenario/joint_parameters.h"
+#include "scenario/motion_file.h"
+#include "scenario/reader.h"
+#include "scenario/xacro.h"
+#include "scenario/yaml_tree.h"
+
+namespace tachless::scenario {
+namespace {
+
+namespace fs = std::filesystem;
+using base::consists_of;
+using base::shortest;
+
+// Both texts travel in one RUN_INFO datagram, which holds 65,499 bytes.
+constexpr std::size_t max_message_bytes = 60'000;
+constexpr double max_ticks = 1e9;
+
+/// Remembers where every key was written.
+void locate(const YamlNode& node, const std::string& path, Scenario& scenario) {
+  for (std::size_t i = 0; i < node.children.size(); ++i) {
+    const YamlNode& child = node.children[i];
+    const bool map = node.kind == YamlNode::Kind::map;
+    if (!map && child.kind != YamlNode::Kind::map) continue;
+    const std::string child_path =
+        map ? (path.empty() ? "" : path + ".") + node.keys[i] : fmt::format("{}[{}]", path, i);
+    scenario.where[child_path] = child.where;
+    locate(child, child_path, scenario);
+  }
+}
+
+double nearest_num_ticks(const LoopSpec& loop) {
+  return std::max(1.0, std::round(loop.duration_s / loop.period_s));
+}
+
+std::int64_t digest_of(std::string_view text, std::string_view urdf_text) {
+  using base::fnv;
+  return std::bit_cast<std::int64_t>(fnv(urdf_text, fnv(std::string_view("\0", 1), fnv(text))));
+}
+
+/// The tree with overrides applied; where its keys come from goes to `scenario`.
+YamlNode located_tree(std::string_view text, const std::vector<std::string>& overrides,
+                      Scenario& scenario) {
+  if (const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+      first != std::string_view::npos && text[first] == '<') {
+    throw base::bad_usage("{}: {}; allowed here: a scenario", scenario.source,
+                          robot::xml_kind(text, scenario.source));
+  }
+  YamlNode root = parse_yaml(text, scenario.source);
+  if (root.kind != YamlNode::Kind::map) {
+    if (root.kind == YamlNode::Kind::null) {
+      throw base::bad_usage("{}:1: empty; allowed: a scenario", scenario.source);
+    }
+    throw base::bad_usage("{}: {}; allowed: a map of keys", root.where, emit_line(root));
+  }
+  for (const std::string& assignment : overrides) apply_override(root, assignment);
+  locate(root, "", scenario);
+  // Some keys of these maps are read before the others.
+  const Place place{scenario, &root, ""};
+  require_known_keys<Scenario>(place);
+  require_known_keys<RobotSpec>(place.child("robot"));
+  require_known_keys<controller::Spec>(place.child("controller"));
+  return root;
+}
+
+/// A URDF's text and what its messages call it; both empty where none is given.
+struct Description {
+  std::string text, source;
+};
+
+/// From the keys of `place`, which is `robot`.
+robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
+  read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
+  read_key(place.child("locked"), RobotSpec::locked_key, spec);
+  read_key(place.child("base"), RobotSpec::base_key, spec);
+  robot::UrdfOptions options;
+  options.check_inertia = spec.check_inertia;
+  options.locked = spec.locked;
+  options.base_rpy = {spec.base.rpy[0], spec.base.rpy[1], spec.base.rpy[2]};
+  options.base_xyz = {spec.base.xyz[0], spec.base.xyz[1], spec.base.xyz[2]};
+  return options;
+}
+
+/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
+robot::Model read_robot(const YamlNode& root, const std::string& key,
+                        const Description& description, Scenario& scenario) {
+  const Place place = Place{scenario, &root, ""}.child("robot");
+  const robot::UrdfOptions options = read_urdf_options(place, scenario.robot);
+  try {
+    robot::UrdfTree tree =
+        robot::read_urdf_xml(description.text, description.source, options.locked);
+    scenario.robot.urdf_text += tree.mechanics;
+    return robot::model_of(std::move(tree), description.source, options);
+  } catch (const std::invalid_argument& error) {
+    throw scenario.complaint(key, error.what());
+  }
+}
+
+void require_same_joints(const Scenario& scenario, const robot::Model& model,
+                         const robot::Model& believed) {
+  if (model.joint_names == believed.joint_names && model.joint_types == believed.joint_types)
+    return;
+  throw scenario.complaint(
+      "controller.urdf",
+      "its joints are {}; allowed: those of robot.urdf by name, type and order: {}",
+      base::joined(believed.joint_names), base::joined(model.joint_names));
+}
+
+/// With the rotors of rigid joints, which may give a joint all the inertia it has.
+void require_positive_inertia(const Scenario& scenario, const std::string& key, robot::Model model,
+                              const std::string& source) {
+  model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+  try {
+    robot::require_positive_inertia(model, source);
+  } catch (const std::invalid_argument& error) {
+    throw scenario.complaint(key, error.what());
+  }
+}
+
+/// An arm that adds gravity holds itself before the first command, and one that adds friction has
+/// none left.
+void apply_compensation(Scenario& scenario) {
+  if (scenario.robot.compensates == Compensates::nothing) return;
+  plant::InitialTorque& initial = scenario.plant.initial.torque;
+  if (scenario.gives("plant.initial.torque") && initial == plant::InitialTorque::zero) {
+    throw scenario.complaint("plant.initial.torque",
+                             "zero, but an arm that adds gravity itself (robot.compensates) holds "
+                             "its initial posture; allowed: hold");
+  }
+  initial = plant::InitialTorque::hold;
+  if (scenario.robot.compensates == Compensates::gravity) return;
+  plant::DriveSpec& drive = scenario.plant.drive;
+  for (Vector* friction :
+       {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm,
+        &scenario.controller.friction.viscous, &scenario.controller.friction.coulomb}) {
+    friction->setZero();
+  }
+  drive.static_friction_Nm.reset();
+}
+
+/// Simbody refuses inertias that no body can have: without a choice the native mechanics take over.
+void require_mechanics_for(robot::Model& model, Scenario& scenario) {
+  if (robot::is_possible(model)) return;
+  const std::string why = "refuses the inertias that robot.check_inertia lets pass";
+  const bool chosen = scenario.gives("plant.mechanics");
+  if (chosen && scenario.plant.mechanics == plant::Mechanics::simbody) {
+    throw scenario.complaint("plant.mechanics", "simbody: it " + why + "; allowed: native");
+  }
+  scenario.plant.mechanics = plant::Mechanics::native;
+  if (!chosen) model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
+}
+
+Scenario read_scenario(YamlNode root, const Description& plant, const Description& believed,
+                       const JointParameters& parameters, Scenario scenario) {
+  robot::Model model = read_robot(root, "robot.urdf", plant, scenario);
+  add_joint_parameters(root, scenario, parameters, model);
+  scenario.text = emit_yaml(root);
+  std::optional<robot::Model> believed_model;
+  if (!believed.source.empty()) {
+    believed_model = read_robot(root, "controller.urdf", believed, scenario);
+    require_same_joints(scenario, model, *believed_model);
+  }
+  const std::string& mechanics = scenario.robot.urdf_text;
+  scenario.digest = digest_of(scenario.text, mechanics);
+  if (scenario.text.size() + mechanics.size() > max_message_bytes) {
+    throw scenario.complaint(
+        "robot.urdf",
+        "scenario ({} bytes) and the URDF's joints and inertials ({} bytes) must fit one message; "
+        "allowed: {} bytes in all; shorten names, numbers or the reference",
+        scenario.text.size(), mechanics.size(), max_message_bytes);
+  }
+  scenario.num_joints = model.num_joints;
+  read(Place{scenario, &root, ""}, scenario);
+
+  model.gravity = {0, 0, -scenario.robot.gravity_m_per_s2};
+  if (!scenario.gives("plant.drive.torque_limit_Nm") &&
+      model.effort_limit.array().isFinite().any()) {
+    scenario.plant.drive.torque_limit_Nm = model.effort_limit;
+  }
+  if (!scenario.gives("plant.drive.coulomb_friction_Nm")) {
+    scenario.plant.drive.coulomb_friction_Nm = model.friction;
+  }
+  require_positive_inertia(scenario, "robot.urdf", model, plant.source);
+  require_mechanics_for(model, scenario);
+  if (!scenario.gives("plant.drive.viscous_friction_Nms_per_rad")) {
+    scenario.plant.drive.viscous_friction_Nms_per_rad = model.damping;
+  }
+  apply_compensation(scenario);
+  scenario.model = std::make_shared<const robot::Model>(std::move(model));
+  if (believed_model) {
+    require_positive_inertia(scenario, "controller.urdf", *believed_model, believed.source);
+    scenario.believed_model = std::make_shared<const robot::Model>(std::move(*believed_model));
+  }
+  scenario.robot.channel_prefix = messages::channel_prefix(scenario.robot.name);
+  scenario.loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(scenario.loop));
+  require_consistent(scenario);
+  return scenario;
+}
+
+}  // namespace
+
+void RobotSpec::set_joints(Joints given) {
+  if (auto* rigid = std::get_if<plant::RigidJoints>(&given)) {
+    rigid_rotor_inertia_kgm2 = std::move(rigid->rotor_inertia);
+  } else {
+    flexible = std::get<plant::FlexibleDrive>(std::move(given));
+    rigid_rotor_inertia_kgm2 = Vector::Zero(flexible->stiffness.size());
+  }
+}
+
+std::optional<base::Refusal> BaseSpec::refusal() const {
+  for (const auto& [name, value] : {std::pair{"rpy", &rpy}, std::pair{"xyz", &xyz}}) {
+    if (value->size() == 3) continue;
+    return base::Refusal{name, fmt::format("{} numbers; allowed: 3", value->size())};
+  }
+  return std::nullopt;
+}
+
+std::optional<base::Refusal> RobotSpec::refusal() const {
+  if (!consists_of(name, "_") || name.size() > 32) {
+    return base::Refusal{
+        "name", fmt::format("\"{}\"; allowed: letters, digits and _, at most 32 of them", name)};
+  }
+  if ((joint_signs.array() == 0).any()) {
+    return base::Refusal{"joint_signs", "0; allowed: 1 and -1"};
+  }
+  return std::nullopt;
+}
+
+std::optional<base::Refusal> LoopSpec::refusal() const {
+  const double ticks = duration_s / period_s;
+  if (ticks > max_ticks) {
+    return base::Refusal{"duration_s",
+                         fmt::format("{:.6g} ticks of {} s; allowed: at most {:.6g} ticks", ticks,
+                                     shortest(period_s), max_ticks)};
+  }
+  constexpr double tolerance_ticks = 1e-6;
+  const double whole = nearest_num_ticks(*this);
+  const auto is_whole = [&](double duration) {
+    return std::abs(duration / period_s - whole) <= tolerance_ticks;
+  };
+  if (is_whole(duration_s)) return std::nullopt;
+  const auto nearest = [&](int digits) { return fmt::format("{:.{}g}", whole * period_s, digits); };
+  int digits = 6;
+  while (digits < 17 && !is_whole(std::stod(nearest(digits)))) ++digits;
+  return base::Refusal{
+      "duration_s",
+      fmt::format("{} is {:.9g} periods of {} s; allowed: a whole number of periods, nearest is {}",
+                  shortest(duration_s), ticks, shortest(period_s), nearest(digits))};
+}
+
+std::optional<base::Refusal> Scenario::refusal() const {
+  if (consists_of(name, "._-") && name.size() <= 100 && name.front() != '.' &&
+      name.front() != '-') {
+    return std::nullopt;
+  }
+  return base::Refusal{
+      "name",
+      fmt::format(
+          "\"{}\"; allowed: letters, digits, ., _ and -, not . or - first, at most 100 of them",
+          name)};
+}
+
+void Scenario::require_law(const messages::LawInfo& law) const {
+  if (controller.law != controller::external_law_name && law.law != controller.law) {
+    throw complaint(
+        "controller.law",
+        "{}, but the controller runs the law \"{}\"; for a law of your own, write law: {}",
+        controller.law, law.law, controller::external_law_name);
+  }
+  if (!controller.measurement.empty() && law.measurement != controller.measurement) {
+    throw complaint("controller.measurement", "{}, but the controller needs \"{}\"",
+                    controller.measurement, law.measurement);
+  }
+}
+
+base::Failure Scenario::complaint(const std::string& key, std::string_view problem) const {
+  std::string_view place = source;
+  for (std::string part = key; !part.empty();) {
+    if (const auto found = where.find(part); found != where.end()) {
+      place = found->second;
+      break;
+    }
+    const std::size_t cut = part.find_last_of(".[");
+    part.resize(cut == std::string::npos ? 0 : cut);
+  }
+  return base::bad_usage("{}: {}: {}", place, key, problem);
+}
+
+Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
+  Scenario scenario;
+  scenario.source = path.string();
+  YamlNode root = located_tree(base::given_text(path, base::max_text_bytes), overrides, scenario);
+  const fs::path directory = path.parent_path();
+  pin_motion(root, scenario, directory);
+  const JointParameters parameters = take_joint_parameters(root, scenario, directory);
+  const Place place{scenario, &root, ""};
+  read_key(place.child("robot").child("urdf"), RobotSpec::urdf_key, scenario.robot);
+  read_key(place.child("robot").child("xacro"), RobotSpec::xacro_key, scenario.robot);
+  read_key(place.child("controller").child("urdf"), controller::Spec::urdf_key,
+           scenario.controller);
+  const auto description = [&](const std::string& key, const std::string& written) -> Description {
+    if (written.empty()) return {};
+    const fs::path urdf_path = directory / written;
+    try {
+      return {urdf_text(urdf_path, scenario.robot.xacro), urdf_path.string()};
+    } catch (const base::Failure& failure) {
+      throw scenario.complaint(key, failure.what());
+    }
+  };
+  const Description plant = description("robot.urdf", scenario.robot.urdf_path);
+  const Description believed = description("controller.urdf", scenario.controller.urdf_path);
+  Scenario read = read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
+  read_motion(read, directory);
+  return read;
+}
+
+Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
+                        const std::string& source, const std::vector<std::string>& overrides) {
+  Scenario scenario;
+  scenario.source = source;
+  YamlNode root = located_tree(text, overrides, scenario);
+  Description plant{std::string(urdf_text), source + " (URDF)"}, believed;
+  const auto refusal = [&](const std::string& key) {
+    return scenario.complaint(key, "its file is not read here; allowed: in a scenario's file");
+  };
+  if (scenario.gives("robot.joint_parameters")) throw refusal("robot.joint_parameters");
+  if (scenario.gives("controller.urdf")) {
+    // The text of one robot ends where the other's begins.
+    constexpr std::string_view end = "</robot>";
+    const std::size_t cut = urdf_text.find(end);
+    if (scenario.where.at("controller.urdf").starts_with("--set ") ||
+        cut == std::string_view::npos || urdf_text.find("<robot", cut) == std::string_view::npos) {
+      throw refusal("controller.urdf");
+    }
+    believed = {plant.text.substr(cut + end.size()), plant.source};
+    plant.text.resize(cut + end.size());
+  }
+  return read_scenario(std::move(root), plant, believed, {}, std::move(scenario));
+}
+
+RobotFile robot_file(const fs::path& file, const std::vector<std::string>& overrides) {
+  std::vector<std::string> of_robot = overrides;
+  std::erase_if(of_robot, [](const std::string& each) { return !each.starts_with("robot"); });
+  Scenario scenario;
+  const YamlNode root = located_tree("robot: {}", of_robot, scenario);
+  const Place place = Place{scenario, &root, ""}.child("robot");
+  read_key(place.child("xacro"), RobotSpec::xacro_key, scenario.robot);
+  return {urdf_text(file, scenario.robot.xacro), read_urdf_options(place, scenario.robot)};
+}
+
+}  // namespace tachless::scenario

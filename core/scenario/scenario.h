@@ -1,0 +1,278 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "base/failure.h"
+#include "base/quantities.h"
+#include "base/schema.h"
+#include "controller/spec.h"
+#include "plant/spec.h"
+#include "reference/spec.h"
+#include "robot/model.h"
+
+namespace tachless::messages {
+struct LawInfo;
+}
+
+/// One experiment = one YAML file, read into typed values. Each value is declared once, beside the
+/// member that it fills; the reader, the check for unknown keys and the table of docs/scenario.md
+/// follow. This header knows the values, not what plant, controller and reference make of them.
+namespace tachless::scenario {
+
+/// Where the robot's root link is fixed.
+struct BaseSpec {
+  std::vector<double> rpy = {0, 0, 0};
+  std::vector<double> xyz = {0, 0, 0};
+
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      base::Key{"rpy", &BaseSpec::rpy, "rad",
+                "Roll, pitch, yaw of the root link, which is fixed to the ground: "
+                "`[3.141592653589793, 0, 0]` hangs the robot from the ceiling"}
+          .by_default("[0, 0, 0]"),
+      base::Key{"xyz", &BaseSpec::xyz, "m", "Position of the root link; moves no torque"}
+          .by_default("[0, 0, 0]")};
+};
+
+/// What the arm's own controller adds to the torque that it is sent.
+enum class Compensates { nothing, gravity, gravity_and_friction };
+constexpr std::array<std::string_view, 3> names(Compensates /*type*/) {
+  return {"nothing", "gravity", "gravity_and_friction"};
+}
+
+struct RobotSpec {
+  std::string name = "arm";
+  std::string channel_prefix = "ARM";  ///< name in upper case
+  std::string urdf_path;               ///< as written in the scenario
+  /// robot::urdf_mechanics of the file, followed by that of controller.urdf if there is one
+  std::string urdf_text;
+  robot::CheckInertia check_inertia = robot::CheckInertia::refuse;
+  std::map<std::string, std::string> xacro;  ///< arguments of a urdf_path that ends in .xacro
+  std::map<std::string, double> locked;
+  BaseSpec base;
+  double gravity_m_per_s2 = 9.81;
+  std::string joint_parameters;  ///< as written in the scenario; a recorded one has the numbers
+  Compensates compensates = Compensates::nothing;
+  Vector joint_signs;        ///< +1 or -1: q = sign q_driver + offset, tau_driver = sign tau
+  Vector joint_offsets_rad;  ///< [rad; m]
+  std::optional<plant::FlexibleDrive> flexible;  ///< nothing: rigid joints
+  Vector rigid_rotor_inertia_kgm2;               ///< of rigid joints
+
+  using Joints = std::variant<plant::RigidJoints, plant::FlexibleDrive>;
+  void set_joints(Joints given);
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
+
+  static constexpr base::Key urdf_key{"urdf", &RobotSpec::urdf_path, "",
+                                      "URDF file, absolute or relative to the scenario's file"};
+  static constexpr base::Key xacro_key =
+      base::Key{"xacro", &RobotSpec::xacro, "",
+                "Argument of the program `xacro`, which makes a URDF of `robot.urdf` where that "
+                "ends in `.xacro`"}
+          .by_default("none");
+  // What the URDF is read with.
+  static constexpr base::Key check_inertia_key =
+      base::Key{"check_inertia", &RobotSpec::check_inertia, "",
+                "Moving bodies with an inertia that no body can have: `refuse` them, or `warn` "
+                "and go on where the inertia matrix is positive definite all the same"}
+          .by_default();
+  static constexpr base::Key locked_key =
+      base::Key{"locked", &RobotSpec::locked, "rad (m)",
+                "Joint of the URDF that is fixed at this position and no joint of the robot any "
+                "more; what mimics it is held with it"}
+          .by_default("none");
+  static constexpr base::Key base_key{"base", &RobotSpec::base};
+
+  static constexpr std::tuple keys{
+      base::Key{"name", &RobotSpec::name, "",
+                "Prefix of the channels, in upper case: letters, digits, `_`, at most 32"}
+          .by_default(),
+      urdf_key,
+      xacro_key,
+      check_inertia_key,
+      locked_key,
+      base_key,
+      base::Key{"gravity_m_per_s2", &RobotSpec::gravity_m_per_s2, "m/s²",
+                "Along -z of the world; the URDF's root link is in it at `robot.base`"}
+          .in({0, 1000})
+          .by_default(),
+      base::Key{"joint_parameters", &RobotSpec::joint_parameters, "",
+                "File with rotor inertia and friction by joint: an MJCF (`armature`, `damping`, "
+                "`frictionloss`), or a YAML map from names to `rotor_inertia_kgm2`, "
+                "`viscous_friction_Nms_per_rad`, `coulomb_friction_Nm`; relative to the "
+                "scenario's file. What the scenario itself says of them goes first"}
+          .by_default("none"),
+      base::Key{"compensates", &RobotSpec::compensates, "",
+                "What the arm's own controller adds to the torque that it is sent: that torque is "
+                "then without g(q) of `robot.urdf`, and friction of `plant` and `controller` is "
+                "0; laws, logs and certificates have the whole torque, and the emulator adds g(q) "
+                "as the arm does"}
+          .by_default(),
+      base::Key{"joint_signs", &RobotSpec::joint_signs, "",
+                "Of a real robot: 1, or -1 where a joint turns against its axis in the URDF"}
+          .in({-1, 1, false, false, true})
+          .by_default(1),
+      base::Key{"joint_offsets_rad", &RobotSpec::joint_offsets_rad, "rad (m)",
+                "Of a real robot: position in the URDF where the driver reads 0"}
+          .by_default(0),
+      base::Key{"joints", &RobotSpec::set_joints, "",
+                "Motors fixed to their joints, or behind springs"}
+          .by_default()};
+};
+
+enum class Mode { lockstep, realtime };
+constexpr std::array<std::string_view, 2> names(Mode /*type*/) { return {"lockstep", "realtime"}; }
+
+struct LoopSpec {
+  Mode mode = Mode::lockstep;
+  double period_s = 1e-3;
+  double duration_s = 1;
+  std::int64_t num_ticks = 1000;  ///< duration / period, an integer
+  int command_delay = 1;
+  int max_missed = 20;
+  double max_missed_share = 0.01;
+  double give_up_s = 5;
+
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      base::Key{"mode", &LoopSpec::mode, "",
+                "Simulation time as fast as it goes, or wall-clock time"}
+          .by_default(),
+      base::Key{"period_s", &LoopSpec::period_s, "s", "One tick, h"}
+          .in({0, 1, true, false})
+          .by_default(),
+      base::Key{"duration_s", &LoopSpec::duration_s, "s", "A whole number of periods, at most 1e9"}
+          .in(base::positive)
+          .by_default(),
+      base::Key{"command_delay", &LoopSpec::command_delay, "ticks",
+                "The torque computed from tick k acts over tick k + delay"}
+          .in({0, plant::max_delay_ticks})
+          .by_default(),
+      base::Key{"max_missed", &LoopSpec::max_missed, "ticks",
+                "Realtime: commands missed in a row before the protective stop. Not given, "
+                "`run --plant` takes what the loop is proved to bear, if that is less"}
+          .in({0, 1e6})
+          .by_default(),
+      base::Key{"max_missed_share", &LoopSpec::max_missed_share, "",
+                "Realtime: share of deadlines that the plant may miss; a run that missed more "
+                "ends with exit code 1"}
+          .in({0, 1})
+          .by_default(),
+      base::Key{"give_up_s", &LoopSpec::give_up_s, "s", "A peer silent for this long is lost"}
+          .in({0, 3600, true, false})
+          .by_default()};
+};
+
+struct Scenario {
+  std::string name;
+  RobotSpec robot;
+  plant::Spec plant;
+  reference::Spec reference;
+  controller::Spec controller;
+  LoopSpec loop;
+
+  /// The robot of the URDF with the scenario's gravity and base: without rotors, without payload.
+  /// Read once; its warnings are for whoever asked for the scenario to be read.
+  std::shared_ptr<const robot::Model> model;
+  /// The same of controller.urdf; null without: the law's model is the plant's.
+  std::shared_ptr<const robot::Model> believed_model;
+  int num_joints = 0;
+  std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
+  std::int64_t digest = 0;  ///< of text and URDF
+  std::string source;       ///< file name for messages
+  /// "controller.gains.kp" -> "<file>:<line>", or the "--set <key=value>" that gave its value
+  std::map<std::string, std::string> where;
+
+  /// True when the key was written, in the file or with --set.
+  [[nodiscard]] bool gives(const std::string& key) const { return where.count(key) != 0; }
+
+  /// A Failure(bad_usage) that reads "<where>: <key>: <problem>".
+  [[nodiscard]] base::Failure complaint(const std::string& key, std::string_view problem) const;
+  template <class First, class... Rest>
+  [[nodiscard]] base::Failure complaint(const std::string& key,
+                                        fmt::format_string<First, Rest...> problem, First&& first,
+                                        Rest&&... rest) const {
+    return complaint(key, std::string_view(fmt::format(problem, std::forward<First>(first),
+                                                       std::forward<Rest>(rest)...)));
+  }
+
+  /// @throw base::Failure(bad_usage) unless a controller with this law is the one that the
+  /// scenario asks for: of its name if not external, and with its measurement if given.
+  void require_law(const messages::LawInfo& law) const;
+
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      base::Key{"name", &Scenario::name, "",
+                "Name of the experiment: letters, digits, `.`, `_`, `-`, at most 100"},
+      base::Key{"robot", &Scenario::robot},
+      base::Key{"plant", &Scenario::plant},
+      base::Key{"reference", &Scenario::reference, "", "What the robot is to follow"},
+      base::Key{"controller", &Scenario::controller},
+      base::Key{"loop", &Scenario::loop}};
+};
+
+/// Reads `path` and the URDF it names (relative to the scenario's file). `overrides` are
+/// "key.path=value" as given to --set; a value is YAML.
+/// @throw Failure(bad_usage), one line: file, line, key, value, allowed range, nearest known key.
+Scenario load_scenario(const std::filesystem::path& path,
+                       const std::vector<std::string>& overrides = {});
+
+/// The same from texts, as a log holds them: `urdf_text` is `RobotSpec::urdf_text`, or a URDF file
+/// where there is no controller.urdf, which no override may name. `source` stands in for the file
+/// name.
+Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
+                        const std::string& source, const std::vector<std::string>& overrides = {});
+
+/// The rules between keys of `robot` and `plant`, of a scenario that is read and has its model.
+/// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
+void require_consistent(const Scenario& scenario);
+
+struct UrdfScenario {
+  std::string name;
+  std::string urdf;  ///< its path, as it is to stand in the file
+  double period_s = 1e-3;
+  Vector from{};  ///< where the motion begins [rad; m]; empty: see below
+};
+
+/// A scenario for a bare URDF, as text, with gains that only a design makes useful: from the middle
+/// of the joints' ranges, or a posture near it at which no link is below the base's plane, to 0.3
+/// rad (0.1 m) beside it, away from the nearer limits; a 20-bit encoder, one tick of delay, the
+/// URDF's friction fed forward, the drives holding the robot until the first command acts.
+std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
+
+/// `model` with the scenario's payload on it; as it is when there is none.
+/// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
+robot::Model with_payload(const Scenario& scenario, robot::Model model);
+
+/// A robot's file, a URDF or an .xacro, as the overrides of `robot` alone have it read: for a
+/// command that has no scenario yet.
+struct RobotFile {
+  std::string urdf;
+  robot::UrdfOptions options;
+};
+RobotFile robot_file(const std::filesystem::path& file, const std::vector<std::string>& overrides);
+
+/// Width of one count of each joint's position encoder [rad; m if prismatic]; 0: ideal.
+/// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
+Vector encoder_count(const Scenario& scenario, const robot::Model& model);
+
+/// Checks that the robot has the encoders of a law that is fed from that channel suffix.
+/// @throw Failure(bad_usage) naming the key and what is allowed.
+void require_encoders(const Scenario& scenario, std::string_view measurement);
+
+}  // namespace tachless::scenario

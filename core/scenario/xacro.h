@@ -1,0 +1,18 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <string>
+
+namespace tachless::scenario {
+
+/// A URDF file's text, or, of a file that ends in .xacro, the URDF that the program `xacro` of the
+/// search path makes of it with these arguments. No shell reads them.
+/// @throw Failure(bad_usage), one line, where there is no file or program, it says no, writes more
+/// than a URDF may have or takes longer than `xacro_patience`.
+std::string urdf_text(const std::filesystem::path& file,
+                      const std::map<std::string, std::string>& arguments);
+inline constexpr std::chrono::seconds xacro_patience{30};
+
+}  // namespace tachless::scenario

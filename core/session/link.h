@@ -1,0 +1,239 @@
+#pragma once
+
+#include <fmt/core.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "base/clock.h"
+#include "base/failure.h"
+#include "bus/authenticated.h"
+#include "messages/messages.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
+#include "session/membership.h"
+#include "session/message_ring.h"
+#include "session/peers.h"
+#include "session/statistics.h"
+
+namespace tachless::session {
+
+/// Notices, while a process waits for the others, that it is on a bus with another key than theirs
+/// (or that only one side has one): announcements come, and none of them verifies. Verifies nothing
+/// itself.
+class KeyCheck {
+ public:
+  using Time = base::Clock::time_point;
+
+  KeyCheck(messages::Role own_role, bool has_key) : own_role_(own_role), has_key_(has_key) {}
+
+  /// An announcement that verified: the keys agree.
+  void accepted() { accepted_ = true; }
+
+  /// One that did not, though it is an announcement.
+  void foreign(const bus::Stranger& stranger, Time now) {
+    if (num_foreign_++ > 0) return;
+    since_ = now;
+    const std::string_view own = messages::name(own_role_);
+    std::string difference = fmt::format("has no key, this {} has one", own);
+    if (stranger.tagged) {
+      difference = has_key_ ? fmt::format("has another key than this {}", own)
+                            : fmt::format("has a key, this {} has none", own);
+    }
+    first_ = fmt::format("{} {}", session::describe(stranger.who, stranger.sender), difference);
+  }
+
+  /// For those who wait, after what they wait for: the first foreign one; empty if none has come.
+  [[nodiscard]] std::string hint() const {
+    return first_.empty() ? "" : "; " + first_ + " (--key-file)";
+  }
+
+  /// @throw Failure(protocol_violated) when only foreign ones have come for 1.5 s.
+  void poll(Time now) const {
+    // No announcement that verifies among so many for so long: the keys differ.
+    if (accepted_ || num_foreign_ < 5 || now - since_ < std::chrono::milliseconds(1500)) return;
+    throw base::Failure(base::ExitCode::protocol_violated,
+                        "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)",
+                        first_);
+  }
+
+ private:
+  messages::Role own_role_;
+  bool has_key_;
+  bool accepted_ = false;
+  int num_foreign_ = 0;
+  std::string first_;  ///< the first foreign one, in words
+  Time since_;
+};
+
+/// One process's part in a run, with the loop that waits for messages: `on` for each channel,
+/// `join`, `run_until_finished`, then `leave`. Carries out over a transport what
+/// session::Membership decides: sends and decodes announcements, authenticates the bus if there is
+/// a key, names missing processes to the user. A datagram is an announcement or goes to the handler
+/// of its channel, which has it `accept`ed and passes to `count` what became of it. Knows no
+/// message but the announcements, and no tick.
+class Link {
+ public:
+  using Time = base::Clock::time_point;
+  using Handler = std::function<void(const bus::Datagram&)>;
+
+  struct Config {
+    messages::Role role = messages::Role::plant;
+    std::optional<std::int64_t> run_id = {};  ///< plant only; default: microseconds since 1970
+    double wait_s = 0;                        ///< for the others at the start; 0 = unlimited
+    /// Set when the user wants the process to end.
+    const std::atomic<bool>* interrupted = nullptr;
+    std::int64_t instance = 0;         ///< tells two processes of one role apart; 0: a random one
+    std::optional<bus::Key> key = {};  ///< of the bus
+  };
+
+  /// Subscribes to the participants' channel.
+  Link(const scenario::Scenario& scenario, bus::Transport& transport, const Config& config);
+  Link(const Link&) = delete;
+  Link& operator=(const Link&) = delete;
+
+  /// What is known of the four.
+  session::Membership& membership() { return *membership_; }
+  [[nodiscard]] std::int64_t run() const { return membership_->run(); }
+  /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
+  [[nodiscard]] std::string describe(messages::Role role) const {
+    return membership_->describe(role);
+  }
+  Statistics& statistics() { return statistics_; }
+
+  /// For the node's own messages.
+  bus::Transport& transport() { return transport_; }
+  /// Channel of the announcements.
+  [[nodiscard]] const std::string& channel() const { return channel_; }
+  /// Subscribes to `channel`; its messages go to `handler` from now on, by `receive` and
+  /// `run_until` alone.
+  void on(const std::string& channel, Handler handler);
+  /// Announcements that are a member's own (session::Membership::handle) go to `handler`, too,
+  /// after they have been handled.
+  void on_announcement(Handler handler) { announcement_handler_ = std::move(handler); }
+
+  /// Runs `main` (the node's whole life). An exception that leaves it is noted in the statistics
+  /// and announced before it goes on.
+  void guard(const std::function<void()>& main);
+
+  /// Waits until the run is known (plant: until all are ready). `law`: controller only. `other` is
+  /// given what comes on the node's own channels meanwhile.
+  /// @throw Failure: see `poll`; refused by or refusing another; some role is missing at the end of
+  /// the wait.
+  void join(const messages::LawInfo& law, const Handler& other);
+  /// The first message of the run has been sent or accepted.
+  void started(Time now);
+
+  /// To be called at the latest at `next_poll`: announcements, faults, silence, interruption.
+  /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
+  /// another's fault, naming it.
+  void poll(Time now);
+  [[nodiscard]] Time next_poll() const { return membership_->next_announcement(); }
+
+  /// Done once each turn; returns when the next turn is due at the latest.
+  using Turn = std::function<Time(Time now)>;
+  /// Polls and handles what comes until `done`.
+  void run_until(const std::function<bool()>& done, const Turn& turn = {});
+  /// The same with announcements alone: for a process that has all messages of its run.
+  void attend_until(const std::function<bool()>& done);
+  /// As `run_until`, until the plant has finished.
+  /// @param all_there whether all ticks of this process are; before that no end is believed
+  void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
+  /// Handles one datagram, if one comes before the deadline. @return whether one did
+  bool receive(Time deadline);
+
+  enum class Handled {
+    no,        ///< another channel
+    dropped,   ///< on the announcements' channel, but no member's own announcement
+    believed,  ///< a member's own announcement
+  };
+  /// Handles the datagram if it is on the announcements' channel.
+  Handled handle(const bus::Datagram& datagram);
+
+  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and `value`
+  /// as they are or (another run's) as they came.
+  template <class Value>
+  bool accept(const messages::Codec<Value>& codec, const bus::Datagram& datagram,
+              messages::Stamp& stamp, Value& value) {
+    return accept(codec.decode(datagram.payload, stamp, value), stamp);
+  }
+  /// The same for a message that has been decoded already.
+  bool accept(messages::Rejection rejection, const messages::Stamp& stamp);
+  /// Counts what became of a message for `tick`.
+  /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
+  void count(session::Verdict verdict, messages::Role from, const bus::Datagram& datagram,
+             std::int64_t tick);
+  /// The same where a conflict does not matter.
+  void count(session::Verdict verdict);
+
+  /// Newest tick handled, and (controller) the norm of its position error.
+  void progressed(std::int64_t tick, double error_norm = 0) {
+    membership_->progressed(tick, error_norm);
+  }
+  /// This process's part is done. The plant waits until the others have finished too, for the time
+  /// to give up at most while they lack ticks, then for a minute; the others until all have and the
+  /// plant has acknowledged their own end, a second at most.
+  /// @throw Failure when one of them has failed at the last moment, (protocol_violated) when the
+  /// plant waited in vain
+  void leave();
+
+  /// This process will end with `failure`, and announces it, but first has to bring the robot to
+  /// rest.
+  void stopping(const base::Failure& failure, Time now);
+  /// This process ends with `failure`: announces it now, though it still has to conclude, and
+  /// returns the announcement; valid until the next one.
+  std::span<const std::byte> ending(const base::Failure& failure);
+  /// The announcement alone, if it is due: for a process that is ending.
+  void announce_if_due(Time now) {
+    if (now >= next_poll()) announce(now);
+  }
+
+  /// Which of these roles have been silent for a second, in words; all of them, if none has.
+  [[nodiscard]] std::string silent_among(std::initializer_list<messages::Role> roles) const;
+  /// Whether a message may be the role's holder's: on a bus with a key it is one of the four's,
+  /// from wherever it comes (their announcements may have been passed on by others); without one it
+  /// is when it comes from the holder's address.
+  [[nodiscard]] bool is_from(messages::Role role, std::string_view sender) const {
+    return transport_.has_key() || membership_->is_from(role, sender);
+  }
+  /// Datagrams dropped because they did not verify under the key.
+  [[nodiscard]] std::int64_t unauthenticated() const { return transport_.dropped(); }
+
+ private:
+  void fail(const base::Failure& failure);
+  void note_end(Time now);
+  void throw_if_interrupted() const;
+  std::span<const std::byte> announce(Time now);
+  void announce_repeatedly();
+  /// Or until it is `over`.
+  void handle_until(Time deadline, const std::function<bool()>& over);
+  void name_missing(Time now);
+
+  bus::Authenticated transport_;
+  Statistics statistics_;
+  const std::atomic<bool>* interrupted_;
+  Time started_at_;
+  Handler announcement_handler_;
+  // A deque: a handler may add another one while it runs.
+  std::deque<std::pair<std::string, Handler>> handlers_;
+  std::string channel_;
+  session::Membership::Self self_;
+  std::optional<session::Membership> membership_;
+  messages::Codec<messages::Participant> codec_;
+  messages::Stamp stamp_;       ///< of the last announcement received
+  messages::Participant peer_;  ///< its content
+  KeyCheck key_check_;
+  messages::PerRole entered_{};  ///< roster of the session that the bus has entered
+  Time next_notice_;
+};
+
+}  // namespace tachless::session

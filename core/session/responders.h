@@ -1,0 +1,281 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stdexcept>
+
+#include "base/clock.h"
+#include "session/message_ring.h"
+
+/// What the processes do with the messages of a tick: the reference in both modes, the controller
+/// and the plant in each. In lockstep every request is answered once, in order, and the reply is
+/// kept for a request that comes again (the plant's side: tick_master.h). In realtime no message is
+/// repeated or waited for.
+namespace tachless::session {
+
+/// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
+/// that no process waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply
+/// to a repeated TICK is the same bytes again. In realtime what has gone by is left out: references
+/// before k are not published later, nor any again.
+class ReferenceResponder {
+ public:
+  /// An empty range has last < first.
+  struct Range {
+    std::int64_t first = 0;
+    std::int64_t last = -1;
+  };
+  struct Answer {
+    Verdict verdict = Verdict::fresh;
+    Range compute;  ///< compute these in order, publish each and tell `computed`
+    Range repeat;   ///< publish `kept` of these again
+  };
+
+  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_reference, bool realtime = false)
+      : num_ticks_(num_ticks),
+        realtime_(realtime),
+        ring_(std::array{MessageRing::digest_only, longest_reference}) {}
+
+  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes) {
+    // In lockstep the plant cannot have begun k without command k - 1, hence not without reference
+    // k - 1.
+    if (tick < 0 || tick >= num_ticks_ || (!realtime_ && tick > newest_ + 1)) {
+      return {Verdict::not_asked, {}, {}};
+    }
+    Answer result{ring_.put(tick, tick_kind, bytes), {}, {}};
+    if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;
+    const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
+    result.compute = {std::max(newest_ + 1, tick), last};
+    if (!realtime_ && (result.verdict == Verdict::repeated || tick + 1 <= newest_)) {
+      result.repeat = {tick, std::min(last, newest_)};
+    }
+    return result;
+  }
+
+  /// @throw std::logic_error unless `tick` is the one after the last, or in realtime a later one.
+  void computed(std::int64_t tick, std::span<const std::byte> bytes) {
+    if (tick <= newest_ || (!realtime_ && tick > newest_ + 1)) {
+      throw std::logic_error("a reference was computed out of turn");
+    }
+    if (!realtime_) ring_.put(tick, reference_kind, bytes);
+    newest_ = tick;
+  }
+
+  /// In lockstep.
+  [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const {
+    return ring_.bytes(tick, reference_kind);
+  }
+  /// Newest tick whose reference is computed; -1 before the first.
+  [[nodiscard]] std::int64_t newest() const { return newest_; }
+
+ private:
+  enum Kind : int { tick_kind, reference_kind };
+
+  std::int64_t num_ticks_;
+  bool realtime_;
+  std::int64_t newest_ = -1;
+  MessageRing ring_;
+};
+
+/// The controller's inputs.
+enum LawInput : int { measurement_input, reference_input, num_law_inputs };
+
+/// The controller's side in lockstep: a measurement asks for the command and controller state of
+/// its tick; they are computed once, strictly in order, as soon as the tick's reference is there
+/// too. A measurement that comes again is answered with what is kept.
+class CommandResponder {
+ public:
+  enum class Action { nothing, compute, repeat };
+  struct Answer {
+    Verdict verdict = Verdict::fresh;
+    /// compute: the law's step of tick `next()`, publish both messages and tell `computed`.
+    /// repeat: publish the kept messages of the measurement's tick again.
+    Action action = Action::nothing;
+  };
+
+  CommandResponder(std::int64_t num_ticks, std::size_t longest_command, std::size_t longest_state)
+      : num_ticks_(num_ticks),
+        ring_(std::array{MessageRing::digest_only, MessageRing::digest_only, longest_command,
+                         longest_state}) {}
+
+  Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes) {
+    const bool measured = input == measurement_input;
+    // The plant is at tick next() at most, and the reference one ahead of it.
+    const std::int64_t newest = measured ? next_ : next_ + 1;
+    if (tick < 0 || tick >= num_ticks_ || tick > newest) {
+      return {Verdict::not_asked, Action::nothing};
+    }
+    const Verdict verdict = ring_.put(tick, input, bytes);
+    if (verdict == Verdict::fresh && ready()) return {verdict, Action::compute};
+    const bool repeat = measured && verdict == Verdict::repeated && ring_.has(tick, command_kind);
+    return {verdict, repeat ? Action::repeat : Action::nothing};
+  }
+
+  /// Tick whose command is the next to be computed.
+  [[nodiscard]] std::int64_t next() const { return next_; }
+  /// Whether the run's last tick is computed.
+  [[nodiscard]] bool all_computed() const { return next_ == num_ticks_; }
+  /// Whether both its inputs are there.
+  [[nodiscard]] bool ready() const {
+    return ring_.has(next_, measurement_input) && ring_.has(next_, reference_input);
+  }
+
+  /// The replies of tick `next()`.
+  void computed(std::span<const std::byte> command, std::span<const std::byte> state) {
+    if (!ready()) throw std::logic_error("a command was computed without its inputs");
+    ring_.put(next_, command_kind, command);
+    ring_.put(next_, state_kind, state);
+    ++next_;
+  }
+
+  [[nodiscard]] std::span<const std::byte> command(std::int64_t tick) const {
+    return ring_.bytes(tick, command_kind);
+  }
+  [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const {
+    return ring_.bytes(tick, state_kind);
+  }
+
+ private:
+  enum Kind : int { command_kind = num_law_inputs, state_kind };
+
+  std::int64_t num_ticks_;
+  std::int64_t next_ = 0;
+  MessageRing ring_;
+};
+
+/// Which ticks can have begun, as a process other than the plant can tell: one begins each period,
+/// so a message of a tick far ahead is not of this run. Counts from the first tick that it is
+/// given, whose message may have been late by more than `slack`: so a refusal is certain only for
+/// senders that are not members.
+class Pace {
+ public:
+  /// By how much more than the others the first message may have been delayed.
+  static constexpr std::chrono::milliseconds slack{200};
+
+  explicit Pace(double period_s) : period_s_(period_s) {}
+
+  /// Whether `tick` can have begun by `now`.
+  bool possible(std::int64_t tick, base::Clock::time_point now) {
+    if (tick < 0) return false;
+    if (!first_) first_ = First{tick, now};
+    return static_cast<double>(tick - first_->tick) <= periods_until(now + slack) + 2;
+  }
+
+  /// Whether no tick is to come: the last of the run is the `newest` received or, for its message
+  /// may be lost, it is time for it to have begun.
+  [[nodiscard]] bool over(std::int64_t newest, std::int64_t last,
+                          base::Clock::time_point now) const {
+    return newest == last ||
+           (first_ && static_cast<double>(last - first_->tick) <= periods_until(now));
+  }
+
+ private:
+  /// Since the first tick shown.
+  [[nodiscard]] double periods_until(base::Clock::time_point now) const {
+    return std::chrono::duration<double>(now - first_->at).count() / period_s_;
+  }
+
+  struct First {
+    std::int64_t tick = 0;
+    base::Clock::time_point at;
+  };
+
+  double period_s_;
+  std::optional<First> first_;
+};
+
+/// The controller's side in realtime: chooses the newest tick whose measurement and reference are
+/// both there, once. Ticks may be skipped, and a skipped one is not computed later.
+class CommandPicker {
+ public:
+  explicit CommandPicker(std::int64_t num_ticks)
+      : num_ticks_(num_ticks),
+        ring_(std::array{MessageRing::digest_only, MessageRing::digest_only}) {}
+
+  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes) {
+    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
+    const Verdict verdict = ring_.put(tick, input, bytes);
+    if (verdict != Verdict::fresh || input != measurement_input) return verdict;
+    newest_ = std::max(newest_, tick);
+    return tick > last_ ? Verdict::fresh : Verdict::too_old;
+  }
+
+  /// The tick to compute now; nothing when there is none newer than the last one.
+  [[nodiscard]] std::optional<std::int64_t> due() const {
+    // A reference that is one tick ahead may have taken the place of a tick `depth` before it.
+    const std::int64_t oldest = std::max(last_ + 1, newest_ - MessageRing::depth + 2);
+    for (std::int64_t tick = newest_; tick >= oldest; --tick) {
+      if (ring_.has(tick, measurement_input) && ring_.has(tick, reference_input)) {
+        return tick;
+      }
+    }
+    return std::nullopt;
+  }
+  /// The command of `tick`, which was due, is computed.
+  void acted(std::int64_t tick) {
+    if (tick <= last_) throw std::logic_error("a tick was acted on out of turn");
+    last_ = tick;
+  }
+
+ private:
+  std::int64_t num_ticks_;
+  std::int64_t last_ = -1;    ///< newest tick computed
+  std::int64_t newest_ = -1;  ///< newest measurement
+  MessageRing ring_;
+};
+
+/// The plant's side in realtime: accepts a command only within its tick, counts the ticks without a
+/// command and reports when too many in a row had none. Does not hold the torque or stop the robot:
+/// the plant does.
+class MissedCommandMonitor {
+ public:
+  /// @param max_missed commands that may be missed in a row
+  explicit MissedCommandMonitor(int max_missed)
+      : max_missed_(max_missed), commands_(std::array{MessageRing::digest_only}) {}
+
+  void begin(std::int64_t tick) {
+    tick_ = tick;
+    commanded_ = false;
+  }
+
+  /// A command of this run. `fresh`: the first of the present tick; `too_old`: of a tick that is
+  /// over; `not_asked`: of a tick that has not begun.
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes) {
+    if (tick < 0 || tick > tick_) return Verdict::not_asked;
+    const Verdict verdict = commands_.put(tick, 0, bytes);
+    if (verdict != Verdict::fresh) return verdict;
+    if (tick < tick_) return Verdict::too_old;
+    commanded_ = true;
+    return Verdict::fresh;
+  }
+  /// Whether this tick's command was received.
+  [[nodiscard]] bool commanded() const { return commanded_; }
+
+  /// The tick is over.
+  void end() {
+    in_a_row_ = commanded_ ? 0 : in_a_row_ + 1;
+    missed_ += commanded_ ? 0 : 1;
+    longest_ = std::max(longest_, in_a_row_);
+  }
+
+  [[nodiscard]] std::int64_t missed() const { return missed_; }  ///< ticks without a command
+  [[nodiscard]] std::int64_t missed_in_a_row() const { return in_a_row_; }  ///< at present
+  [[nodiscard]] std::int64_t longest_miss() const { return longest_; }      ///< most in a row
+  /// More than `max_missed` in a row: the protective stop is due.
+  [[nodiscard]] bool too_many() const { return in_a_row_ > max_missed_; }
+
+ private:
+  int max_missed_;
+  MessageRing commands_;
+  std::int64_t tick_ = -1;
+  bool commanded_ = false;
+  std::int64_t missed_ = 0;
+  std::int64_t in_a_row_ = 0;
+  std::int64_t longest_ = 0;
+};
+
+}  // namespace tachless::session

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "controller/registry.h"
+#include "identify/identify.h"
+#include "in_process/in_process_loop.h"
+
+/// Emulated arms whose parameters neither the law nor the recorded scenario knows.
+namespace tachless::identify {
+
+inline const std::vector<Kind> all = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::payload};
+
+inline void ignore(std::string_view /*what*/) {}
+
+/// A multi-sine about the initial posture, joints at frequencies of their own.
+inline std::string multi_sine(const std::string& offset, int joints) {
+  std::string terms;
+  for (const auto& [amplitude, lowest] : {std::pair{0.4, 0.23}, {0.2, 0.71}, {0.06, 1.9}}) {
+    std::string frequency;
+    for (int i = 0; i < joints; ++i) {
+      frequency += (i > 0 ? ", " : "") + std::to_string(lowest * (1 + 0.13 * i));
+    }
+    terms +=
+        "{amplitude_rad: " + std::to_string(amplitude) + ", frequency_hz: [" + frequency + "]}, ";
+  }
+  return "reference={multi_sine: {offset_rad: " + offset + ", terms: [" + terms + "]}}";
+}
+
+inline scenario::Scenario scenario(const std::string& name, const std::string& bits,
+                                   double seconds) {
+  const std::vector<std::string> common = {"plant.mechanics=native",
+                                           "plant.integrator.accuracy=1e-8",
+                                           "plant.on_limit=warn",
+                                           "plant.drive.torque_limit_Nm=null",
+                                           "plant.encoder.resolution_bits=" + bits,
+                                           "loop.duration_s=" + std::to_string(seconds)};
+  const std::string path = TACHLESS_SOURCE_DIR "/scenarios/" + name + ".yaml";
+  const scenario::Scenario base = scenario::load_scenario(path, common);
+  const Vector& at = base.plant.initial.position_rad;
+  std::string offset;
+  for (const double q : at) offset += (offset.empty() ? "[" : ", ") + std::to_string(q);
+  std::vector<std::string> all_of_them = common;
+  all_of_them.push_back(multi_sine(offset + "]", base.num_joints));
+  return scenario::load_scenario(path, all_of_them);
+}
+
+/// What a log of the loop has, whose law believes `believed` while its plant is another.
+inline Recording record(const scenario::Scenario& believed, const scenario::Scenario& plant) {
+  Recording result{"a run", believed, Eigen::MatrixXd(believed.loop.num_ticks, believed.num_joints),
+                   Eigen::MatrixXd(believed.loop.num_ticks, believed.num_joints)};
+  in_process::run_in_process(plant, controller::scenario_law(believed), [&](const auto& tick) {
+    result.q.row(tick.tick) =
+        std::get<messages::PositionMeasurement>(tick.measurement).q.transpose();
+    result.tau.row(tick.tick) = tick.applied.tau.transpose();
+    return true;
+  });
+  return result;
+}
+
+/// The plant with hidden parameters and the scenario's own encoders.
+inline scenario::Scenario hidden(const scenario::Scenario& believed,
+                                 const Eigen::VectorXd& values) {
+  scenario::Scenario plant = Parameters(believed, all).plant(believed, values);
+  plant.plant.encoder = believed.plant.encoder;
+  return plant;
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,203 @@
+// Identification of one emulated arm whose parameters the law and the recorded scenario do not
+// know.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <numbers>
+#include <random>
+
+#include "base/failure.h"
+#include "identify/excite.h"
+#include "identify/least_squares.h"
+#include "tests/analysis/identify/hidden_arm.h"
+
+namespace tachless::identify {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+/// Of the two-link arm: rotors, viscous and Coulomb friction, payload.
+const Eigen::VectorXd truth = (Eigen::VectorXd(7) << 1, 0.2, 5, 1, 6, 1, 0.5).finished();
+
+Recording hidden_run(double seconds) {
+  const scenario::Scenario believed = scenario("practical_rigid", "20", seconds);
+  return record(believed, hidden(believed, truth));
+}
+
+TEST(Identify, LeastSquaresIsAStartAndOutputErrorTheAnswer) {
+  const Recording run = hidden_run(3);
+  const Parameters parameters(run.scenario, all);
+  const Eigen::VectorXd start =
+      least_squares({regression(run, parameters)}, parameters, *run.scenario.model).values;
+  const Fit fit = output_error({run}, parameters, start, ignore);
+  for (Eigen::Index i = 0; i < truth.size(); ++i) {
+    const std::string& name = parameters.entries()[static_cast<std::size_t>(i)].name;
+    // The filtered signs of the velocity bias least squares by some per cent in 3 s.
+    EXPECT_NEAR(start[i], truth[i], 0.1 * truth[i]) << name;
+    EXPECT_NEAR(fit.values[i], truth[i], 0.005 * truth[i]) << name;
+    EXPECT_LT(fit.half_width[i], 0.01 * truth[i]) << name;
+  }
+  EXPECT_LT((fit.values - truth).norm(), 0.1 * (start - truth).norm());
+  // What is left is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad, uniform over it 1.7e-6 rms.
+  EXPECT_LT(fit.residual.maxCoeff(), 4e-6);
+}
+
+/// The recorded scenario has one tick of delay. A current loop's lag is the fraction.
+TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
+  const scenario::Scenario believed = scenario("practical_rigid", "20", 3);
+  const std::vector<Kind> unknown = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::payload,
+                                     Kind::delay};
+  for (const bool lags : {false, true}) {
+    scenario::Scenario plant = hidden(believed, truth);
+    plant.loop.command_delay = 3;
+    if (lags) plant.plant.drive.current_loop_hz = Eigen::Vector2d(400, 400);
+    const Identified found = identify({record(believed, plant)}, unknown, {}, ignore);
+    const Identified::Parameter& delay = found.parameters.back();
+    EXPECT_EQ(delay.doubt, "");
+    const double lag = 1 / (2 * std::numbers::pi * 400 * 1e-3);  // [ticks]
+    // A lag is a delay to the first order of its product with the frequency, here 0.4 ms at 3 Hz.
+    EXPECT_NEAR(delay.value, 3 + (lags ? lag : 0), 0.05);
+    EXPECT_LT(delay.half_width, 0.05);
+    for (Eigen::Index i = 0; i < truth.size(); ++i) {
+      EXPECT_NEAR(found.parameters[static_cast<std::size_t>(i)].value, truth[i], 0.01 * truth[i]);
+    }
+    EXPECT_THAT(found.overrides, Contains("plant.encoder.latency_ticks=2"));
+    EXPECT_THAT(found.overrides, Contains("loop.command_delay=1"));
+  }
+}
+
+/// One tick, and as good as one: no command acts before the first tick's end either way.
+TEST(Identify, ADelayIsContinuousAtAWholeTick) {
+  const Recording run = hidden_run(2);
+  const Parameters parameters(run.scenario, {Kind::delay});
+  const auto residual = [&](double delay) {
+    return simulated_residual(run, parameters, Eigen::VectorXd::Constant(1, delay));
+  };
+  // The integrator's accuracy is 1e-8.
+  EXPECT_LT((residual(1) - residual(1 - 1e-6)).cwiseAbs().maxCoeff(), 1e-7);
+}
+
+/// A parameter that one of 20 blocks tells nine tenths of, as a run's start does of a delay: the
+/// estimate follows that block's noise, and what is left of the noise there is no measure of it.
+TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  constexpr int rows = 1000, runs = 300;
+  const auto noise = [&](double /*zero*/) { return normal(random); };
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows, 2).unaryExpr(noise);
+  J.col(0).head(10) *= 30;
+  const Eigen::Matrix2d inverse = (J.transpose() * J).inverse();
+  Eigen::Array2d held = Eigen::Array2d::Zero();
+  for (int run = 0; run < runs; ++run) {
+    Eigen::VectorXd residual = Eigen::VectorXd::Zero(rows).unaryExpr(noise);
+    const Eigen::Vector2d error = inverse * (J.transpose() * residual);
+    residual -= J * error;
+    const Precision found = precision(J, J.colwise().norm().transpose(), residual);
+    held += (error.array().abs() <= found.half_width.array()).cast<double>() / runs;
+  }
+  // 95 % of 300, with three standard deviations of 1.3 %; the first's degree of freedom is one, and
+  // its interval wider than needed.
+  EXPECT_GE(held.minCoeff(), 0.91);
+  EXPECT_LE(held[1], 0.99);
+}
+
+/// The arm goes to its place within 0.1 s, of which the filtered rows have nothing, and rests
+/// there.
+TEST(Identify, DoubtsAnAbsurdIntervalWhereTheMotionIsInTheFirstInstants) {
+  const scenario::Scenario scenario = scenario::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/regulation.yaml",
+      {"plant.mechanics=native", "plant.drive.viscous_friction_Nms_per_rad=5"});
+  const Identified found =
+      identify({record(scenario, scenario)}, {Kind::rotor, Kind::viscous}, {}, ignore);
+  for (const Identified::Parameter& each : found.parameters) {
+    // Half a newton metre second of 5 would be an answer.
+    if (each.half_width > 0.1 * 5) {
+      EXPECT_THAT(each.doubt, HasSubstr("its interval reaches zero and is")) << each.entry.name;
+    }
+  }
+  EXPECT_GT(found.parameters.back().half_width, 5);
+}
+
+TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
+  const Recording run = hidden_run(2), other = hidden_run(2.5);
+  const Identified found =
+      identify({run}, {Kind::viscous, Kind::coulomb, Kind::payload, Kind::rotor}, {other}, ignore);
+  EXPECT_TRUE(found.validated);
+  for (const Identified::Check& each : found.checks) {
+    EXPECT_LT(each.after, 0.02) << each.joint;
+    EXPECT_GT(each.before, 2 * each.after) << each.joint;
+  }
+  Recording strange = other;
+  strange.scenario.robot.gravity_m_per_s2 = 1.6;
+  EXPECT_THROW(identify({run, strange}, all, {}, ignore), base::Failure);
+}
+
+/// A log has no offset, and the controller of a table is not known.
+TEST(Identify, RefusesToIdentifyNothing) {
+  Recording run = hidden_run(2);
+  for (const Kind kind : {Kind::offset, Kind::delay}) {
+    run.controlled = kind == Kind::offset;
+    try {
+      identify({run}, {kind}, {}, ignore);
+      ADD_FAILURE();
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
+      EXPECT_THAT(failure.what(), HasSubstr("a run: nothing is left to identify"));
+    }
+  }
+}
+
+/// What was simulated: static friction as Coulomb's.
+TEST(Identify, WritesTheStaticFrictionThatItTookForCoulombs) {
+  scenario::Scenario believed = scenario("practical_rigid", "20", 2);
+  const Parameters parameters(believed, {Kind::coulomb});
+  const Eigen::Vector2d found(5, 0.5);
+  const auto is_static = testing::StartsWith("plant.drive.static_friction_Nm");
+  EXPECT_THAT(parameters.overrides(believed, found), Not(Contains(is_static)));
+  believed.plant.drive.static_friction_Nm = Eigen::Vector2d(1, 1);
+  EXPECT_THAT(parameters.overrides(believed, found),
+              Contains("plant.drive.static_friction_Nm=[5, 0.5]"));
+  EXPECT_THAT(Parameters(believed, {Kind::viscous}).overrides(believed, found),
+              Not(Contains(is_static)));
+}
+
+scenario::Scenario beginning_at(const std::string& position, const std::string& limit) {
+  return scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+                                 {"plant.mechanics=native", "plant.drive.torque_limit_Nm=" + limit,
+                                  "plant.initial.position_rad=" + position});
+}
+
+const ExcitationGoal short_motion{.duration_s = 5};
+
+/// Gravity takes 80.7 N m of the stretched arm's shoulder.
+TEST(Excite, KeepsToFourFifthsOfTheTorquesOrRefuses) {
+  for (const double limit : {104.0, 120.0, 200.0}) {
+    const scenario::Scenario arm =
+        beginning_at("[1.57, 0]", "[" + std::to_string(limit) + ", 1000]");
+    const Excitation motion = excite(arm, {Kind::viscous, Kind::coulomb}, short_motion, ignore);
+    EXPECT_LE(motion.torque[0], 0.8 * limit);
+    EXPECT_GT(motion.torque[0], 80);
+  }
+  try {
+    excite(beginning_at("[1.57, 0]", "[95, 1000]"), {Kind::viscous}, short_motion, ignore);
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(),
+                HasSubstr("plant.drive.torque_limit_Nm: holding the arm at its start"));
+  }
+}
+
+TEST(Excite, MovesAJointWithoutLimitsFromWhereverItBegins) {
+  const Excitation motion =
+      excite(beginning_at("[3, -7]", "null"), {Kind::viscous}, short_motion, ignore);
+  EXPECT_GT(motion.reach.minCoeff(), 0.05);
+  EXPECT_LE(motion.reach.maxCoeff(), short_motion.reach + 1e-9);
+}
+
+}  // namespace
+}  // namespace tachless::identify

@@ -1,0 +1,241 @@
+// Masses and inertias of links by least squares, from tables of another logger, and the URDF that
+// they make.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <random>
+
+#include "base/failure.h"
+#include "identify/least_squares.h"
+#include "robot/dynamics.h"
+#include "robot/urdf_xml.h"
+#include "tests/analysis/identify/hidden_arm.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using testing::AllOf;
+using testing::HasSubstr;
+
+const std::vector<Kind> everything = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia,
+                                      Kind::offset};
+constexpr double h = 0.005;
+
+/// A motion of several sines per joint, `seed` for another one, and the torques of an arm without
+/// a controller that is known.
+Recording motion(const scenario::Scenario& scenario, const robot::Model& arm, double seconds,
+                 double seed) {
+  const auto ticks = static_cast<Index>(seconds / h), n = Index{arm.num_joints};
+  Recording run{"a table", scenario, Eigen::MatrixXd(ticks, n), Eigen::MatrixXd(ticks, n), false};
+  run.scenario.loop.period_s = h;
+  for (Index k = 0; k < ticks; ++k) {
+    const double t = h * static_cast<double>(k);
+    Vector q = Vector::Zero(n), v = q, a = q;
+    for (Index i = 0; i < n; ++i) {
+      for (int term = 1; term <= 4; ++term) {
+        const double w = (0.7 + 0.31 * static_cast<double>(i) + seed) * term;
+        const double amplitude = 0.5 / term, phase = term * static_cast<double>(i + 1) + seed;
+        q[i] += amplitude * std::sin(w * t + phase);
+        v[i] += amplitude * w * std::cos(w * t + phase);
+        a[i] -= amplitude * w * w * std::sin(w * t + phase);
+      }
+    }
+    Vector tau = robot::inverse_dynamics<double>(arm, q, v, a);
+    for (Index i = 0; i < n; ++i) {
+      tau[i] += 0.4 * v[i] + (v[i] > 0 ? 0.3 : -0.3) + 0.1 * static_cast<double>(i);
+    }
+    run.q.row(k) = q.transpose();
+    run.tau.row(k) = tau.transpose();
+  }
+  return run;
+}
+
+/// Another mass, centre and inertia for every link, and rotors.
+robot::Model changed(robot::Model model) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> by(-0.25, 0.25);
+  for (robot::MassProperties& body : model.bodies) {
+    body.mass *= 1 + by(random);
+    body.p_Bcm += 0.1 * Eigen::Vector3d(by(random), by(random), by(random));
+    body.I_Bcm *= 1 + by(random);
+  }
+  model.rotor_inertia = Vector::Constant(model.num_joints, 0.2);
+  return model;
+}
+
+scenario::Scenario iiwa() {
+  return scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/iiwa_point_to_point.yaml");
+}
+
+TEST(Links, SaysWhichCombinationsAreDetermined) {
+  const scenario::Scenario scenario = iiwa();
+  const Recording run = motion(scenario, changed(*scenario.model), 20, 0);
+  const Parameters parameters(scenario, {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia});
+  const LeastSquares found =
+      least_squares({regression(run, parameters)}, parameters, *scenario.model);
+  EXPECT_EQ(parameters.size(), 91);
+  // The same number as an independent program's base parameters of this arm.
+  EXPECT_EQ(found.rank, 62);
+  // The first joint's rotor and its link turn about one axis; its mass does nothing.
+  EXPECT_THAT(found.sums[0], HasSubstr("Izz " + scenario.model->bodies[0].link));
+  EXPECT_EQ(found.sums[static_cast<std::size_t>(parameters.first(Kind::inertia))], "nothing");
+  EXPECT_EQ(found.sums[static_cast<std::size_t>(parameters.first(Kind::viscous))], "");
+}
+
+TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
+  const scenario::Scenario scenario = iiwa();
+  const robot::Model arm = changed(*scenario.model);
+  const Recording run = motion(scenario, arm, 20, 0), other = motion(scenario, arm, 5, 0.17);
+  const Identified found = identify({run}, everything, {other}, ignore);
+  EXPECT_FALSE(found.simulated);
+  for (const Identified::Check& each : found.checks) {
+    // The filtered signs of the velocity are what is left.
+    EXPECT_LT(each.after, 0.01) << each.joint;
+    EXPECT_GT(each.before, 5 * each.after) << each.joint;
+    EXPECT_FALSE(each.position_error);
+  }
+  robot::Model model = *scenario.model;
+  for (std::size_t i = 0; i < found.links.size(); ++i) {
+    static_cast<robot::MassProperties&>(model.bodies[i]) = found.links[i].after;
+  }
+  EXPECT_TRUE(robot::is_possible(model));
+  const Index offset = Parameters(scenario, everything).first(Kind::offset);
+  for (Index i = 0; i < 7; ++i) {
+    const auto& each = found.parameters[static_cast<std::size_t>(offset + i)];
+    EXPECT_NEAR(each.value, 0.1 * static_cast<double>(i), 0.05) << each.entry.name;
+  }
+  const std::string said = commission::text(found, "arm");
+  EXPECT_THAT(said, HasSubstr("by least squares, as no controller is known"));
+  EXPECT_THAT(said, HasSubstr("combinations are determined"));
+
+  // The URDF that is written is this model, whatever was fixed to the links.
+  const robot::Model read = robot::model_from_urdf(urdf_of(found, scenario), "written");
+  ASSERT_EQ(read.bodies.size(), model.bodies.size());
+  for (std::size_t i = 0; i < read.bodies.size(); ++i) {
+    EXPECT_NEAR(read.bodies[i].mass, model.bodies[i].mass, 1e-12);
+    EXPECT_LT((read.bodies[i].I_Bcm - model.bodies[i].I_Bcm).norm(), 1e-12);
+    EXPECT_LT((read.bodies[i].p_Bcm - model.bodies[i].p_Bcm).norm(), 1e-12);
+  }
+}
+
+/// A payload's inertia that the scenario gives is known, and no part of what its mass does.
+TEST(Links, OfAPayloadWithAnInertiaTheMassIsFound) {
+  scenario::Scenario scenario = iiwa();
+  scenario.plant.payload.inertia_kgm2 = {0.3, 0, 0, 0.3, 0, 0.3};
+  scenario.plant.payload.mass_kg = 0.5;
+  const Recording run = motion(scenario, scenario::with_payload(scenario, *scenario.model), 10, 0);
+  scenario.plant.payload.mass_kg = 0;
+  const Identified found =
+      identify({run}, {Kind::viscous, Kind::coulomb, Kind::payload, Kind::offset}, {}, ignore);
+  const auto& payload = found.parameters[14];
+  EXPECT_EQ(payload.entry.name, "payload");
+  // The filtered signs of the velocity are what is left.
+  EXPECT_NEAR(payload.value, 0.5, 0.01);
+}
+
+TEST(Links, OfALogTheLoopIsSimulatedWithThem) {
+  const scenario::Scenario believed = scenario("practical_rigid", "20", 2.5);
+  scenario::Scenario plant = believed;
+  auto arm = std::make_shared<robot::Model>(*believed.model);
+  arm->bodies[1].mass *= 1.2;
+  plant.model = arm;
+  plant.plant.drive.viscous_friction_Nms_per_rad << 2, 1;
+  const Identified found = identify({record(believed, plant)},
+                                    {Kind::viscous, Kind::coulomb, Kind::inertia}, {}, ignore);
+  EXPECT_TRUE(found.simulated);
+  EXPECT_NEAR(found.parameters[0].value, 2, 0.02);
+  EXPECT_NEAR(found.parameters[1].value, 1, 0.01);
+  // What is left is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad.
+  for (const Identified::Check& each : found.checks) EXPECT_LT(each.position_error, 4e-6);
+}
+
+class Table : public testing::Test {
+ protected:
+  Recording read(const std::string& rows, const std::string& more = "") const {
+    std::ofstream(directory_ / "run.csv") << rows;
+    std::ofstream(directory_ / "run.yaml")
+        << "scenario: " TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml\ntable: run.csv\n"
+        << (more.empty() ? "position_columns: [2, 3]\ntorque_columns: [5, 4]\n" : more);
+    return read_table(directory_ / "run.yaml");
+  }
+  std::string refusal(const std::string& rows, const std::string& more = "") const {
+    try {
+      read(rows, more);
+    } catch (const base::Failure& failure) {
+      return failure.what();
+    }
+    return "nothing";
+  }
+  static std::string rows(int count, const std::string& last = "") {
+    std::string text = "time; q1; q2; tau2; tau1\n";
+    for (int k = 0; k < count; ++k) {
+      // Times of a logger on a busy machine.
+      const double t = 5 + 0.01 * k + (k % 3 == 1 ? 0.002 : 0);
+      text += fmt::format("{:.6f}; {:.9f}; {:.9f}; 2; {}\n", t, 30 * t, -t, 7 * t);
+    }
+    return text + last;
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(Table, IsPutOnAnEvenGridInOurUnits) {
+  const Recording run = read(rows(400),
+                             "position_columns: [2, 3]\ntorque_columns: [5, 4]\n"
+                             "position_scale: [0.017453292519943295, 1]\ntorque_scale: 2\n");
+  EXPECT_FALSE(run.controlled);
+  EXPECT_NEAR(run.scenario.loop.period_s, 0.01, 1e-9);
+  ASSERT_GT(run.num_ticks(), 390);
+  // Lines stay lines.
+  for (const Index k : {0, 1, 200}) {
+    const double t = 5 + run.scenario.loop.period_s * static_cast<double>(k);
+    EXPECT_NEAR(run.q(k, 0), t * M_PI / 6, 1e-8);
+    EXPECT_NEAR(run.q(k, 1), -t, 1e-8);
+    EXPECT_NEAR(run.tau(k, 0), 14 * t, 1e-8);
+    EXPECT_NEAR(run.tau(k, 1), 4, 1e-12);
+  }
+}
+
+TEST_F(Table, MayHaveTextInOtherColumns) {
+  std::string text = "motion time q1 q2 tau1 tau2\n";
+  for (int k = 0; k < 400; ++k) text += fmt::format("first {} {} 2 3 4\n", 0.01 * k, 0.1 * k);
+  const Recording run =
+      read(text, "time_column: 2\nposition_columns: [3, 4]\ntorque_columns: [5, 6]\n");
+  ASSERT_GT(run.num_ticks(), 390);
+  EXPECT_NEAR(run.q(200, 0), 20, 1e-9);  // numbers as they are written, on a line
+}
+
+TEST_F(Table, IsRefusedWithTheLineAndWhatIsAllowed) {
+  EXPECT_THAT(refusal(rows(400), "position_columns: [2, 3]\ntorque_columns: [5, 6]\n"),
+              HasSubstr("run.csv:2: 5 columns, but column 6"));
+  EXPECT_THAT(refusal(rows(400), "time_column: 9\nposition_columns: [2, 3]\ntorque_columns: 5\n"),
+              HasSubstr("run.csv:2: 5 columns, but column 9"));
+  // Fields behind an empty one would be those of other columns.
+  const std::string as_wide = "the first row of numbers has 5; allowed: as many in each";
+  for (const char* row : {"9.5; 1; 2\n", "9.5; ; 1; 2; 3\n", "; 9.5; 1; 2; 3\n",
+                          "9.5,, 1; 2; 3; 4\n", "9.5; 1; 2; 3; 4; 5\n"}) {
+    EXPECT_THAT(refusal(rows(400, row)), AllOf(HasSubstr("run.csv:402: "), HasSubstr(as_wide)))
+        << row;
+  }
+  EXPECT_THAT(refusal(rows(400, "9; 1; 2; 3; 4;\r\n")), "nothing") << "nothing is behind it";
+  EXPECT_THAT(refusal(rows(400, "9.5; 1; nan; 2; 2\n")), HasSubstr("\"nan\" in column 3"));
+  EXPECT_THAT(refusal(rows(400, "1e308; 1; 2; 3; 4\n")), HasSubstr("\"1e308\" in column 1"));
+  EXPECT_THAT(refusal(rows(400, "5; 1; 2; 3; 4\n")), HasSubstr("allowed: increasing times"));
+  EXPECT_THAT(refusal(rows(400, "15; 1; 2; 3; 4\n")), HasSubstr("cut the table there"));
+  EXPECT_THAT(refusal(rows(100)), HasSubstr("at least 2 s"));
+  EXPECT_THAT(refusal(rows(1)), HasSubstr("1 rows of numbers"));
+  EXPECT_THAT(refusal("a, b\n"), HasSubstr("0 rows of numbers"));
+  EXPECT_THAT(refusal(rows(400), "position_columns: [2, 3]\n"), HasSubstr("torque_columns"));
+  EXPECT_THAT(refusal(rows(400), "position_columns: [2, 0]\ntorque_columns: [5, 4]\n"),
+              HasSubstr("position_columns"));
+  EXPECT_THAT(refusal(rows(400), "positions: [2, 3]\n"), HasSubstr("positions"));
+}
+
+}  // namespace
+}  // namespace tachless::identify

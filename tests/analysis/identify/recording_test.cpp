@@ -1,0 +1,90 @@
+// What identification takes from a log: of a real arm also where it began, and under which torque.
+
+#include "identify/recording.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "base/failure.h"
+#include "identify/output_error.h"
+#include "session/run_info.h"
+#include "tests/analysis/identify/hidden_arm.h"
+#include "tests/support/in_process_log.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::identify {
+namespace {
+
+class RecordingOfALog : public testing::Test {
+ protected:
+  /// A motion about a posture where gravity pulls.
+  static scenario::Scenario arm(std::vector<std::string> overrides = {}) {
+    overrides.insert(overrides.begin(),
+                     {"plant.mechanics=native", "plant.integrator.accuracy=1e-8",
+                      "plant.initial.position_rad=[0.8, -0.3]", multi_sine("[0.8, -0.3]", 2)});
+    return support::shortened("practical_rigid.yaml", "3", overrides);
+  }
+
+  /// The log of a run of `there` as it is recorded by whom believes it to be `believed`.
+  Recording recorded(const scenario::Scenario& there, const scenario::Scenario& believed) const {
+    auto messages = support::in_process_log(there);
+    const auto info =
+        session::run_info(believed, 7, controller::law_info(*controller::scenario_law(believed)));
+    messages.front().data = {reinterpret_cast<const char*>(info.data()), info.size()};
+    std::ofstream(directory_ / "lcmlog", std::ios::binary) << logger::log_of(messages);
+    return read_recording(directory_ / "lcmlog");
+  }
+
+  TemporaryDirectory directory_;
+};
+
+/// A driver may begin within 10 mrad of the scenario's start, and holds the arm from then on.
+TEST_F(RecordingOfALog, BeginsWhereARealArmBeganAndUnderItsTorque) {
+  const scenario::Scenario there =
+      arm({"plant.initial.position_rad=[0.805, -0.308]", "plant.initial.torque=hold"});
+  const Recording run = recorded(there, arm());
+  const plant::InitialState& initial = run.scenario.plant.initial;
+  EXPECT_EQ(initial.position_rad, Vector(run.q.row(0).transpose()));
+  EXPECT_EQ(initial.torque_Nm, Vector(run.tau.row(0).transpose()));
+  EXPECT_GT(initial.torque_Nm.norm(), 10);
+  const Parameters parameters(run.scenario, {Kind::payload});
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(1);
+  // Both positions are within half a count of 2 pi / 2^20, or 3e-6 rad, at the start and later.
+  EXPECT_LT(simulated_residual(run, parameters, none).cwiseAbs().maxCoeff(), 1e-5);
+  Recording as_the_scenario_says = run;
+  as_the_scenario_says.scenario.plant.initial.torque_Nm = Eigen::Vector2d::Zero();
+  EXPECT_GT(simulated_residual(as_the_scenario_says, parameters, none).cwiseAbs().maxCoeff(), 3e-5);
+}
+
+TEST_F(RecordingOfALog, BeginsWhereTheScenarioSaysIfItsEncodersMaySay) {
+  for (const std::vector<std::string>& encoders :
+       {std::vector<std::string>{"plant.encoder.resolution_bits=10"},
+        {"plant.encoder.noise_std_rad=1e-3"},
+        {"plant.encoder.eccentricity_rad=0.01", "plant.encoder.eccentricity_phase_rad=1"},
+        {"plant.initial.torque=hold"}}) {
+    const scenario::Scenario there = arm(encoders);
+    const plant::InitialState& initial = recorded(there, there).scenario.plant.initial;
+    EXPECT_EQ(initial.position_rad, Vector(Eigen::Vector2d(0.8, -0.3))) << encoders.front();
+    EXPECT_EQ(initial.torque, there.plant.initial.torque);
+    EXPECT_TRUE(initial.torque_Nm.isZero(0));
+  }
+}
+
+TEST_F(RecordingOfALog, IsRefusedWhereTheArmWasSentNothing) {
+  for (const char* nothing : {"plant.dry_run=true", "plant.withheld_ticks=2"}) {
+    try {
+      recorded(arm(), arm({nothing}));
+      ADD_FAILURE() << nothing;
+    } catch (const base::Failure& failure) {
+      EXPECT_THAT(failure.what(), testing::HasSubstr("the robot was sent nothing")) << nothing;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tachless::identify

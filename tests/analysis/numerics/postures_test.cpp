@@ -1,0 +1,57 @@
+#include "numerics/postures.h"
+
+#include <gtest/gtest.h>
+
+#include "robot/dynamics.h"
+#include "tests/core/robot/robots.h"
+
+namespace tachless::numerics {
+namespace {
+
+/// Two joints, and a third that turns with the second times `multiplier`.
+robot::Model with_mimic(const std::string& multiplier) {
+  std::string text = testing::chain_urdf(2, 1);
+  const std::string old = "joint='j1' multiplier='0.5'";
+  text.replace(text.find(old), old.size(), "joint='j2' multiplier='" + multiplier + "'");
+  return robot::model_from_urdf(text, "chain");
+}
+
+// The constant is not among the harmonics: compared are differences to q2 = 0.
+TEST(PosturesOfTwoJoints, HaveHarmonicsThatAddUpToMAndC) {
+  for (const robot::Model& model :
+       {testing::two_link(), with_mimic("0.5"), with_mimic("-1.25"), with_mimic("2")}) {
+    const Postures postures(model);
+    ASSERT_TRUE(postures.proved);
+    const Inertia at_zero = inertia_at(model, Eigen::Vector2d(0, 0));
+    for (const double q2 : {0.4, 2.9, -11.3}) {
+      Inertia sum = at_zero;
+      for (const auto& [order, cosine, sine] : postures.harmonics) {
+        const double c = std::cos(order * q2) - 1, s = std::sin(order * q2);
+        sum.M += c * cosine.M + s * sine.M;
+        for (std::size_t j = 0; j < 2; ++j) sum.C[j] += c * cosine.C[j] + s * sine.C[j];
+      }
+      const Inertia expected = inertia_at(model, Eigen::Vector2d(0.7, q2));
+      // Rounding of some 500 samples, and what is left out below 1e-13 of M in each harmonic.
+      const double rounding = 1e-11 * at_zero.M.norm();
+      EXPECT_LT((sum.M - expected.M).norm(), rounding) << q2;
+      for (std::size_t j = 0; j < 2; ++j) {
+        EXPECT_LT((sum.C[j] - expected.C[j]).norm(), rounding) << q2 << " column " << j;
+      }
+    }
+  }
+}
+
+TEST(PosturesOfTwoJoints, AreNotProvedWhereTheSumsDoNotReach) {
+  const Postures fast(with_mimic("20"));  // cos(21 q2) in M, of samples that tell 16 orders apart
+  EXPECT_EQ(fast.kind, Postures::Kind::circle);
+  EXPECT_FALSE(fast.proved);
+  EXPECT_TRUE(fast.harmonics.empty());
+  EXPECT_EQ(fast.chord_factor, 0);
+
+  const Postures uneven(with_mimic("0.3141592"));  // no period of which 8 turns are a multiple
+  EXPECT_EQ(uneven.kind, Postures::Kind::sampled);
+  EXPECT_FALSE(uneven.proved);
+}
+
+}  // namespace
+}  // namespace tachless::numerics

@@ -1,0 +1,35 @@
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "cli/run.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/in_process_log.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::cli {
+namespace {
+
+// A robot that is brought to rest is recorded tick by tick, perhaps up to the run's last.
+TEST(Conclusions, OfARunWithAllTicksWhoseRobotWasStoppedAreThatItWasStopped) {
+  const TemporaryDirectory directory;
+  PlannedRun run{{}, support::shortened("practical_rigid.yaml", "0.1")};
+  run.options.out = directory / "out";
+  run.options.run_id = 7;
+  run.options.quiet = true;
+  RunDirectory out(run);
+  logger::write_file(out / "lcmlog", logger::log_of(support::in_process_log(run.scenario)));
+  RunEnd end;
+  end.code = base::ExitCode::protective_stop;
+  end.facts.fault = "plant: protective stop at tick 90";
+  Conclusions conclusions;
+  conclusions.add(run, out, std::move(end));
+  EXPECT_EQ(conclusions.finish(), base::ExitCode::protective_stop);
+  const auto summary = nlohmann::json::parse(logger::read_file(out / "summary.json"));
+  EXPECT_EQ(summary["ticks"], 100);
+  EXPECT_EQ(summary["outcome"], "stopped");
+}
+
+}  // namespace
+}  // namespace tachless::cli

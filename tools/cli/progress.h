@@ -1,0 +1,71 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+/// How far runs and long computations are, in lines on stderr.
+namespace tachless::cli {
+
+/// What a running loop looks like in one line, from the controller's heartbeats:
+/// "0.842 of 2 s  [========>           ]  9.3 k ticks/s  |e| 3.2e-04 rad". Prints nothing itself.
+class Progress {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// @param robot stands before it; empty: nothing does
+  Progress(std::int64_t num_ticks, double period_s, const std::string& robot = "");
+
+  /// The controller has handled tick `tick` (-1: none yet).
+  void note(std::int64_t tick, double error_norm, Clock::time_point now);
+
+  [[nodiscard]] std::string line() const;
+
+ private:
+  std::int64_t num_ticks_;
+  double period_s_;
+  std::string before_;
+  std::int64_t tick_ = -1;
+  double error_norm_ = 0;
+  struct Sample {
+    std::int64_t tick;
+    Clock::time_point at;
+  };
+  std::optional<Sample> rate_from_;
+  std::optional<double> ticks_per_s_;
+};
+
+/// Lines that on a terminal the next ones replace and that go with this object, and other lines
+/// between.
+class Screen {
+ public:
+  /// @param quiet no progress
+  explicit Screen(bool quiet);
+  Screen(const Screen&) = delete;
+  Screen& operator=(const Screen&) = delete;
+  ~Screen() { clear(); }
+
+  /// What a long computation is at.
+  void show(std::string_view what);
+  /// Runs, a line for each: on a terminal ten times a second, elsewhere every 5 s.
+  void show(std::span<const Progress> all);
+  void clear();
+  /// A line of the program `name`.
+  /// @param before what stands before it: of which robot's run it is
+  void pass_on(std::string_view before, std::string_view name, std::string_view line);
+
+ private:
+  /// What removes from the terminal what is shown.
+  std::string erasing();
+
+  bool quiet_;
+  bool terminal_;
+  std::size_t shown_ = 0;  ///< lines on the terminal
+  Progress::Clock::time_point next_{};
+};
+
+}  // namespace tachless::cli

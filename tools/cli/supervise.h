@@ -1,0 +1,103 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/child.h"
+#include "base/failure.h"
+#include "messages/messages.h"
+#include "scenario/scenario.h"
+
+namespace tachless::cli {
+
+/// A process to start. Its stdout and stderr come line by line to `SuperviseOptions::on_line`; but
+/// a line that is marked as an error (base::error_mark) is the process's
+/// `ProcessEnd::cause`.
+struct Process {
+  std::string name;                  ///< for people: "controller"
+  std::vector<std::string> command;  ///< program (a path) and arguments
+  std::vector<int> cpus = {};        ///< on which it may execute; empty: as this process
+};
+
+/// On which CPUs the four processes of a run execute.
+struct Placement {
+  std::string words = "spread over CPUs";                  ///< for people: "together on CPU 1"
+  std::array<std::vector<int>, messages::num_roles> cpus;  ///< by role; empty: all that are allowed
+
+  [[nodiscard]] const std::vector<int>& cpus_of(messages::Role role) const {
+    return cpus[static_cast<std::size_t>(role)];
+  }
+};
+
+/// `auto`: in lock-step plant, controller and reference on one CPU, the logger on the others; in
+/// realtime, or with one CPU, as `none`. `none`: the kernel places them.
+/// @param index of the robot among those of the run: each has another CPU, as far as there are any
+/// @throw base::Failure(bad_usage) naming --placement and what is allowed
+Placement choose_placement(const std::string& wanted, scenario::Mode mode, std::size_t index);
+
+/// How a process ended.
+struct ProcessEnd : base::End {
+  std::string name;
+  bool on_order = false;  ///< it ended after it was signalled
+  bool overdue = false;   ///< it was still running long after another had ended well
+  std::string last_line;  ///< the last it wrote that may tell why it ended, without program's name
+  std::string cause;      ///< why it ended, from its error line, without mark and program's name
+};
+
+/// How to supervise: callbacks, and how long to wait before ending what does not end by itself.
+struct SuperviseOptions {
+  std::function<void(std::string_view name, std::string_view line)> on_line;
+  std::function<void()> on_wake;             ///< called at least every 50 ms
+  std::function<bool()> begun;               ///< whether tick 0 was reached; empty: yes
+  std::chrono::milliseconds grace{300};      ///< from the first failure to SIGTERM for the others
+  std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL
+  std::chrono::milliseconds interrupt_grace{3000};  ///< from the forwarded SIGINT to SIGTERM
+  std::chrono::milliseconds end_together{10000};    ///< from the first clean end to the last
+};
+
+struct Supervision {
+  std::vector<ProcessEnd> ends;        ///< in the order of the processes given
+  std::optional<std::size_t> culprit;  ///< index of the process because of which the run ended
+  bool begun = true;                   ///< when the first process ended
+  bool interrupted = false;            ///< by a signal to this process, or by another run's failure
+  std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
+
+  /// Whether it ended because of one of its processes.
+  [[nodiscard]] bool failed() const { return culprit.has_value() && !interrupted; }
+};
+
+/// The processes of one run.
+struct Supervised {
+  std::vector<Process> processes;
+  SuperviseOptions options;
+};
+
+/// Starts the processes of all runs, each in a process group of its own (so that Ctrl-C reaches
+/// this process alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
+/// SIGPIPE are passed on once, as SIGINT (also to processes already sent SIGTERM); a second one
+/// kills. When one process fails, the others of its run get `grace` to end by themselves, then
+/// SIGTERM, then SIGKILL; the other runs are interrupted at once. Should this process die, its
+/// children get SIGTERM.
+/// @return in the order of the runs
+/// @throw base::Failure(bad_usage) naming the program that cannot be started; what had been
+/// started has then been killed.
+std::vector<Supervision> supervise(const std::vector<Supervised>& runs);
+
+/// One line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at tick …".
+std::string describe(const ProcessEnd& end);
+
+/// The other processes that failed: "plant (exit code 3), logger (exit code 3)"; empty: none.
+std::string others_that_failed(const Supervision& supervision);
+
+/// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal
+/// killed it, say, or it ended with 1 before the run) 5 if another brought the robot to a
+/// protective stop, else 3.
+base::ExitCode exit_code(const Supervision& supervision);
+
+}  // namespace tachless::cli

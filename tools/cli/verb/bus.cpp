@@ -1,0 +1,288 @@
+// The verbs that examine this machine and the bus: doctor, watch, spy.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "base/child.h"
+#include "base/file_text.h"
+#include "base/json_text.h"
+#include "base/logging.h"
+#include "base/text.h"
+#include "base/this_process.h"
+#include "base/time.h"
+#include "bus/lcm_url.h"
+#include "bus/network_check.h"
+#include "bus/udp_transport.h"
+#include "certify/prediction.h"
+#include "cli/doctor.h"
+#include "cli/run.h"
+#include "cli/verb.h"
+#include "live/bus_monitor.h"
+#include "live/live_view.h"
+#include "live/watch.h"
+#include "session/options.h"
+
+namespace tachless::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Clock;
+using base::ExitCode;
+using Json = nlohmann::ordered_json;
+
+/// @param summary of a run in realtime  @param loop what is predicted of it
+Finding judge_timing(const Json& summary, const certify::Prediction& loop,
+                     const std::string& scenario) {
+  const auto missed = summary.at("missed_commands").get<std::int64_t>();
+  const auto row = summary.at("longest_command_miss").get<std::int64_t>();
+  const std::string seen = fmt::format(
+      "{} of {} commands missed, at most {} in a row; the slowest came {:g} us after its "
+      "measurement",
+      missed, summary.at("ticks").get<std::int64_t>(), row,
+      summary.at("command_age_us").at("max").get<double>());
+  if (!loop.missed) return {"timing", seen + "; what the loop bears is not known"};
+  const std::string what = fmt::format("{}; {}", seen, certify::missed_text(*loop.missed));
+  if (row <= loop.missed->commands) return {"timing", what};
+  return {"timing", what,
+          fmt::format("tachless certify {} --full; softer gains bear more, real-time rights "
+                      "(docs/realtime.md) miss less",
+                      scenario)};
+}
+
+struct Doctor {
+  std::string lcm_url = session::default_lcm_url;
+  fs::path scenario;
+  double seconds = 60;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    session::add_lcm_url(command, lcm_url);
+    CLI::Option* const given = session::with_installed_scenarios(command.add_option(
+        "--scenario", scenario,
+        "Run this scenario in realtime, in a private network, and compare the commands it misses "
+        "with those that its loop bears"));
+    command.add_option("--seconds", seconds, "Length of that run")
+        ->check(CLI::Range(1.0, 3600.0))
+        ->capture_default_str()
+        ->needs(given);
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    std::vector<Finding> findings = examine(lcm_url, ".");
+    if (!scenario.empty()) findings.push_back(timing());
+    Json list = Json::array();
+    for (const auto& [subject, what, remedy] : findings) {
+      list.push_back({{"subject", subject},
+                      {"ok", !remedy},
+                      {"what", what},
+                      {"remedy", remedy ? Json(*remedy) : Json()}});
+      if (json) continue;
+      std::cout << fmt::format("{:<4} {:<20}{}\n", remedy ? "--" : "ok", subject, what);
+      if (remedy) std::cout << "     type: " << *remedy << "\n";
+    }
+    if (json) std::cout << base::json_text(list, 2) << "\n";
+    return std::ranges::all_of(findings, &Finding::ok) ? ExitCode::done : ExitCode::check_said_no;
+  }
+
+ private:
+  /// The four programs of the scenario on this machine against what its loop bears.
+  [[nodiscard]] Finding timing() const {
+    const certify::Prediction loop =
+        certify::analyse(scenario::load_scenario(scenario, {}), linear::Effort::full);
+    const base::TemporaryDirectory directory;
+    RunOptions options;
+    options.out = directory.path() / "run";
+    options.mode = "realtime";
+    options.duration_s = fmt::format("{:g}", seconds);
+    options.overrides = {"loop.max_missed_share=1"};  // is judged here
+    options.isolate = options.any_outcome = options.quiet = true;
+    base::log_info("runs {} in realtime for {:g} s", scenario.string(), seconds);
+    const ExitCode code = cli::run(options, {scenario});
+    if (code == ExitCode::interrupted) throw base::Failure(code, "doctor: its run was interrupted");
+    if (code != ExitCode::done) {
+      return {"timing", fmt::format("the run ended with exit code {}", static_cast<int>(code)),
+              fmt::format("tachless run {} --mode realtime", base::shell_word(scenario.string()))};
+    }
+    return judge_timing(Json::parse(base::file_text(options.out / "summary.json").value_or("null")),
+                        loop, base::shell_word(scenario.string()));
+  }
+};
+
+struct Watch {
+  bool once = false, json = false, web = false;
+  int port = 8011;
+  double seconds = 0;  // 0: --once: 2, else until interrupted
+  std::string lcm_url = session::default_lcm_url;
+
+  void declare(CLI::App& command) {
+    command.add_flag("--once", once, "Listen, print what was received, and end");
+    command
+        .add_option("--seconds", seconds,
+                    "How long to listen [s]; default: --once 2, else until Ctrl-C")
+        ->check(CLI::Range(0.01, 1e6));
+    command.add_flag("--json", json, "As JSON; without --once one line per second");
+    auto* const on_page =
+        command.add_flag("--web", web, "As a page for a browser on this computer: curves, robot");
+    on_page->excludes("--once")->excludes("--json");
+    command.add_option("--port", port, "Of the page; 0: any that is free")
+        ->needs(on_page)
+        ->check(CLI::Range(0, 65535))
+        ->capture_default_str();
+    session::add_lcm_url(command, lcm_url);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const std::atomic<bool>& interrupted = base::catch_interruptions();
+    const bus::LcmUrl url = session::parse_lcm_url(lcm_url);
+    const auto transport = join(url);
+    base::set_low_priority();
+    transport->subscribe_all();
+    if (web) return serve(*transport, url, interrupted);
+    live::BusMonitor monitor;
+    const auto json_text = [&](int indent) {
+      Json result = {{"lcm_url", url.text()}};
+      result.update(monitor.to_json());
+      return base::json_text(result, indent) + "\n";
+    };
+    Clock::time_point begin = Clock::now();
+    const Clock::time_point end = end_after(begin);
+    if (once) {
+      live::listen(*transport, monitor, begin, end, interrupted);
+      std::cout << (json ? json_text(2)
+                         : fmt::format("{}\n{}\n", url.text(), fmt::join(monitor.table(), "\n")));
+      return ExitCode::done;
+    }
+    std::optional<live::TableScreen> screen;
+    if (!json) {
+      std::cout << url.text() << ", q or Ctrl-C ends\n" << std::flush;
+      screen.emplace();
+    }
+    while (!interrupted && Clock::now() < end && std::cout && !(screen && screen->quit_wanted())) {
+      live::listen(*transport, monitor, begin, std::min(end, begin + std::chrono::seconds(1)),
+                   interrupted);
+      begin = Clock::now();
+      if (screen) {
+        screen->show(monitor);
+      } else {
+        std::cout << json_text(-1) << std::flush;
+      }
+    }
+    return ExitCode::done;
+  }
+
+ private:
+  static std::unique_ptr<bus::UdpTransport> join(const bus::LcmUrl& url) {
+    try {
+      return std::make_unique<bus::UdpTransport>(url);
+    } catch (const std::system_error& error) {
+      throw base::bad_usage(error.what());
+    }
+  }
+
+  /// The runs of all robots on the bus as pages.
+  [[nodiscard]] ExitCode serve(bus::UdpTransport& transport, const bus::LcmUrl& url,
+                               const std::atomic<bool>& interrupted) const {
+    live::LiveServer server(port);
+    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", server.url(), url.text())
+              << std::flush;
+    live::show_live(transport, server, end_after(Clock::now()), interrupted);
+    return ExitCode::done;
+  }
+
+  [[nodiscard]] Clock::time_point end_after(Clock::time_point begin) const {
+    if (seconds == 0 && !once) return Clock::time_point::max();
+    return begin + base::nanoseconds_of(seconds == 0 ? 2 : seconds);
+  }
+};
+
+struct Spy {
+  std::string lcm_url = session::default_lcm_url;
+
+  void declare(CLI::App& command) { session::add_lcm_url(command, lcm_url); }
+
+  [[nodiscard]] ExitCode run() const {
+    const bus::LcmUrl url = session::parse_lcm_url(lcm_url);
+    const char* const display = std::getenv("DISPLAY");
+    if (display == nullptr || *display == '\0') {
+      refuse(
+          "no display: DISPLAY is not set; log in at a desktop or with ssh -X, or use a terminal: "
+          "tachless watch");
+    }
+    if (const auto problem = bus::check_network(url)) {
+      refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));
+    }
+    // Not Debian's own lcm-spy: it passes options that its Java does not know any more, and does
+    // not find the chart library.
+    base::become({find_java().string(), "-Djava.net.preferIPv4Stack=true", "-ea", "-cp",
+                  class_path(), "lcm.spy.Spy", "-l", url.text()},
+                 "as root, type: apt-get install default-jre");
+  }
+
+ private:
+  [[noreturn]] static void refuse(const std::string& why) { throw base::bad_usage("spy: {}", why); }
+
+  /// The java of the search path that can open windows.
+  static fs::path find_java() {
+    const std::optional<fs::path> java = base::find_program("java");
+    if (!java) refuse("there is no java; as root, type: apt-get install default-jre");
+    std::error_code error;
+    const fs::path home = fs::canonical(*java, error).parent_path().parent_path();
+    if (!error && !fs::exists(home / "lib/libawt_xawt.so", error)) {
+      refuse(fmt::format(
+          "{} is one without windows (in {}); as root, type: apt-get install default-jre",
+          java->string(), home.string()));
+    }
+    return *java;
+  }
+
+  static std::string class_path() {
+    const char* const lcm = "/usr/share/java/lcm.jar";
+    const char* const charts = "/usr/share/java/jchart2d.jar";
+    const fs::path types = base::shared_directory() / "tachless_types.jar";
+    for (const auto& [jar, remedy] :
+         {std::pair<fs::path, const char*>{lcm, "as root, type: apt-get install liblcm-java"},
+          {charts, "as root, type: apt-get install libjchart2d-java"},
+          {types, "in a clone, type: ./tachless spy"}}) {
+      if (!fs::exists(jar)) refuse(fmt::format("there is no {}; {}", jar.string(), remedy));
+    }
+    return fmt::format("{}:{}:{}", lcm, charts, types.string());
+  }
+};
+
+}  // namespace
+
+const Verb doctor_verb = verb_of<Doctor>(
+    "doctor", "Checks this machine's setup; prints the command that fixes each problem",
+    "  tachless doctor\n"
+    "  tachless doctor --json\n"
+    "  tachless doctor --scenario scenarios/practical_rigid.yaml --seconds 60\n"
+    "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
+    "Exit code 0 when there is no problem, 1 otherwise.");
+
+const Verb watch_verb = verb_of<Watch>(
+    "watch", "Shows the traffic on the bus: channels, rates, jitter, gaps, newest values",
+    "  tachless watch\n"
+    "  tachless watch --once --seconds 5\n"
+    "  tachless watch --web\n"
+    "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
+
+const Verb spy_verb = verb_of<Spy>(
+    "spy", "lcm-spy with our message types, in a window; `watch` is the same in a terminal",
+    "  tachless spy\n"
+    "  tachless spy --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
+
+}  // namespace tachless::cli

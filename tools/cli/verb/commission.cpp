@@ -1,0 +1,126 @@
+// The verb that looks at an arm before its first run: commission.
+
+#include "commission/commission.h"
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/file_text.h"
+#include "base/logging.h"
+#include "cli/progress.h"
+#include "cli/run.h"
+#include "cli/verb.h"
+#include "commission/emulated_arm.h"
+#include "identify/recording.h"
+#include "session/options.h"
+
+namespace tachless::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::ExitCode;
+
+/// What the log of a run on the bus holds, to its end or the protective stop.
+commission::Trial read_trial(const fs::path& log) {
+  logger::RunLog run = logger::RunLog::open(log);
+  identify::Ticks ticks = identify::read_ticks(run, true);
+  commission::Trial trial{std::move(ticks.q), std::move(ticks.tau)};
+  trial.missed = ticks.missed;
+  const logger::RunSummary& summary = run.summary();
+  if (!summary.faults.empty()) {
+    trial.stopped = summary.faults.front().text;
+  } else if (summary.gaps() > 0) {
+    throw base::bad_usage("{}: {} messages of ticks are missing; commission again", log.string(),
+                          summary.gaps());
+  }
+  return trial;
+}
+
+struct Commission {
+  RunOptions options;
+  fs::path output;
+  bool replace = false;
+
+  void declare(CLI::App& command) {
+    session::with_installed_scenarios(
+        session::add_scenario(command, options.scenario, options.overrides));
+    auto* driver =
+        command.add_option("--plant", options.plant_program,
+                           "The arm's driver, as typed in a shell; default: an emulated arm of the "
+                           "scenario");
+    command.add_option("--out", options.out, "Where the logs go; default: out/NAME-commission")
+        ->needs(driver);
+    command.add_option("--write", output, "The scenario with what was found, as a file");
+    command.add_flag("--force", replace, "Replace that file if it exists");
+    session::add_lcm_url(command, options.lcm_url);
+    session::add_key_file(command, options.key_file);
+    command.add_flag("--isolate", options.isolate, "In a private network namespace")->needs(driver);
+    add_json(command, options.json);
+    add_quiet(command, options.quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    require_scenario_writable(output, replace);
+    const scenario::Scenario scenario =
+        scenario::load_scenario(options.scenario, options.overrides);
+    Screen screen(options.quiet);
+    const auto show = [&](std::string_view what) {
+      screen.show(fmt::format("commission: {}", what));
+    };
+    commission::EmulatedArm emulated(scenario);
+    const commission::Commissioned found = commission::commission(
+        scenario, options.plant_program.empty() ? trials_on(emulated) : on_the_bus(scenario), show);
+    screen.clear();
+    print(options.json, found, commission::text(found, scenario.name));
+    const bool writes = !output.empty() && found.mendable;
+    for (const std::string& misfit : found.misfits) {
+      base::log_error("{}: {}{}", scenario.source, misfit,
+                      output.empty() ? ""
+                      : writes       ? " (written)"
+                                     : "; nothing written");
+    }
+    if (writes) write_scenario(options.scenario, options.overrides, found.overrides, output);
+    return found.misfits.empty() || writes ? ExitCode::done : ExitCode::check_said_no;
+  }
+
+ private:
+  /// Runs with the driver, each into a numbered folder.
+  [[nodiscard]] commission::Trials on_the_bus(const scenario::Scenario& scenario) const {
+    RunOptions of = options;
+    if (of.out.empty()) of.out = fs::path("out") / (scenario.name + "-commission");
+    of.mode = "realtime";
+    of.quiet = of.force = of.any_outcome = of.overwrite = true;
+    of.json = false;
+    return [of, number = 0](const scenario::Scenario& /*changed*/,
+                            const std::vector<std::string>& changes) mutable {
+      RunOptions next = of;
+      next.out /= std::to_string(++number);
+      next.overrides.insert(next.overrides.end(), changes.begin(), changes.end());
+      const ExitCode code = cli::run(next, {of.scenario});
+      of.isolate = false;  // it is, from the first run on
+      const fs::path log = next.out / "lcmlog";
+      if (code != ExitCode::done && (code != ExitCode::protective_stop || !fs::exists(log))) {
+        throw base::Failure(code, "{}: commissioning ended with run {}: see the line above",
+                            of.scenario.string(), number);
+      }
+      commission::Trial trial = read_trial(log);
+      const auto text = base::file_text(next.out / "summary.json").value_or("{}");
+      trial.arm_is_clock =
+          nlohmann::json::parse(text, nullptr, false).value("robot_is_clock", false);
+      return trial;
+    };
+  }
+};
+
+}  // namespace
+
+const Verb commission_verb = verb_of<Commission>(
+    "commission", "What an arm does with its torques: signs, scale, gravity, delay; before a run",
+    "  tachless commission arm.yaml\n"
+    "  tachless commission arm.yaml --plant ./own_driver --write known.yaml");
+
+}  // namespace tachless::cli

@@ -1,0 +1,182 @@
+// The verbs that show what a scenario is made of: laws, robot.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/json_text.h"
+#include "base/logging.h"
+#include "base/text.h"
+#include "cli/verb.h"
+#include "controller/registry.h"
+#include "report/robot_facts.h"
+#include "scenario/scenario.h"
+#include "session/options.h"
+
+namespace tachless::cli {
+namespace {
+
+using base::ExitCode;
+using controller::LawFacts;
+using controller::Parameter;
+using Json = nlohmann::ordered_json;
+
+std::string_view joints_of(const LawFacts& law) {
+  return law.needs_flexible_joints ? "flexible" : "rigid";
+}
+
+std::string default_text(const Parameter& parameter) {
+  return parameter.described_default.empty() ? "has a default"
+                                             : std::string(parameter.described_default);
+}
+
+std::string page(const LawFacts& law) {
+  std::string text =
+      fmt::format("{}\n  measures    {}, on {} joints{}\n", law.name, law.measurement,
+                  joints_of(law), law.regulation_only ? "; the reference has to be constant" : "");
+  for (const Parameter& parameter : law.parameters) {
+    text += fmt::format("  {:<17} [{}]: {}; {}{}\n", parameter.name, parameter.unit,
+                        parameter.meaning, parameter.allowed,
+                        parameter.required ? "" : "; if not given: " + default_text(parameter));
+  }
+  return text + fmt::format("  proved      {}\n  conditions  {}\n  source      {}\n", law.proved,
+                            law.conditions, law.source);
+}
+
+Json to_json(const LawFacts& law) {
+  Json json = {{"name", law.name},
+               {"measures", law.measurement},
+               {"joints", joints_of(law)},
+               {"regulation_only", law.regulation_only},
+               {"feedforward_lead", law.has_feedforward_lead}};
+  for (const Parameter& parameter : law.parameters) {
+    Json& last = json["parameters"].emplace_back(Json{{"name", parameter.name},
+                                                      {"unit", parameter.unit},
+                                                      {"meaning", parameter.meaning},
+                                                      {"allowed", parameter.allowed},
+                                                      {"required", parameter.required}});
+    if (!parameter.required) last["default"] = default_text(parameter);
+  }
+  for (const messages::Signal& signal : law.signals) {
+    json["signals"].push_back({{"name", signal.name}, {"unit", signal.unit}});
+  }
+  json.update({{"proved", law.proved}, {"conditions", law.conditions}, {"source", law.source}});
+  return json;
+}
+
+/// A line of the table of laws.
+std::string row(std::string_view name, std::string_view joints, std::string_view reference,
+                std::string_view measures, std::string_view gains) {
+  return fmt::format("{:<22} {:<9} {:<9} {:<15} {}\n", name, joints, reference, measures, gains);
+}
+
+struct Laws {
+  std::string name;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    command.add_option("NAME", name, "The page of one law; default: a table of all");
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    std::vector<LawFacts> laws = controller::laws();
+    if (!name.empty()) laws = {controller::law_facts(name)};
+    Json all = Json::array();
+    std::string text = name.empty() ? row("law", "joints", "reference", "measures", "gains") : "";
+    for (const LawFacts& law : laws) {
+      all.push_back(to_json(law));
+      text += !name.empty() ? page(law)
+                            : row(law.name, joints_of(law), law.regulation_only ? "rests" : "moves",
+                                  law.measurement, base::joined(controller::parameter_names(law)));
+    }
+    std::cout << (json ? base::json_text(all, 2) + "\n" : text);
+    return ExitCode::done;
+  }
+};
+
+struct Robot {
+  std::filesystem::path file;
+  std::vector<std::string> overrides;
+  std::vector<double> position;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    session::with_installed_scenarios(
+        command.add_option("FILE", file, "A URDF or .xacro file, or a scenario"))
+        ->required();
+    session::add_overrides(command, overrides,
+                           "robot.key=value, as in a scenario; may be repeated");
+    command
+        .add_option("--position", position,
+                    "a,b,... in the order of the joints [rad; m]; default: as near to 0 as their "
+                    "ranges allow")
+        ->delimiter(',');
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    std::optional<std::string> refusal;
+    const report::RobotFacts facts(read(refusal), position);
+    std::cout << (json ? base::json_text(to_json(facts), 2) + "\n"
+                       : file.string() + ": " + to_text(facts));
+    if (!refusal) return ExitCode::done;
+    base::log_error(*refusal);
+    return ExitCode::check_said_no;
+  }
+
+ private:
+  /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
+  /// message.
+  robot::Model read(std::optional<std::string>& refusal) const {
+    if (is_yaml(file)) return *scenario::load_scenario(file, overrides).model;
+    for (const std::string& each : overrides) {
+      bool known = false;
+      for (const char* key : {"robot.xacro", "robot.locked", "robot.base", "robot.check_inertia"}) {
+        known = known || each.starts_with(key);
+      }
+      if (known) continue;
+      throw base::bad_usage(
+          "--set {}: says nothing of how a URDF is read; allowed: robot.xacro, robot.locked, "
+          "robot.base, robot.check_inertia, or a scenario as FILE",
+          each);
+    }
+    const auto [text, options] = scenario::robot_file(file, overrides);
+    try {
+      try {
+        return robot::model_from_urdf(text, file.string(), options);
+      } catch (const std::invalid_argument& problem) {
+        refusal = problem.what();
+      }
+      robot::UrdfOptions lenient = options;
+      lenient.check_inertia = robot::CheckInertia::warn;
+      return robot::model_from_urdf(text, file.string(), lenient);
+    } catch (const std::invalid_argument& problem) {
+      throw base::bad_usage(refusal.value_or(problem.what()));
+    }
+  }
+};
+
+}  // namespace
+
+const Verb laws_verb = verb_of<Laws>(
+    "laws", "The control laws in a table; of one its parameters, conditions and source",
+    "  tachless laws\n"
+    "  tachless laws loria_ortega_rigid\n"
+    "  tachless laws --json");
+
+const Verb robot_verb = verb_of<Robot>(
+    "robot",
+    "What was parsed from a URDF: joints, limits, masses; torques and inertia at a position",
+    "  tachless robot robot.urdf\n"
+    "  tachless robot ur.urdf.xacro --set robot.xacro.ur_type=ur5e\n"
+    "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json");
+
+}  // namespace tachless::cli

@@ -1,0 +1,266 @@
+// The verbs on a robot's own parameters: excite, identify.
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "base/file_text.h"
+#include "base/logging.h"
+#include "base/text.h"
+#include "certify/certify.h"
+#include "cli/progress.h"
+#include "cli/verb.h"
+#include "identify/excite.h"
+#include "identify/identify.h"
+#include "logger/log_file.h"
+#include "scenario/scenario.h"
+#include "scenario/yaml_tree.h"
+#include "session/options.h"
+
+namespace tachless::cli {
+
+void require_writable(const std::filesystem::path& file, bool force) {
+  if (file.empty()) return;
+  if (!force && std::filesystem::exists(file)) {
+    throw base::bad_usage("{}: exists already; name another file, or replace it with --force",
+                          file.string());
+  }
+  base::UnfinishedFile(file, "name another file");
+}
+
+bool is_yaml(const std::filesystem::path& file) {
+  return file.extension() == ".yaml" || file.extension() == ".yml";
+}
+
+void require_scenario_writable(const std::filesystem::path& file, bool force) {
+  if (file.empty() || is_yaml(file)) return require_writable(file, force);
+  throw base::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
+                        file.string());
+}
+
+std::string scenario_name(const std::filesystem::path& file) {
+  std::string name = file.stem().string().substr(0, 100);
+  for (char& c : name) {
+    const bool first = &c == name.data();
+    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
+    if (!letter && (first || (c != '.' && c != '-'))) c = '_';
+  }
+  return name;
+}
+
+std::string path_from(const std::filesystem::path& output, const std::filesystem::path& file) {
+  using std::filesystem::absolute;
+  const std::filesystem::path whole = absolute(file).lexically_normal();
+  if (output.empty()) return whole.string();
+  return whole.lexically_relative(absolute(output).lexically_normal().parent_path()).string();
+}
+
+std::string text_for(const std::filesystem::path& output, const scenario::Scenario& scenario,
+                     const std::filesystem::path& input) {
+  scenario::YamlNode root = scenario::parse_yaml(scenario.text, scenario.source);
+  const auto move = [&](std::string_view key, const std::string& path) {
+    const std::string moved = path_from(output, input.parent_path() / path);
+    scenario::apply_override(root, scenario::text_override(key, moved));
+  };
+  move("robot.urdf", scenario.robot.urdf_path);
+  if (scenario.believed_model) move("controller.urdf", scenario.controller.urdf_path);
+  using reference::trajectory::MotionFile;
+  if (const auto* const motion = std::get_if<MotionFile>(&scenario.reference)) {
+    move("reference.file.path", motion->path);
+  }
+  return scenario::emit_yaml(root);
+}
+
+void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
+                    const std::vector<std::string>& changes, const std::filesystem::path& output) {
+  overrides.insert(overrides.end(), changes.begin(), changes.end());
+  overrides.push_back("name=" + scenario_name(output));
+  const scenario::Scenario changed = scenario::load_scenario(input, overrides);
+  base::UnfinishedFile(output, write_remedy).write(text_for(output, changed, input));
+}
+
+namespace {
+
+namespace fs = std::filesystem;
+using base::ExitCode;
+using identify::Recording;
+
+Recording read(const fs::path& log) {
+  return is_yaml(log) ? identify::read_table(log) : identify::read_recording(logger::find_log(log));
+}
+
+/// Of the first `count` kinds.
+CLI::Option* add_unknown(CLI::App& command, std::vector<std::string>& unknown, std::size_t count) {
+  const std::vector<std::string> known(identify::kind_names.begin(),
+                                       identify::kind_names.begin() + static_cast<long>(count));
+  return command.add_option("--unknown", unknown, "Of " + base::joined(known))
+      ->delimiter(',')
+      ->default_str("rotor,viscous,coulomb")
+      ->check(CLI::IsMember(known));
+}
+
+std::vector<identify::Kind> kinds(const std::vector<std::string>& unknown) {
+  std::vector<identify::Kind> result;
+  for (std::size_t i = 0; i < identify::kind_names.size(); ++i) {
+    if (std::ranges::find(unknown, identify::kind_names[i]) != unknown.end()) {
+      result.push_back(static_cast<identify::Kind>(i));
+    }
+  }
+  return result;
+}
+
+struct Excite {
+  fs::path input, output;
+  std::vector<std::string> overrides, unknown = {"rotor", "viscous", "coulomb"};
+  identify::ExcitationGoal goal;
+  bool force = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    session::with_installed_scenarios(session::add_scenario(command, input, overrides));
+    add_unknown(command, unknown, identify::num_motion_kinds);
+    command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
+        ->check(CLI::Range(5.0, 60.0));
+    command
+        .add_option("--reach", goal.reach,
+                    "How far a joint may go from where it begins [rad; m]; default: 0.5")
+        ->check(CLI::Range(0.02, 3.0));
+    command.add_option("--write", output, "The scenario with this motion, as a file")->required();
+    command.add_flag("--force", force, "Replace that file if it exists");
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    require_scenario_writable(output, force);
+    const scenario::Scenario scenario = scenario::load_scenario(input, overrides);
+    Screen screen(quiet);
+    const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
+    const identify::Excitation found = identify::excite(scenario, kinds(unknown), goal, show);
+    std::vector<std::string> changes = overrides;
+    changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
+    changes.push_back("name=" + scenario_name(output));
+    const scenario::Scenario moving = scenario::load_scenario(input, changes);
+    const std::vector<std::string> objections =
+        certify::objections(certify::certify(moving, false, show));
+    screen.clear();
+    std::cout << fmt::format(
+        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n",
+        output.string(), found.condition, fmt::join(found.reach, ", "),
+        fmt::join(found.speed, ", "), fmt::join(found.torque, ", "));
+    for (const std::string& objection : objections) {
+      base::log_error("{}: {}; nothing written", input.string(), objection);
+    }
+    if (!objections.empty()) return ExitCode::check_said_no;
+    write_scenario(input, overrides, found.overrides, output);
+    std::cout << fmt::format("  type: tachless run {}\n", base::shell_word(output.string()));
+    return ExitCode::done;
+  }
+};
+
+struct Identify {
+  std::vector<fs::path> logs;
+  std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
+  fs::path validate, output;
+  bool all = false, force = false, json = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    command
+        .add_option("LOG", logs,
+                    "Logs of runs of one robot, or their directories; or YAML files that say what "
+                    "the columns of another logger's tables are")
+        ->required();
+    CLI::Option* const some = add_unknown(command, unknown, identify::kind_names.size());
+    command
+        .add_flag("--all", all,
+                  "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset")
+        ->excludes(some);
+    command.add_option("--validate", validate, "A log that is not used, to check the result with");
+    command.add_option("--write", output,
+                       "The log's scenario with the result, as F.yaml, and its URDF beside it");
+    command.add_flag("--force", force, "Replace these files if they exist");
+    add_json(command, json);
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const fs::path urdf = fs::path(output).replace_extension(".urdf");
+    require_scenario_writable(output, force);
+    if (!output.empty()) require_writable(urdf, force);
+    std::vector<Recording> recordings;
+    std::optional<Recording> other;
+    if (!validate.empty()) other = read(validate);
+    for (const fs::path& log : logs) {
+      recordings.push_back(read(log));
+      if (!other || other->source != recordings.back().source) continue;
+      throw base::bad_usage("--validate {}: is fitted too; allowed: another log", other->source);
+    }
+    const scenario::Scenario& scenario = recordings.front().scenario;
+    if (!output.empty() && scenario.believed_model) {
+      throw base::bad_usage("{}: has controller.urdf, which --write cannot carry over",
+                            recordings.front().source);
+    }
+    Screen screen(quiet);
+    const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia",
+                                                 "offset"};
+    const identify::Identified found = identify::identify(
+        recordings, kinds(all ? everything : unknown), other,
+        [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
+    screen.clear();
+    print(json, found, identify::text(found, scenario.name));
+    bool whole = true;
+    for (const auto& each : found.parameters) {
+      whole = whole && (each.doubt.empty() || each.in_sum);
+    }
+    if (!whole) {
+      base::log_error(
+          "{}: not every parameter is identifiable{}; record a motion that moves each joint both "
+          "ways, slowly and fast (a joint that friction holds moves with a guess of it: run with "
+          "--set controller.friction.coulomb=…), or leave one out of --unknown",
+          recordings.front().source, output.empty() ? "" : ": nothing written");
+      return ExitCode::check_said_no;
+    }
+    if (!output.empty()) write(scenario, found, urdf);
+    return ExitCode::done;
+  }
+
+ private:
+  void write(const scenario::Scenario& scenario, const identify::Identified& found,
+             const fs::path& urdf) const {
+    std::vector<std::string> overrides = found.overrides;
+    overrides.push_back("name=" + scenario_name(output));
+    overrides.push_back(scenario::text_override("robot.urdf", urdf.filename().string()));
+    if (!scenario.robot.xacro.empty()) overrides.emplace_back("robot.xacro={}");
+    const std::string corrected = identify::urdf_of(found, scenario);
+    const std::string text =
+        scenario::parse_scenario(scenario.text, corrected, logs.front().string(), overrides).text;
+    base::UnfinishedFile(urdf, write_remedy).write(corrected);
+    base::UnfinishedFile(output, write_remedy).write(text);
+    if (json) return;
+    std::cout << fmt::format("  type: tachless design {}\n", base::shell_word(output.string()));
+  }
+};
+
+}  // namespace
+
+const Verb excite_verb = verb_of<Excite>(
+    "excite", "A motion that shows a robot's rotor inertia and friction, for identify",
+    "  tachless excite arm.yaml --write move.yaml && tachless run move.yaml --out out/move\n"
+    "  tachless identify out/move --write known.yaml");
+
+const Verb identify_verb = verb_of<Identify>(
+    "identify", "Rotor inertia, friction and payload from logs of a robot's own runs",
+    "  tachless identify out/arm\n"
+    "  tachless identify out/arm --unknown rotor,viscous,coulomb,payload --validate out/other "
+    "--write known.yaml && tachless design known.yaml");
+
+}  // namespace tachless::cli

@@ -1,0 +1,104 @@
+#include "cli/run.h"
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <vector>
+
+#include "cli/verb.h"
+#include "session/options.h"
+
+namespace tachless::cli {
+namespace {
+
+struct Run : RunOptions {
+  std::vector<std::filesystem::path> scenarios;
+
+  void declare(CLI::App& command) {
+    session::with_installed_scenarios(
+        command.add_option("SCENARIO", scenarios,
+                           "The experiment, a YAML file; several: a robot each, on one bus, and "
+                           "every option is for all"))
+        ->required();
+    session::add_overrides(command, overrides);
+    command.add_option(
+        "--out", out,
+        "Where log, summary and figure go; default: out/NAME/DATE-TIME, with the link "
+        "out/NAME/latest; of several robots each into a folder there with its name");
+    session::as_run_id(command.add_option(
+        "--run-id", run_id, "Positive number in every message of the run; default: the time"));
+    command
+        .add_option("--mode", mode,
+                    "lockstep: simulation time, as fast as it goes; realtime: the wall clock")
+        ->check(CLI::IsMember({"lockstep", "realtime"}));
+    command.add_option("--duration", duration_s, "Length of the run [s]");
+    session::add_lcm_url(command, lcm_url);
+    session::add_key_file(command, key_file);
+    command.add_option("--controller", law_program,
+                       "The controller is this program, as typed in a shell: 'python3 law.py'; its "
+                       "law is fed with what the scenario's would be");
+    auto* driver = command.add_option(
+        "--plant", plant_program,
+        "The plant is this program, as typed in a shell: a robot's driver, or in "
+        "lockstep a simulator");
+    command
+        .add_flag("--dry-run", dry_run,
+                  "All of a run, but --plant's robot is sent nothing: what would it be sent?")
+        ->needs(driver);
+    command
+        .add_flag("--ramp", ramp,
+                  "First bring --plant's robot slowly from where it stands to where the scenario "
+                  "begins, under the scenario's law")
+        ->needs(driver)
+        ->excludes(command.get_option("--dry-run"));
+    command
+        .add_option("--placement", placement,
+                    "On which CPUs: auto (lock-step: plant, controller and reference on one), or "
+                    "none (the kernel's choice)")
+        ->capture_default_str();
+    command.add_flag(
+        "--any-outcome", any_outcome,
+        "Exit code 0 whatever the verdict: limit cycle, diverging, saturated, stuck, rests beside");
+    command.add_flag("--force", force, "Run even if the linearised loop is unstable");
+    command.add_flag("--overwrite", overwrite, "Replace the results of an earlier run in --out");
+    command.add_flag("--isolate", isolate,
+                     "Run in a private network namespace; also TACHLESS_ISOLATE=1");
+    command.add_flag("--watch", watch,
+                     "Show the run in a browser on this computer while it goes on");
+    command
+        .add_flag_callback(
+            "--visualize",
+            [] { throw base::bad_usage("--visualize: the window is gone; type --watch"); })
+        ->group("");
+    auto* alone = command.add_flag(
+        "--in-process", in_process,
+        "The loop in one process, without a bus: the same log, two to three times as fast; with "
+        "--set plant.mechanics=native more than ten times; lockstep only");
+    // Not --lcm-url and --key-file, which the environment may give.
+    for (const char* bus : {"--plant", "--isolate", "--placement", "--watch"}) {
+      alone->excludes(command.get_option(bus));
+    }
+    auto* no_words = command.add_flag("-q,--quiet", quiet, "No progress and no table");
+    command
+        .add_flag("-v,--verbose", verbose,
+                  "What each of the four programs works with, and why each of them ended")
+        ->excludes(no_words);
+    command.add_flag("--json", json, "The summary on stdout, instead of the table");
+  }
+
+  [[nodiscard]] base::ExitCode run() const { return cli::run(*this, scenarios); }
+};
+
+}  // namespace
+
+const Verb run_verb = verb_of<Run>(
+    "run", "Runs an experiment: four processes, a log, a summary, a figure; or several on one bus",
+    "  tachless run scenarios/paper_rigid.yaml\n"
+    "  tachless run scenarios/paper_rigid.yaml --duration 0.5 --set 'controller.gains.kp=[400, "
+    "300]'\n"
+    "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate\n"
+    "  tachless run scenarios/paper_rigid.yaml --controller 'python3 law.py'\n"
+    "  tachless run arm.yaml --plant ./own_driver --mode realtime\n"
+    "  tachless run arm.yaml --plant ./own_driver --ramp\n"
+    "  tachless run left.yaml right.yaml");
+
+}  // namespace tachless::cli

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "commission/commission.h"
+#include "plant/arm.h"
+#include "plant/encoder.h"
+#include "plant/robot_driver.h"
+#include "robot/model.h"
+#include "scenario/scenario.h"
+
+namespace tachless::commission {
+
+/// The arm of a scenario behind a driver, with its signs, encoders and what it adds itself: a
+/// maker's arm in an emulator. At rest until `start`, and from `stop` on.
+class EmulatedArm : public plant::RobotDriver {
+ public:
+  explicit EmulatedArm(scenario::Scenario scenario);
+  EmulatedArm(const EmulatedArm&) = delete;
+  EmulatedArm& operator=(const EmulatedArm&) = delete;
+
+  [[nodiscard]] bool measures_velocity() const override { return false; }
+  void start() override;
+  plant::ArmState read() override;
+  void hold(const Vector& tau, double until_s) override;
+  void stop() override { arm_.reset(); }
+  /// Its drives hold the torque of the tick before.
+  void rest(double until_s) override {
+    if (moves()) hold(last_, until_s);
+  }
+
+  [[nodiscard]] const plant::ArmState& state() const { return now_; }  ///< exact
+
+ protected:
+  [[nodiscard]] bool moves() const { return arm_.has_value(); }
+
+ private:
+  scenario::Scenario scenario_;
+  robot::Model model_;
+  plant::Encoder encoder_;
+  plant::ArmState now_;
+  std::deque<plant::ArmState> past_;  ///< that is not measured yet
+  std::optional<plant::Arm> arm_;     ///< while it moves
+  Vector last_;                       ///< torque [N m; N]
+  std::int64_t readings_ = 0;
+};
+
+/// Trials in this process on `arm`, which outlives them.
+Trials trials_on(plant::RobotDriver& arm);
+
+}  // namespace tachless::commission

@@ -1,0 +1,321 @@
+#include "commission/hypotheses.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "identify/least_squares.h"
+#include "robot/dynamics.h"
+
+namespace tachless::commission {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double instant_s = 0.02;  ///< between rows of the regression: what passes the low-pass
+constexpr double edge_s = 0.25;     ///< left out at both ends of a trial
+constexpr double dependent = 3;     ///< rows of which one counts: the low-pass makes them alike
+constexpr double moving = 0.2;  ///< share of the largest speed below which dry friction is unclear
+constexpr double noisy = 0.06;  ///< residual beside what moves a joint, above which it tells little
+constexpr double trusted = 5e-3;  ///< share of a joint's torque below which residuals are alike
+
+/// A moment of a trial.
+struct Instant {
+  std::size_t trial;
+  Vector q, v, a, dry;  ///< the last one sign(v) through the low-pass, as torques are
+  std::array<Vector, longest_delay + 3> sent;  ///< delayed by -1, 0, 1 … ticks
+};
+
+std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
+  std::vector<Instant> all;
+  for (std::size_t r = 0; r < trials.size(); ++r) {
+    const MatrixXd q = identify::low_passed(trials[r].q, h);
+    MatrixXd sent = trials[r].tau;
+    const Eigen::Index ticks = q.rows(), edge = static_cast<Eigen::Index>(edge_s / h);
+    // What acts at t_k: the torque is held over each tick.
+    sent.bottomRows(ticks - 1) =
+        (0.5 * (trials[r].tau.topRows(ticks - 1) + trials[r].tau.bottomRows(ticks - 1))).eval();
+    sent = identify::low_passed(std::move(sent), h);
+    MatrixXd dry = MatrixXd::Zero(ticks, q.cols());
+    for (Eigen::Index k = 1; k + 1 < ticks; ++k)
+      dry.row(k) = (q.row(k + 1) - q.row(k - 1)).cwiseSign();
+    dry = identify::low_passed(std::move(dry), h);
+    const auto step = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(instant_s / h));
+    for (Eigen::Index k = edge; k < ticks - edge; k += step) {
+      Instant at{r,
+                 q.row(k).transpose(),
+                 (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
+                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h),
+                 dry.row(k).transpose(),
+                 {}};
+      for (std::size_t d = 0; d < at.sent.size(); ++d) {
+        at.sent[d] = sent.row(k + 1 - static_cast<Eigen::Index>(d)).transpose();
+      }
+      all.push_back(std::move(at));
+    }
+  }
+  return all;
+}
+
+/// Sent torque = (torque needed) / scale + viscous v + dry sign(v), of one joint for all delays.
+class JointFit {
+ public:
+  void add(double needed, const Instant& at, Eigen::Index joint) {
+    const Eigen::Vector3d row(needed, at.v[joint], at.dry[joint]);
+    normal_ += row * row.transpose();
+    for (std::size_t d = 0; d < at.sent.size(); ++d) {
+      const double u = at.sent[d][joint];
+      right_[d] += u * row;
+      squares_[d] += u * u;
+    }
+    sum_ += at.sent[1][joint];
+    needed_ += needed;
+    ++count_;
+  }
+  struct Result {
+    Eigen::Vector3d values;
+    double left, squares, deviation;  ///< over; of that what is trusted; of `dry`
+  };
+  [[nodiscard]] Result solve(std::size_t d) const {
+    const Eigen::Vector3d scale = normal_.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
+    const Eigen::Matrix3d scaled = scale.asDiagonal() * normal_ * scale.asDiagonal();
+    const Eigen::Matrix3d inverse =
+        (scaled + 1e-10 * Eigen::Matrix3d::Identity()).ldlt().solve(Eigen::Matrix3d::Identity());
+    Eigen::Vector3d values = scale.cwiseProduct(inverse * scale.cwiseProduct(right_[d]));
+    if (values[0] < 0) values.setZero();  // the model's torque never helps the other way
+    const double left = squares_[d] - 2 * values.dot(right_[d]) + values.dot(normal_ * values);
+    const double squares = std::max(left, count_ * trusted * trusted * variance());
+    return {values, left, squares,
+            scale[2] * std::sqrt(inverse(2, 2) * squares / count_ * dependent)};
+  }
+  [[nodiscard]] double count() const { return count_; }
+  /// Of the torque that moves the joint, without its mean.
+  [[nodiscard]] double moving_squares(double per_scale) const {
+    return per_scale * per_scale * (normal_(0, 0) - needed_ * needed_ / std::max(1.0, count_));
+  }
+  /// Twice the log-likelihood's loss.
+  [[nodiscard]] double cost(std::size_t d) const {
+    if (count_ < 10) return 0;
+    return count_ / (2 * dependent) * std::log(std::max(1e-300, solve(d).squares / count_));
+  }
+
+ private:
+  [[nodiscard]] double variance() const {
+    const double mean = sum_ / count_;
+    return std::max(1e-12, squares_[1] / count_ - mean * mean);
+  }
+
+  Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
+  std::array<Eigen::Vector3d, longest_delay + 3> right_ = zeros();
+  std::array<double, longest_delay + 3> squares_{};
+  double sum_ = 0, needed_ = 0, count_ = 0;
+
+  static std::array<Eigen::Vector3d, longest_delay + 3> zeros() {
+    std::array<Eigen::Vector3d, longest_delay + 3> all;
+    all.fill(Eigen::Vector3d::Zero());
+    return all;
+  }
+};
+
+/// One hypothesis' fits and costs, by delay from 0.
+struct Candidate {
+  Vector signs;
+  bool gravity;
+  std::vector<JointFit> joints;
+  std::array<double, longest_delay + 1> cost{};
+
+  [[nodiscard]] std::size_t delay() const {
+    return static_cast<std::size_t>(std::ranges::min_element(cost) - cost.begin());
+  }
+  [[nodiscard]] double least() const { return *std::ranges::min_element(cost); }
+};
+
+/// The vertex of the parabola through the residuals beside the best delay.
+double fractional_delay(const JointFit& joint, std::size_t d) {
+  const double before = joint.solve(d).left, at = joint.solve(d + 1).left,
+               after = joint.solve(d + 2).left;
+  const double bend = before - 2 * at + after;
+  const double shift = bend > 0 ? 0.5 * (before - after) / bend : 0;
+  return static_cast<double>(d) + std::clamp(shift, -1.0, 1.0);
+}
+
+/// t^2 / 2 from tick `onset` on.
+VectorXd parabola(Eigen::Index ticks, int onset, double h) {
+  const VectorXd t = VectorXd::LinSpaced(ticks, 0, static_cast<double>(ticks - 1));
+  return ((t.array() - onset).cwiseMax(0) * h).square() / 2;
+}
+
+}  // namespace
+
+ArmHypotheses::ArmHypotheses(const scenario::Scenario& scenario)
+    : model_(*scenario.model),
+      offset_(scenario.robot.joint_offsets_rad),
+      start_(scenario.plant.initial.position_rad) {
+  if (scenario.robot.flexible) {
+    throw scenario.complaint("robot.joints", "flexible; commission is for rigid joints");
+  }
+  const int n = scenario.num_joints;
+  if (n > most_joints) {
+    throw scenario.complaint("robot.urdf", "{} joints; commission is for at most {}: lock some", n,
+                             most_joints);
+  }
+  model_.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+  for (unsigned bits = 0; bits < 1U << static_cast<unsigned>(n); ++bits) {
+    Vector each(n);
+    for (int i = 0; i < n; ++i) each[i] = (bits >> static_cast<unsigned>(i) & 1U) != 0U ? -1 : 1;
+    const Vector q = turned(start_, each, offset_);
+    const bool inside =
+        ((q - model_.lower).array() >= -0.01).all() && ((model_.upper - q).array() >= -0.01).all();
+    if (bits == 0 || inside) signs_.push_back(each);
+  }
+  const Eigen::MatrixXd M = robot::mass_matrix(model_, start_);
+  inertia_ =
+      Eigen::MatrixXd(M.llt().solve(Eigen::MatrixXd::Identity(n, n))).diagonal().cwiseInverse();
+}
+
+Vector ArmHypotheses::inertial(const Vector& signs, const Vector& q, const Vector& v,
+                               const Vector& a) const {
+  const Vector at = turned(q, signs, offset_);
+  const Vector all =
+      robot::inverse_dynamics<double>(model_, at, signs.cwiseProduct(v), signs.cwiseProduct(a));
+  return signs.cwiseProduct(all - robot::gravity_torque(model_, at));
+}
+
+Vector ArmHypotheses::gravity(const Vector& signs, const Vector& q) const {
+  const Vector at = turned(q, signs, offset_);
+  return signs.cwiseProduct(robot::gravity_torque(model_, at));
+}
+
+Vector ArmHypotheses::fall(const Vector& signs, const Vector& tau) const {
+  const Vector at = turned(start_, signs, offset_);
+  const Vector none = Vector::Zero(at.size());
+  return signs.cwiseProduct(robot::forward_dynamics(
+      model_, at, none, tau.size() == 0 ? none : Vector(signs.cwiseProduct(tau))));
+}
+
+Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
+  const Eigen::Index n = trial.q.cols(), ticks = trial.q.rows();
+  const VectorXd weight = arm.inertia().cwiseSqrt();
+  const MatrixXd x = (trial.q.rowwise() - trial.q.row(0)) * weight.asDiagonal();
+  const double moved = x.squaredNorm();
+  Fall result;
+  result.signs = Vector::Ones(n);
+  result.certain = Vector::Zero(n);
+  std::vector<double> explained;  // by each of the signs
+  for (const Vector& signs : arm.signs()) {
+    const VectorXd a = weight.cwiseProduct(arm.fall(signs));
+    const VectorXd along = x * a;
+    double best = 0;
+    for (int delay = 0; delay < longest_delay; ++delay) {
+      const VectorXd f = parabola(ticks, delay, h);
+      const double part = std::max(0.0, f.dot(along));
+      const double share =
+          part * part / std::max(1e-300, f.squaredNorm() * a.squaredNorm() * moved);
+      best = std::max(best, share);
+      if (share <= result.explained) continue;
+      result.explained = share;
+      result.signs = signs;
+      result.onset = delay;
+    }
+    explained.push_back(best);
+  }
+  const VectorXd f = parabola(ticks, result.onset, h);
+  result.acceleration =
+      ((trial.q.rowwise() - trial.q.row(0)).transpose() * f) / std::max(1e-300, f.squaredNorm());
+  const Vector stated = arm.fall(Vector::Ones(n));
+  const VectorXd least = parabola(ticks, longest_delay - 1, h);  // seen after the longest delay
+  const double expected = (least * weight.cwiseProduct(stated).transpose()).squaredNorm();
+  result.moved = moved > 0.04 * expected;
+  if (least[ticks - 1] * stated.cwiseAbs().maxCoeff() < 2e-5) return result;
+  if (result.moved && result.explained > 0.7) result.falls = true;
+  if (moved < 0.0025 * expected) result.falls = false;
+  if (!result.falls.value_or(false)) return result;
+  result.certain = result.signs;
+  for (std::size_t k = 0; k < explained.size(); ++k) {
+    if (1 - explained[k] > 0.0015 + 4 * (1 - result.explained)) continue;
+    result.possible.push_back(arm.signs()[k]);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (arm.signs()[k][i] != result.signs[i]) result.certain[i] = 0;
+    }
+  }
+  return result;
+}
+
+Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset, const Trial& trial,
+                     double h) {
+  const Eigen::Index n = trial.q.cols(), ticks = trial.q.rows();
+  const Vector as_stated = Vector::Ones(n);
+  const MatrixXd x =
+      (trial.q.rowwise() - trial.q.row(0)) - parabola(ticks, onset, h) * falling.transpose();
+  double least = std::numeric_limits<double>::infinity();
+  Vector added;
+  for (int delay = onset; delay < longest_delay; ++delay) {
+    const VectorXd f = parabola(ticks, delay, h);
+    const VectorXd a = x.transpose() * f / f.squaredNorm();
+    const double left = (x - f * a.transpose()).squaredNorm();
+    if (left >= least) continue;
+    least = left;
+    added = a;
+  }
+  const Vector none = Vector::Zero(n), pull = arm.gravity(as_stated, arm.start());
+  Vector scale = arm.inertial(as_stated, arm.start(), none, added).cwiseQuotient(pull);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double M = arm.inertial(as_stated, arm.start(), none, Vector::Unit(n, i))[i];
+    const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // the rest is friction
+    if (std::abs(pull[i]) < 1.5 * M || std::abs(as_gravity - 1) > 0.1)
+      scale[i] = std::numeric_limits<double>::quiet_NaN();
+  }
+  return scale;
+}
+
+Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double h,
+                    const Vector& certain, std::optional<bool> gravity) {
+  const std::vector<Instant> rows = instants(trials, h);
+  const auto n = static_cast<std::size_t>(trials.front().q.cols());
+  Vector fastest = Vector::Zero(static_cast<Eigen::Index>(n));
+  for (const Instant& at : rows) fastest = fastest.cwiseMax(at.v.cwiseAbs());
+  std::vector<Candidate> all;
+  for (const Vector& signs : arm.signs()) {
+    if ((signs.cwiseProduct(certain).array() < 0).any()) continue;
+    Candidate without{signs, false, std::vector<JointFit>(n), {}}, with = without;
+    with.gravity = true;
+    for (const Instant& at : rows) {
+      const Vector needed = arm.inertial(signs, at.q, at.v, at.a);
+      const Vector pull = arm.gravity(signs, at.q);
+      for (std::size_t j = 0; j < n; ++j) {
+        const auto i = static_cast<Eigen::Index>(j);
+        if (at.trial != j && at.trial != n) continue;
+        if (std::abs(at.v[i]) < moving * fastest[i]) continue;
+        without.joints[j].add(needed[i], at, i);
+        with.joints[j].add(needed[i] + pull[i], at, i);
+      }
+    }
+    for (Candidate* each : {&without, &with}) {
+      if (gravity && *gravity != each->gravity) continue;
+      for (std::size_t d = 0; d < each->cost.size(); ++d) {
+        for (const JointFit& joint : each->joints) each->cost[d] += joint.cost(d + 1);
+      }
+      all.push_back(std::move(*each));
+    }
+  }
+  const Candidate& best = *std::ranges::min_element(all, {}, &Candidate::least);
+  Explanation result{{best.signs}, best.gravity, static_cast<int>(best.delay()), {}, best.least()};
+  for (const Candidate& each : all) {
+    if (each.least() - best.least() > clear) continue;
+    if (each.signs != best.signs) result.signs.push_back(each.signs);
+    if (each.gravity != best.gravity) result.gravity.reset();
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    const JointFit& fit = best.joints[j];
+    const JointFit::Result found = fit.solve(best.delay() + 1);
+    result.joints.push_back({found.values[0] > 0 ? 1 / found.values[0] : 0, found.values[1],
+                             found.values[2], std::sqrt(found.squares / std::max(1.0, fit.count())),
+                             fractional_delay(fit, best.delay()), found.deviation,
+                             found.left < noisy * noisy * fit.moving_squares(found.values[0])});
+  }
+  return result;
+}
+
+}  // namespace tachless::commission

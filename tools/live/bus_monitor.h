@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/udp_transport.h"
+#include "live/sequence_gaps.h"
+#include "messages/truth/tick_record.h"
+#include "messages/truth/truth_wire.h"
+
+namespace tachless::live {
+
+/// One field of a message, named as in its .lcm file.
+struct MessageField {
+  std::string name;       ///< with the row, "value[0]", of a law's signals
+  std::string_view unit;  ///< of revolute joints; empty when there is none
+  nlohmann::ordered_json value;
+};
+
+/// What a message is.
+struct Glance {
+  std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
+  messages::Rejection rejection = messages::Rejection::none;
+  messages::Stamp stamp;       ///< when not rejected
+  bool tagged = false;         ///< by the holder of a key, or so it seems
+  bool once_per_tick = false;  ///< the type is sent for every tick of a run
+};
+
+/// Reads every type of ours without knowing the run: joints, motors and signals are counted as the
+/// message itself announces, which is believed only when its size is exactly that of such a
+/// message and every further check of the wire agrees. A tag at the end (core/bus/authenticated.h)
+/// is noticed and not verified: that needs the key.
+/// @param fields if not null, appended to it are all fields after utime, run and tick, when not
+/// rejected
+Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
+
+/// Counts of everything received on a bus, per channel and per sender.
+/// Neither receives nor prints. Memory is bounded, whatever the traffic.
+class BusMonitor {
+ public:
+  static constexpr std::size_t max_channels = 500;
+  static constexpr std::size_t max_senders = 200;
+
+  void take(const bus::Datagram& datagram);
+
+  /// What the transport itself has lost or skipped so far.
+  void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
+
+  /// Ends the interval over which rate, jitter and bandwidth are taken, and begins a new one.
+  /// @param seconds its length, > 0
+  void end_interval(double seconds);
+
+  /// For people: one row per channel, then the newest values. At most `rows` lines; 0: no limit.
+  /// The last line counts what does not fit.
+  [[nodiscard]] std::vector<std::string> table(std::size_t rows = 0) const;
+
+  /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
+  /// another type on a channel that carries one of ours.
+  [[nodiscard]] nlohmann::ordered_json to_json() const;
+
+ private:
+  /// Arrivals within one interval of time.
+  struct Arrivals {
+    std::uint64_t bytes = 0;
+    std::uint64_t intervals = 0;
+    double mean_ns = 0, deviations_ns2 = 0;  ///< of the intervals, after Welford
+    std::int64_t longest_ns = 0;
+
+    void add(std::int64_t interval_ns);
+  };
+  struct Channel {
+    std::string_view type;  ///< newest of ours; empty: none yet
+    std::uint64_t messages = 0, bytes = 0;
+    std::uint64_t tagged = 0;    ///< messages with the tag of a key
+    std::uint64_t not_ours = 0;  ///< messages of unknown types
+    std::map<messages::Rejection, std::uint64_t> rejected;
+    bool once_per_tick = false;
+    std::int64_t run = 0;
+    SequenceGaps ticks;
+    std::optional<std::int64_t> last_ns;
+    Arrivals now, shown;
+    double shown_seconds = 0;
+    messages::Stamp newest_stamp;
+    std::vector<std::byte> newest;  ///< that could be decoded
+  };
+  struct Sender {
+    std::uint64_t messages = 0;
+    SequenceGaps sequence;
+  };
+
+  void note_sender(std::string_view sender, std::uint32_t sequence);
+  void note_channel(const bus::Datagram& datagram);
+  [[nodiscard]] static nlohmann::ordered_json json_of(const std::string& name,
+                                                      const Channel& channel);
+
+  std::map<std::string, Channel, std::less<>> channels_;
+  std::map<std::string, Sender, std::less<>> senders_;
+  std::uint64_t messages_ = 0, bytes_ = 0;
+  std::uint64_t elsewhere_ = 0;      ///< messages on channels beyond `max_channels`
+  std::uint64_t other_senders_ = 0;  ///< messages of senders beyond `max_senders`
+  double seconds_ = 0;
+  bus::BusStatistics transport_;
+};
+
+}  // namespace tachless::live

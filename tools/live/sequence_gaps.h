@@ -1,0 +1,71 @@
+#pragma once
+
+#include <algorithm>
+#include <bitset>
+#include <cstddef>
+#include <cstdint>
+
+namespace tachless::live {
+
+/// Which of consecutive numbers have not been seen, where numbers repeat and come out of order.
+/// Memory does not grow.
+class SequenceGaps {
+ public:
+  /// A number may be this much behind the newest; one further behind starts the count over.
+  static constexpr std::int64_t window = 1024;
+
+  void see(std::int64_t number) {
+    // Unsigned: the numbers may be anything, their distance always fits.
+    const auto ahead = static_cast<std::uint64_t>(number) - static_cast<std::uint64_t>(newest_);
+    if (!any_) {
+      begin_at(number);
+    } else if (number > newest_) {
+      missing_ += ahead - 1;
+      const auto places = std::min<std::uint64_t>(ahead - 1, window - 1);
+      for (std::uint64_t i = 1; i <= places; ++i) {
+        seen_.reset(place(number - static_cast<std::int64_t>(i)));
+      }
+      seen_.set(place(number));
+      newest_ = number;
+    } else if (-ahead >= window) {
+      ++restarts_;
+      begin_at(number);
+    } else if (seen_.test(place(number))) {
+      ++repeated_;
+    } else {
+      seen_.set(place(number));
+      --missing_;
+    }
+  }
+
+  /// Forgets the numbers seen and keeps the counts: the next number is a first one.
+  void start_over() { any_ = false; }
+
+  /// Numbers between the first and the newest that have not been seen, of all beginnings.
+  [[nodiscard]] std::uint64_t missing() const { return missing_; }
+  [[nodiscard]] std::uint64_t repeated() const { return repeated_; }
+  /// How often the numbers jumped back by more than the window.
+  [[nodiscard]] std::uint64_t restarts() const { return restarts_; }
+  [[nodiscard]] bool any() const { return any_; }
+  /// Precondition: `any`.
+  [[nodiscard]] std::int64_t newest() const { return newest_; }
+
+ private:
+  static std::size_t place(std::int64_t number) {
+    return static_cast<std::size_t>(static_cast<std::uint64_t>(number) % window);
+  }
+  void begin_at(std::int64_t number) {
+    any_ = true;
+    newest_ = number;
+    seen_.set();  // what came before the first is not missed
+  }
+
+  std::bitset<window> seen_;  // of the newest `window` numbers
+  std::int64_t newest_ = 0;
+  bool any_ = false;
+  std::uint64_t missing_ = 0;
+  std::uint64_t repeated_ = 0;
+  std::uint64_t restarts_ = 0;
+};
+
+}  // namespace tachless::live

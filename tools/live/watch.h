@@ -1,0 +1,48 @@
+#pragma once
+
+#include <termios.h>
+
+#include <atomic>
+#include <cstddef>
+#include <functional>
+#include <optional>
+
+#include "base/clock.h"
+#include "bus/udp_transport.h"
+#include "live/bus_monitor.h"
+
+/// Between a bus, its monitor and a terminal.
+namespace tachless::live {
+
+/// Calls `take` with what comes until `end` or an interruption. It does not wait on the socket,
+/// because a sender to a socket that a process waits on pays for the wake-up: it sleeps for a
+/// millisecond, which the socket's buffer holds, and then takes all there is.
+void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
+            base::Clock::time_point end, const std::atomic<bool>& interrupted);
+
+/// Gives to the monitor what comes, and what the transport lost, and ends the monitor's interval,
+/// which began at `begin`.
+void listen(bus::UdpTransport& transport, BusMonitor& monitor, base::Clock::time_point begin,
+            base::Clock::time_point end, const std::atomic<bool>& interrupted);
+
+/// Shows a monitor's table on stdout again and again: on a terminal in place and cut to its size,
+/// elsewhere one after the other. Keys are read on a terminal.
+class TableScreen {
+ public:
+  TableScreen();  ///< hides the cursor until destruction
+  TableScreen(const TableScreen&) = delete;
+  TableScreen& operator=(const TableScreen&) = delete;
+  ~TableScreen();
+
+  void show(const BusMonitor& monitor);
+
+  /// Whether the user has typed q since the last call.
+  [[nodiscard]] bool quit_wanted();
+
+ private:
+  bool terminal_;
+  std::size_t height_ = 0;
+  std::optional<termios> keyboard_;  ///< its settings before: keys come one by one, unseen
+};
+
+}  // namespace tachless::live

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "logger/run_log.h"
+#include "lyapunov/stability_certificate.h"
+#include "report/decay.h"
+#include "report/visuals.h"
+#include "robot/model.h"
+#include "study/tracking.h"
+#include "study/verdict.h"
+
+namespace tachless::report {
+
+/// Ticks at which something was the case.
+using Stretches = logger::TickRanges<500>;
+
+/// A signal that the law declares, as the log names it.
+struct LoggedSignal {
+  std::string name;
+  std::string unit;     ///< on a revolute joint
+  std::size_t row = 0;  ///< of messages::LawSignals
+  std::vector<study::Envelope> joints;
+};
+
+/// Of one joint: torque applied and that which the scenario's robot takes for the recorded motion,
+/// both below 15 Hz.
+struct ModelTorque {
+  study::Envelope applied, model;
+  double error = 0;  ///< rms of the difference over the peak
+};
+
+/// All that a report shows of one run, in memory that does not grow with its length. Link angles
+/// are the true ones where the log has them, the measured ones elsewhere; a tick that lacks angle,
+/// reference or torque is left out of the tracking.
+struct RecordedRun : logger::RunDescription {
+  std::filesystem::path log;
+  std::size_t number = 0;  ///< among the runs of a report
+  std::string label;       ///< in legends
+  robot::JointLabels joints;
+  Visuals visuals;  ///< none: the robot is drawn from simple shapes
+
+  study::Tracking tracking;
+  study::Verdict verdict;
+  std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors, at rest
+  std::vector<LoggedSignal> signals;        ///< of the law, but for position errors
+
+  study::Envelope lyapunov;
+  std::string lyapunov_formula;  ///< empty: the law has none here
+  std::optional<lyapunov::CertifiedRun> certified;
+  std::optional<double> above_bound_s;  ///< when V first exceeded the certified bound
+  std::optional<Decay> lyapunov_decay;
+
+  std::vector<study::Envelope> disturbance;  ///< per joint [N m]; empty: the scenario has none
+  std::vector<ModelTorque> model_torque;     ///< empty: flexible joints, or less than 2 s
+  std::vector<Stretches> saturated;          ///< per joint
+  Stretches command_missed;
+  Stretches protective_stop;
+  logger::RunSummary summary;
+  logger::Damage damage;
+  /// The run's summary.json beside the log, if it is of this run; null otherwise.
+  nlohmann::json outcome;
+
+  /// A run of which nothing has been read.
+  explicit RecordedRun(logger::RunDescription of);
+
+  /// An entry of `outcome`; null where it is not there.
+  [[nodiscard]] nlohmann::json outcome_of(const char* key) const {
+    return outcome.is_object() ? outcome.value(key, nlohmann::json()) : nlohmann::json();
+  }
+  /// Of the ticks of which the log has anything.
+  [[nodiscard]] double share_of(const Stretches& of) const {
+    return static_cast<double>(of.count) / static_cast<double>(summary.ticks);
+  }
+  /// When the last tick of the log ends.
+  [[nodiscard]] double end_s() const {
+    return static_cast<double>(summary.last_tick + 1) * info.period_s;
+  }
+  /// From when to when each range of ticks lasted.
+  [[nodiscard]] std::vector<std::pair<double, double>> seconds(
+      const std::vector<logger::TickRange>& ranges) const;
+};
+
+using Certify = std::function<std::optional<lyapunov::CertifiedRun>(const scenario::Scenario&)>;
+
+/// Reads `log` from its start to its end. `run` chooses among several; without `certify` the cross
+/// terms of V have no weight. A log that ends early is of a run that was stopped, unless that
+/// `ended_well`, as its summary.json may say too: then it lacks its last ticks.
+/// @throw base::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
+/// log cannot be made.
+RecordedRun read_recorded_run(const std::filesystem::path& log,
+                              std::optional<std::int64_t> run = {}, const Certify& certify = {},
+                              bool ended_well = false);
+
+/// Gives each run its number, and a label that the others do not have: scenario, else law, else
+/// log.
+void label(std::vector<RecordedRun>& runs);
+
+}  // namespace tachless::report
