@@ -13,14 +13,16 @@
 namespace tachless::certify {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace lyapunov;
+using namespace linear::testing;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
 /// The figures were computed by an independent program.
 TEST(Certify, OfThePapersRigidScenario) {
-  const scenario::Scenario scenario = shipped("paper_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("paper_rigid");
   const Certificate result = certify(scenario, true);
   const auto json = to_json(result);
   EXPECT_NEAR(json["paper"]["eq19"].get<double>(), 7.9205, 1e-3 * 7.9205);
@@ -48,7 +50,7 @@ constexpr const char* limits = "plant.drive.torque_limit_Nm=[900, 300]";
 /// Of initial states, V decides. From where no bound holds none is printed.
 TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
   const scenario::Scenario scenario =
-      shipped("practical_rigid", {"plant.initial.position_rad=[3, -3]",
+      linear::testing::shipped("practical_rigid", {"plant.initial.position_rad=[3, -3]",
                                   "plant.initial.velocity_rad_per_s=[2000, 2000]", limits});
   const Certificate result = certify(scenario, false);
   ASSERT_TRUE(result.stability && result.stability->largest);
@@ -68,7 +70,7 @@ TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
 
 /// Each choice of the weights has a bound that holds.
 TEST(Certify, TheStartHasTheLeastBoundOfTheTorque) {
-  const scenario::Scenario scenario = shipped("practical_rigid", {limits});
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid", {limits});
   const Certificate result = certify(scenario, false);
   const auto region = to_json(result)["region"];
   const double share = region["start"]["torque_share"];
@@ -84,7 +86,7 @@ TEST(Certify, TheStartHasTheLeastBoundOfTheTorque) {
 
 /// The region knows nothing of a payload: what is printed of it says so, in short and in full.
 TEST(Certify, SaysWhatTheRegionLeavesOut) {
-  const scenario::Scenario scenario = shipped("practical_rigid", {"plant.payload.mass_kg=2"});
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid", {"plant.payload.mass_kg=2"});
   const Certificate result = certify(scenario, false);
   for (const bool full : {false, true}) {
     EXPECT_THAT(page(result, scenario, full), HasSubstr("the payload of 2 kg is not in it"));
@@ -95,7 +97,7 @@ TEST(Certify, SaysWhatTheRegionLeavesOut) {
 TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
   const auto start = [](const char* position, const char* says) {
     const scenario::Scenario scenario =
-        shipped("regulation", {position, "plant.drive.torque_limit_Nm=[9000, 3000]"});
+        linear::testing::shipped("regulation", {position, "plant.drive.torque_limit_Nm=[9000, 3000]"});
     const Certificate result = certify(scenario, false);
     EXPECT_THAT(page(result, scenario, false), HasSubstr(says));
     return to_json(result)["region"]["start"];
@@ -113,17 +115,17 @@ TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
 TEST(Certify, KnowsTheSpeedOfAReferenceThatALongRunMeetsAtRest) {
   // 4000 s / 20000 is a period of the 5 Hz.
   const scenario::Scenario scenario =
-      shipped("practical_rigid",
+      linear::testing::shipped("practical_rigid",
               {"loop.duration_s=4000", "reference.sinusoid.phase_rad=1.5707963267948966"});
   std::string why_not;
-  const auto found = lyapunov::stability_certificate(scenario, Effort::quick, why_not);
+  const auto found = lyapunov::stability_certificate(scenario, linear::Effort::quick, why_not);
   EXPECT_NEAR(found.value().B_d, std::sqrt(2), 1e-6);  // 20001 instants of one period
 }
 
 /// Each run of whole periods is sampled over one of them.
 TEST(Certify, TheTorqueOfAStartIsThatOfItsReferenceHoweverLongTheRun) {
   const auto share = [](const char* duration) {
-    const auto result = certify(shipped("practical_rigid", {limits, duration}), false);
+    const auto result = certify(linear::testing::shipped("practical_rigid", {limits, duration}), false);
     return result.stability.value().start.torque_share.value();
   };
   // The same numbers, but for rounding: 63 s / 63 is a multiple of the period.
@@ -166,7 +168,7 @@ TEST(Certify, ARegionWithoutEndHasABoundOfTheTorque) {
 /// `run` searches quickly, so that its region may be another: the number is of the full effort's.
 TEST(Certify, SaysNoNumberOfAPrismaticJointsRangeThatIsInfiniteOrOfAQuickSearch) {
   const scenario::Scenario scenario = one_joint("prismatic");
-  for (const Effort effort : {Effort::quick, Effort::full}) {
+  for (const linear::Effort effort : {linear::Effort::quick, linear::Effort::full}) {
     std::string why_not;
     const auto found = lyapunov::stability_certificate(scenario, effort, why_not);
     EXPECT_THAT(found.value().provisos,
@@ -177,9 +179,9 @@ TEST(Certify, SaysNoNumberOfAPrismaticJointsRangeThatIsInfiniteOrOfAQuickSearch)
 
 /// docs/certificate.md: of paper_rigid no measurement may be missed.
 TEST(Certify, SaysWhereNoMissedMeasurementIsProvedStable) {
-  const scenario::Scenario scenario = shipped("paper_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("paper_rigid");
   Certificate all;
-  all.loop = analyse(scenario, Effort::full);
+  all.loop = analyse(scenario, linear::Effort::full);
   ASSERT_EQ(all.loop.missed.value().measurements, 0);
   EXPECT_THAT(page(all, scenario, true),
               HasSubstr("missed measurements                not even single ones are proved"));
@@ -187,7 +189,7 @@ TEST(Certify, SaysWhereNoMissedMeasurementIsProvedStable) {
 
 TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {
   const scenario::Scenario scenario =
-      shipped("practical_rigid",
+      linear::testing::shipped("practical_rigid",
               {"controller.law=slotine_li", "controller.gains={lambda: 20, ks: [500, 30]}"});
   const Certificate result = certify(scenario, false);
   EXPECT_FALSE(result.stability);
@@ -197,7 +199,7 @@ TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {
 }
 
 TEST(Certify, NamesTheReasonWhereALawCannotBeLinearised) {
-  const scenario::Scenario scenario = shipped(
+  const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"controller.law=robust_differentiator",
                           "controller.gains={kp: [40000, 2400], kd: [1000, 60], lipschitz: 4000}"});
   const Certificate result = certify(scenario, false);

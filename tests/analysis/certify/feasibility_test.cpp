@@ -9,7 +9,9 @@
 namespace tachless::certify {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace lyapunov;
+using namespace linear::testing;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -17,7 +19,7 @@ using ::testing::IsEmpty;
 
 TEST(Feasibility, OfTheShippedScenariosStandsAgainstNone) {
   for (const char* name : {"paper_rigid", "practical_flexible", "iiwa_point_to_point"}) {
-    const Feasibility result = feasibility(shipped(name));
+    const Feasibility result = feasibility(linear::testing::shipped(name));
     EXPECT_THAT(result.impossible, IsEmpty()) << name;
     EXPECT_THAT(result.doubtful, IsEmpty()) << name;
   }
@@ -25,7 +27,7 @@ TEST(Feasibility, OfTheShippedScenariosStandsAgainstNone) {
 
 /// f h of the paper's 5 Hz at 50 us, and its speed, in closed form; torque at rest is gravity's.
 TEST(Feasibility, KnowsSpeedFrequencyAndTorqueOfASinusoid) {
-  const Feasibility result = feasibility(shipped("paper_rigid"));
+  const Feasibility result = feasibility(linear::testing::shipped("paper_rigid"));
   ASSERT_EQ(result.joints.size(), 2U);
   for (const JointDemand& joint : result.joints) {
     EXPECT_NEAR(joint.speed, 1, 1e-4);  // 2000 instants of one period: cos(pi / 2000) off
@@ -37,7 +39,7 @@ TEST(Feasibility, KnowsSpeedFrequencyAndTorqueOfASinusoid) {
 
 std::vector<JointDemand> demands_of(const std::string& sinusoid, const std::string& duration) {
   return feasibility(
-             shipped("practical_rigid", {duration, "reference={sinusoid: " + sinusoid + "}"}))
+             linear::testing::shipped("practical_rigid", {duration, "reference={sinusoid: " + sinusoid + "}"}))
       .joints;
 }
 
@@ -60,7 +62,7 @@ TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
 
 TEST(Feasibility, NamesTheJointThatCannotHoldItself) {
   const Feasibility held =
-      feasibility(shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
+      feasibility(linear::testing::shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
                                          "plant.drive.torque_limit_Nm=[30, 30]"}));
   EXPECT_THAT(held.impossible,
               ElementsAre(AllOf(HasSubstr("joint 1 ("), HasSubstr("to stand still"),
@@ -75,7 +77,7 @@ TEST(Feasibility, NamesTheJointThatCannotHoldItself) {
 TEST(Feasibility, CountsTheRotorsOfFlexibleJoints) {
   const auto torque = [](const std::string& rotors) {
     const scenario::Scenario scenario =
-        shipped("practical_flexible", {"robot.joints.flexible.stiffness_Nm_per_rad=1e7",
+        linear::testing::shipped("practical_flexible", {"robot.joints.flexible.stiffness_Nm_per_rad=1e7",
                                        "robot.joints.flexible.rotor_inertia_kgm2=" + rotors});
     return feasibility(scenario).joints[0].moving;
   };
@@ -87,7 +89,7 @@ TEST(Feasibility, CountsTheRotorsOfFlexibleJoints) {
 TEST(Feasibility, CountsDryFriction) {
   const auto torque = [](const std::string& scenario, const std::string& friction) {
     return feasibility(
-               shipped(scenario,
+               linear::testing::shipped(scenario,
                        {"reference={point_to_point: {from_rad: 0, to_rad: [1, 0], "
                         "start_s: 0, duration_s: 50}}",
                         "loop.duration_s=50", "plant.initial.position_rad=[0, 0]", friction}))
@@ -105,7 +107,7 @@ TEST(Feasibility, CountsDryFriction) {
 
 TEST(Feasibility, DoubtsDegreesAndRadiansPerSecondNamingKeyValueAndMistake) {
   const Feasibility degrees =
-      feasibility(shipped("regulation", {"plant.initial.position_rad=[30, 6.28]"}));
+      feasibility(linear::testing::shipped("regulation", {"plant.initial.position_rad=[30, 6.28]"}));
   EXPECT_THAT(degrees.doubtful,
               ElementsAre("plant.initial.position_rad: 30 rad for joint 1 (shoulder) is more than "
                           "a full turn; angles are in rad, were degrees given?"));
@@ -123,7 +125,7 @@ TEST(Feasibility, DoubtsDegreesAndRadiansPerSecondNamingKeyValueAndMistake) {
 }
 
 TEST(Feasibility, DoubtsTheFastestTermOfASumAndAMotionOfAFewTicks) {
-  const Feasibility sum = feasibility(shipped(
+  const Feasibility sum = feasibility(linear::testing::shipped(
       "practical_rigid", {"reference={multi_sine: {terms: [{amplitude_rad: 0.1, frequency_hz: 1}, "
                           "{amplitude_rad: [0, 0.001], frequency_hz: 314}]}}"}));
   EXPECT_THAT(sum.doubtful,

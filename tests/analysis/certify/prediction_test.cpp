@@ -11,7 +11,9 @@
 namespace tachless::certify {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace lyapunov;
+using namespace linear::testing;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
@@ -23,9 +25,9 @@ constexpr const char* shipped_scenarios[] = {
 TEST(Prediction, WithLessEffortHasFewerNumbersAndNoOtherOnes) {
   for (const char* name : shipped_scenarios) {
     SCOPED_TRACE(name);
-    const scenario::Scenario scenario = shipped(name);
-    const Prediction quick = analyse(scenario, Effort::quick);
-    const Prediction full = analyse(scenario, Effort::full);
+    const scenario::Scenario scenario = linear::testing::shipped(name);
+    const Prediction quick = analyse(scenario, linear::Effort::quick);
+    const Prediction full = analyse(scenario, linear::Effort::full);
     EXPECT_TRUE(quick.stable);
     EXPECT_EQ(text(quick), text(full));
     EXPECT_EQ(quick.stable, full.stable);
@@ -37,7 +39,7 @@ TEST(Prediction, WithLessEffortHasFewerNumbersAndNoOtherOnes) {
     ASSERT_TRUE(quick.limit_s);
     EXPECT_GT(*quick.limit_s, quick.settings.period_s);
     EXPECT_FALSE(quick.margins);
-    EXPECT_FALSE(analyse(scenario, Effort::margins).missed);
+    EXPECT_FALSE(analyse(scenario, linear::Effort::margins).missed);
     ASSERT_TRUE(full.margins);
     EXPECT_GT(full.margins->phase_deg, 1);
   }
@@ -57,7 +59,7 @@ TEST(Prediction, LimitIsTheSampledLoops) {
               {"practical_rigid", {"loop.command_delay=0"}, 8.93e-3},
               {"practical_rigid", {}, 3.6e-3}};
   for (const auto& row : rows) {
-    const Prediction result = analyse(shipped(row.scenario, row.set), Effort::quick);
+    const Prediction result = analyse(linear::testing::shipped(row.scenario, row.set), linear::Effort::quick);
     ASSERT_TRUE(result.limit_s) << row.scenario;
     EXPECT_NEAR(*result.limit_s, row.limit_s, 0.01 * row.limit_s) << row.scenario;
     EXPECT_EQ(result.stable, result.settings.period_s < row.limit_s) << row.scenario;
@@ -67,7 +69,7 @@ TEST(Prediction, LimitIsTheSampledLoops) {
 /// A run is longer than its motion: the postures are the motion's.
 TEST(Prediction, DoesNotDependOnHowLongTheRunRestsAfterItsMotion) {
   const auto with = [](const char* duration) {
-    return analyse(shipped("iiwa_point_to_point", {duration}), Effort::quick);
+    return analyse(linear::testing::shipped("iiwa_point_to_point", {duration}), linear::Effort::quick);
   };
   const Prediction once = with("loop.duration_s=4"), longer = with("loop.duration_s=40");
   EXPECT_NEAR(*longer.limit_s, *once.limit_s, 1e-3 * *once.limit_s);
@@ -76,8 +78,8 @@ TEST(Prediction, DoesNotDependOnHowLongTheRunRestsAfterItsMotion) {
 
 /// No posture of a motion through waypoints has less than what is printed.
 TEST(Prediction, FindsTheWorstPostureBetweenThoseOfTheList) {
-  const scenario::Scenario scenario = shipped("ur5e");
-  const Prediction found = analyse(scenario, Effort::full);
+  const scenario::Scenario scenario = linear::testing::shipped("ur5e");
+  const Prediction found = analyse(scenario, linear::Effort::full);
   const linear::ScenarioLoop loop(scenario);
   constexpr int many = 160;
   double modulus = 1, worst_radius = 0;
@@ -93,8 +95,8 @@ TEST(Prediction, FindsTheWorstPostureBetweenThoseOfTheList) {
 /// A lag of 1/(2 pi f) is about as much delay; a fast loop is none.
 TEST(Prediction, CountsCurrentLoopsAndNamesWhatItDoesNotCount) {
   const auto margin_s = [](const std::string& hz) {
-    return analyse(shipped("practical_rigid", {"plant.drive.current_loop_hz=" + hz}),
-                   Effort::margins)
+    return analyse(linear::testing::shipped("practical_rigid", {"plant.drive.current_loop_hz=" + hz}),
+                   linear::Effort::margins)
         .margins.value()
         .delay_s;
   };
@@ -102,19 +104,19 @@ TEST(Prediction, CountsCurrentLoopsAndNamesWhatItDoesNotCount) {
   EXPECT_NEAR(margin_s("1e5"), ideal_s, 5e-6);
   EXPECT_NEAR(margin_s("200"), ideal_s - 1 / (2 * std::numbers::pi * 200), 1e-4);
   EXPECT_FALSE(
-      analyse(shipped("practical_rigid", {"plant.drive.current_loop_hz=5"}), Effort::quick).stable);
-  EXPECT_EQ(analyse(shipped("practical_rigid"), Effort::quick).not_counted, "");
-  EXPECT_EQ(analyse(shipped("practical_rigid", {"plant.drive.command_age_jitter_ticks=2",
+      analyse(linear::testing::shipped("practical_rigid", {"plant.drive.current_loop_hz=5"}), linear::Effort::quick).stable);
+  EXPECT_EQ(analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick).not_counted, "");
+  EXPECT_EQ(analyse(linear::testing::shipped("practical_rigid", {"plant.drive.command_age_jitter_ticks=2",
                                                 "plant.drive.torque_offset_Nm=1",
                                                 "plant.encoder.eccentricity_rad=1e-3"}),
-                    Effort::quick)
+                    linear::Effort::quick)
                 .not_counted,
             "plant.drive.command_age_jitter_ticks, plant.drive.torque_offset_Nm, "
             "plant.encoder.eccentricity_rad");
 }
 
 TEST(Prediction, TextHasLimitAndSettlingTime) {
-  const std::string line = text(analyse(shipped("practical_rigid"), Effort::quick));
+  const std::string line = text(analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick));
   EXPECT_THAT(line, StartsWith("stable at 1 kHz with 1 tick of delay: limit 3."));
   EXPECT_THAT(line, HasSubstr(" ms, settles in 0.1"));
 }
@@ -134,7 +136,7 @@ TEST(Prediction, APostureThatASearchEndedAtIsZeroWhereItIsBesideZero) {
 
 TEST(Prediction, RefusalNamesLimitPeriodAndWhatToType) {
   const Prediction result =
-      analyse(shipped("paper_rigid", {"loop.command_delay=1"}), Effort::quick);
+      analyse(linear::testing::shipped("paper_rigid", {"loop.command_delay=1"}), linear::Effort::quick);
   EXPECT_FALSE(result.stable);
   const std::string line = refusal(result, "s.yaml");
   EXPECT_THAT(line, StartsWith("s.yaml: unstable at 20 kHz with 1 tick of delay: largest stable "
@@ -163,7 +165,7 @@ TEST(Prediction, APeriodOfASecondMayBeStable) {
       "arm",
       {"controller.law=wen_bayard", "controller.gains={kp: 0.1, kd: 0.6}", "loop.period_s=1",
        "loop.command_delay=0", "loop.duration_s=10", "reference={hold: {position_rad: 0}}"});
-  const Prediction result = analyse(scenario, Effort::quick);
+  const Prediction result = analyse(scenario, linear::Effort::quick);
   EXPECT_TRUE(result.stable);
   EXPECT_EQ(limit_text(result.limit_s), "1 s or more");
   EXPECT_EQ(result.unstable_q.size(), 0);
@@ -172,14 +174,14 @@ TEST(Prediction, APeriodOfASecondMayBeStable) {
 TEST(Prediction, TextOfMissedTicksSaysWhereNoneIsProved) {
   EXPECT_EQ(pattern_text(0), "not even single ones are proved stable");
   EXPECT_EQ(pattern_text(3), "any pattern of at most 3 in a row is stable");
-  EXPECT_EQ(pattern_text(most_missed), "any pattern of 1000 in a row is stable");
+  EXPECT_EQ(pattern_text(linear::most_missed), "any pattern of 1000 in a row is stable");
 }
 
 TEST(Prediction, UnitsAreAlsoThoseOfJointsThatSlide) {
-  const Prediction rotary = analyse(shipped("practical_rigid"), Effort::quick);
+  const Prediction rotary = analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick);
   EXPECT_EQ(rotary.stiffness_unit, "N m/rad");
   EXPECT_EQ(rotary.torque_unit, "N m");
-  const Prediction with_slide = analyse(shipped("panda"), Effort::quick);
+  const Prediction with_slide = analyse(shipped("panda"), linear::Effort::quick);
   EXPECT_EQ(with_slide.stiffness_unit, "N m/rad (N/m)");
   EXPECT_EQ(with_slide.torque_unit, "N m (N)");
 }
@@ -187,12 +189,12 @@ TEST(Prediction, UnitsAreAlsoThoseOfJointsThatSlide) {
 /// Friction of one joint displaces the others too.
 TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
   const Prediction found = analyse(
-      shipped("practical_rigid",
+      linear::testing::shipped("practical_rigid",
               {"controller.law=loria_ortega_matrix",
                "controller.gains={kp: [[4000, 800], [800, 240]], kd: [[400, 80], [80, 24]], "
                "a: 400, b: 400}",
                "plant.drive.coulomb_friction_Nm=[6, 2]"}),
-      Effort::quick);
+      linear::Effort::quick);
   // K^-1 = [[240, -800], [-800, 4000]] / 320000. K is by differences of step 1e-6.
   EXPECT_NEAR(found.stiffness[1], 240, 1e-3);
   EXPECT_NEAR(found.rest_error[0], (240 * 6 + 800 * 2) / 320000.0, 1e-6);
@@ -202,7 +204,7 @@ TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
 
 /// What a run's verdict divides friction by.
 TEST(Prediction, StiffnessOfAJointWithFrictionIsThatOfItsRestError) {
-  const scenario::Scenario scenario = shipped(
+  const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid",
       {"controller.law=loria_ortega_matrix",
        "controller.gains={kp: [[4000, 800], [800, 240]], kd: [[400, 80], [80, 24]], a: 400, "
@@ -216,8 +218,8 @@ TEST(Prediction, StiffnessOfAJointWithFrictionIsThatOfItsRestError) {
 /// The motors' kp, as large as the drives make it, and the springs in series.
 TEST(Prediction, StiffnessOfFlexibleJointsIsThatOfTheLink) {
   const scenario::Scenario scenario =
-      shipped("flexible_regulation", {"plant.drive.torque_scale=[0.9, 1.1]"});
-  const Prediction found = analyse(scenario, Effort::quick);
+      linear::testing::shipped("flexible_regulation", {"plant.drive.torque_scale=[0.9, 1.1]"});
+  const Prediction found = analyse(scenario, linear::Effort::quick);
   const Vector kp = scenario.controller.gains.at("kp").cwiseProduct(Vector{{0.9, 1.1}});
   const Vector& spring = scenario.robot.flexible->stiffness;
   for (int j = 0; j < 2; ++j) {
@@ -230,11 +232,11 @@ TEST(Prediction, StiffnessOfFlexibleJointsIsThatOfTheLink) {
 TEST(Prediction, TorqueOfACountIsTheLargestOverThePostures) {
   const auto at = [](const char* reference) {
     return analyse(
-               shipped("practical_rigid", {"controller.law=loria_ortega_scheduled",
+               linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_scheduled",
                                            "controller.gains={w: 20, damping: 0.8, a: 400, b: 400}",
                                            "plant.encoder.resolution_bits=16", "loop.duration_s=3",
                                            "plant.initial={position_rad: [0, 3]}", reference}),
-               Effort::quick)
+               linear::Effort::quick)
         .count_Nm.value();
   };
   const Eigen::VectorXd folded = at("reference={hold: {position_rad: [0, 3]}}"),

@@ -23,7 +23,9 @@
 namespace tachless::design {
 namespace {
 
-using namespace certificate::testing;
+using namespace certify;
+using namespace linear;
+using namespace linear::testing;
 using Eigen::VectorXd;
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -39,7 +41,7 @@ scenario::Scenario bare(const std::string& urdf, const std::string& law) {
 
 /// The scenario of a law that is asked for its answers.
 scenario::Scenario asked(const std::vector<std::string>& overrides) {
-  scenario::Scenario scenario = shipped("practical_rigid", overrides);
+  scenario::Scenario scenario = linear::testing::shipped("practical_rigid", overrides);
   scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
   return scenario;
 }
@@ -47,7 +49,7 @@ scenario::Scenario asked(const std::vector<std::string>& overrides) {
 /// A member was read before it was initialised: one run in three of the same input designed other
 /// gains.
 TEST(DesignProblem, DoesNotDependOnWhatWasInItsMemory) {
-  const scenario::Scenario scenario = shipped("practical_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const auto feedback = [&](std::uint64_t step) {
     alignas(DesignProblem) std::array<std::uint64_t, sizeof(DesignProblem) / 8 + 1> memory{};
     for (std::size_t i = 0; i < memory.size(); ++i) memory[i] = i * step;
@@ -63,7 +65,7 @@ TEST(DesignProblem, DoesNotDependOnWhatWasInItsMemory) {
 TEST(DesignProblem, RuleOfAMatrixHasFrictionOnce) {
   const auto kp = [](const std::string& friction, double w) {
     const scenario::Scenario scenario =
-        shipped("practical_rigid", {"controller.law=loria_ortega_matrix", "controller.gains={}",
+        linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_matrix", "controller.gains={}",
                                     "plant.drive.viscous_friction_Nms_per_rad=" + friction});
     return VectorXd(DesignProblem(scenario, {}).by_rule(w, 10).at("kp"));
   };
@@ -102,7 +104,7 @@ TEST(DesignProblem, RefusesAStiffnessOfALawWithoutKp) {
 
 TEST(DesignProblem, RefusesGoalsWithoutTheKeyThatTheyAreAbout) {
   const auto why = [](const DesignGoal& goal, const std::vector<std::string>& overrides) {
-    const scenario::Scenario scenario = shipped("regulation", overrides);
+    const scenario::Scenario scenario = linear::testing::shipped("regulation", overrides);
     DesignProblem problem(scenario, goal);
     try {
       problem.choose_variables();
@@ -134,7 +136,7 @@ TEST(DesignProblem, RefusesGoalsWithoutTheKeyThatTheyAreAbout) {
 
 /// A program without a memory whose first joint has a gain of 0.
 TEST(DesignProblem, OfAnAskedLawBeginsAtTheScenariosGainsAndHasNoPoleToBoundThem) {
-  scenario::Scenario scenario = shipped("practical_rigid");
+  scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   scenario.controller.measurement = "POSITION";
   scenario.controller.gains = {{"kp", Eigen::Vector2d(0, 50)}};
   const auto answers = [](double, bool, std::span<const messages::AnyMeasurement> measured,
@@ -162,7 +164,7 @@ TEST(DesignProblem, LeavesMatricesOfAnAskedLawAsTheyAre) {
       asked({"controller.law=loria_ortega_matrix",
              "controller.gains={kp: [[40000.125, 1], [1, 2400]], kd: [[1000, 0], [0, 60]], "
              "a: 1000.125, b: 1000}"});
-  DesignProblem problem(scenario, {}, certificate::answers_of(scenario));
+  DesignProblem problem(scenario, {}, linear::answers_of(scenario));
   problem.choose_variables();
   Design design;
   design.gains = problem.rounded(problem.gains(*problem.own_theta()));
@@ -173,7 +175,7 @@ TEST(DesignProblem, LeavesMatricesOfAnAskedLawAsTheyAre) {
 
 /// Their errors grow: there is no time to shorten.
 TEST(GainSearch, DoesNotBeginAtUnstableGains) {
-  const scenario::Scenario scenario = shipped("practical_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   DesignProblem law(scenario, {});
   law.choose_variables();
   GainProblem problem = law.at(law.first_rests());

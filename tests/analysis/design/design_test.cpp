@@ -26,8 +26,9 @@
 namespace tachless::design {
 namespace {
 
-using namespace certificate;
-using namespace testing;
+using namespace certify;
+using namespace linear;
+using namespace linear::testing;
 using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -86,7 +87,7 @@ double modulus_at_random(const scenario::Scenario& scenario, int postures) {
 
 TEST(Design, OfAHeldTwoLinkArmSettlesAsPredicted) {
   const scenario::Scenario scenario =
-      shipped("regulation", {"loop.command_delay=1", "reference.hold.position_rad=[0, 0]"});
+      linear::testing::shipped("regulation", {"loop.command_delay=1", "reference.hold.position_rad=[0, 0]"});
   DesignGoal goal;
   goal.settling_s = 0.4;
   const Design found = design(scenario, goal);
@@ -103,7 +104,7 @@ TEST(Design, OfFlexibleJointsSettlesAsPredicted) {
   through_springs.modulus = 0.3;
   through_springs.bandwidth_hz = 1;
   const std::pair<scenario::Scenario, DesignGoal> cases[] = {
-      {shipped("practical_flexible",
+      {linear::testing::shipped("practical_flexible",
                {"reference={hold: {position_rad: [0, 0]}}", "loop.duration_s=1"}),
        {}},
       {shipped("flexible_regulation", held), through_springs}};
@@ -120,7 +121,7 @@ TEST(Design, OfFlexibleJointsSettlesAsPredicted) {
 /// As certify prints it of the scenario with these gains.
 TEST(Design, SaysOfItsLoopWhatCertifySays) {
   const scenario::Scenario scenario =
-      shipped("practical_rigid", {"plant.encoder.resolution_bits=20"});
+      linear::testing::shipped("practical_rigid", {"plant.encoder.resolution_bits=20"});
   const Design found = design(scenario, {});
   auto designed = certify::to_json(found.loop);
   designed.erase("text");
@@ -131,7 +132,7 @@ TEST(Design, SaysOfItsLoopWhatCertifySays) {
 
 /// Loop and certificate depend on kd b alone.
 TEST(Design, HasOneBForAllJointsAndACertificate) {
-  const scenario::Scenario scenario = shipped("practical_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const Design found = design(scenario, {});
   EXPECT_EQ(found.gains.at("b")[0], found.gains.at("b")[1]);
   std::string why_not;
@@ -144,7 +145,7 @@ TEST(Design, HasOneBForAllJointsAndACertificate) {
 // An independent optimiser with the same rows reaches 0.072 s.
 TEST(Design, IsAsFastAsTheLawAllows) {
   const scenario::Scenario scenario =
-      bare(robot::testing::two_link(), shipped("paper_rigid").robot.urdf_text);
+      bare(robot::testing::two_link(), linear::testing::shipped("paper_rigid").robot.urdf_text);
   std::vector<std::string> told;
   const Design found =
       design(scenario, {}, [&](std::string_view what) { told.emplace_back(what); });
@@ -157,7 +158,7 @@ TEST(Design, IsAsFastAsTheLawAllows) {
 
 TEST(Design, KnowsFriction) {
   const Design found =
-      design(shipped("practical_rigid",
+      design(linear::testing::shipped("practical_rigid",
                      {"loop.command_delay=1", "plant.drive.viscous_friction_Nms_per_rad=[500, 20]",
                       "plant.drive.coulomb_friction_Nm=[0, 2000]"}),
              {});
@@ -169,7 +170,7 @@ TEST(Design, KnowsFriction) {
 
 TEST(Design, KeepsToWhatIsAskedOfTheGains) {
   const scenario::Scenario scenario =
-      shipped("regulation", {"loop.command_delay=1", "plant.encoder.resolution_bits=20",
+      linear::testing::shipped("regulation", {"loop.command_delay=1", "plant.encoder.resolution_bits=20",
                              "plant.drive.torque_limit_Nm=[900, 300]"});
   DesignGoal goal;
   goal.least_kp = Vector::Constant(2, 3000);
@@ -188,7 +189,7 @@ TEST(Design, MakesTheLinksOfFlexibleJointsAsStiffAsAsked) {
   DesignGoal goal;
   goal.modulus = 0.3;
   goal.least_kp = Eigen::Vector2d(600, 300);
-  const Design found = design(shipped("flexible_regulation"), goal);
+  const Design found = design(linear::testing::shipped("flexible_regulation"), goal);
   EXPECT_GE(found.loop.stiffness[0], 0.999 * 600);  // gains have four digits
   EXPECT_GE(found.loop.stiffness[1], 0.999 * 300);
   EXPECT_GE(least_modulus(found), 0.298);
@@ -199,7 +200,7 @@ TEST(Design, KeepsTheTorqueOfACountAtAllPosturesOfTheMotion) {
   DesignGoal goal;
   goal.count_Nm = 1;
   const Design found = design(
-      shipped("practical_rigid", {"controller.law=loria_ortega_scheduled", "controller.gains={}",
+      linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_scheduled", "controller.gains={}",
                                   "plant.encoder.resolution_bits=16", "loop.duration_s=3",
                                   "plant.initial={position_rad: [0, 3]}",
                                   "reference={point_to_point: {from_rad: [0, 3], to_rad: [0, 0], "
@@ -210,7 +211,7 @@ TEST(Design, KeepsTheTorqueOfACountAtAllPosturesOfTheMotion) {
 
 /// A goal that is missed by 4 % is missed.
 TEST(Design, SaysThatASettlingTimeIsMissed) {
-  const scenario::Scenario scenario = shipped("practical_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const double fastest_s = design(scenario, {}).loop.modes.settling_s;
   DesignGoal goal;
   goal.settling_s = fastest_s / 1.04;
@@ -221,7 +222,7 @@ TEST(Design, SaysThatASettlingTimeIsMissed) {
 
 TEST(Design, OfABareUrdfFollowsItsReference) {
   const scenario::Scenario scenario =
-      bare(robot::testing::two_link(), shipped("paper_rigid").robot.urdf_text);
+      bare(robot::testing::two_link(), linear::testing::shipped("paper_rigid").robot.urdf_text);
   const Design found = design(scenario, {});
   double worst = 0;
   in_process::run_in_process(with_gains(scenario, found), [&](const in_process::TickRecord& tick) {
@@ -234,7 +235,7 @@ TEST(Design, OfABareUrdfFollowsItsReference) {
 
 TEST(Design, OfTheBareIiwaSettlesAsPredictedAndHoldsWithMoreLoopGain) {
   scenario::Scenario scenario =
-      bare(robot::testing::iiwa7(), shipped("iiwa_point_to_point").robot.urdf_text);
+      bare(robot::testing::iiwa7(), linear::testing::shipped("iiwa_point_to_point").robot.urdf_text);
   const Design found = design(scenario, {});
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_GE(found.loop.margins->gain, 1.5);
@@ -257,7 +258,7 @@ TEST(Design, OfTheBareIiwaSettlesAsPredictedAndHoldsWithMoreLoopGain) {
 
 TEST(Design, OfComputedTorqueIsInAccelerations) {
   const scenario::Scenario scenario =
-      shipped("practical_rigid", {"controller.law=computed_torque", "loop.command_delay=1"});
+      linear::testing::shipped("practical_rigid", {"controller.law=computed_torque", "loop.command_delay=1"});
   DesignGoal goal;
   goal.bandwidth_hz = 5;
   const Design found = design(scenario, goal);
@@ -267,7 +268,7 @@ TEST(Design, OfComputedTorqueIsInAccelerations) {
 
 TEST(Design, TunesALawWithoutAMemory) {
   const Design found = design(
-      shipped("regulation", {"controller.law=wen_bayard", "controller.gains={kp: 1, kd: 1}"}), {});
+      linear::testing::shipped("regulation", {"controller.law=wen_bayard", "controller.gains={kp: 1, kd: 1}"}), {});
   EXPECT_TRUE(found.loop.stable);
   EXPECT_GE(least_modulus(found), 0.45);
 }
@@ -276,7 +277,7 @@ TEST(Design, TunesEstimatorsAndObserversWithTheLaw) {
   for (const std::string law : {"numerical_difference", "kalman_velocity", "nicosia_tomei"}) {
     SCOPED_TRACE(law);
     const scenario::Scenario scenario =
-        shipped("practical_rigid", {"controller.law=" + law, "loop.command_delay=1"});
+        linear::testing::shipped("practical_rigid", {"controller.law=" + law, "loop.command_delay=1"});
     DesignGoal goal;
     goal.bandwidth_hz = 5;
     const Design found = design(scenario, goal);
@@ -290,7 +291,7 @@ TEST(Design, TunesTheLawsDerivedFromThePapers) {
   for (const std::string law : {"matrix", "scheduled", "integral"}) {
     SCOPED_TRACE(law);
     const scenario::Scenario scenario =
-        shipped("practical_rigid", {"controller.law=loria_ortega_" + law, "controller.gains={}",
+        linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_" + law, "controller.gains={}",
                                     "reference={hold: {position_rad: [0, 0.5]}}",
                                     "plant.initial.position_rad=[0, 0.5]", "loop.duration_s=2"});
     const Design found = design(scenario, {});
@@ -314,7 +315,7 @@ TEST(Design, TunesTheLawsDerivedFromThePapers) {
 
 TEST(Design, RefusesALawForRigidJointsOnFlexibleOnes) {
   try {
-    design(shipped("practical_flexible", {"controller.law=loria_ortega_rigid"}), {});
+    design(linear::testing::shipped("practical_flexible", {"controller.law=loria_ortega_rigid"}), {});
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_THAT(failure.what(), HasSubstr("take --set controller.law=loria_ortega_flexible"));
@@ -323,7 +324,7 @@ TEST(Design, RefusesALawForRigidJointsOnFlexibleOnes) {
 
 TEST(Design, RefusesALawThatCannotBeLinearised) {
   try {
-    design(shipped("practical_rigid", {"controller.law=robust_differentiator"}), {});
+    design(linear::testing::shipped("practical_rigid", {"controller.law=robust_differentiator"}), {});
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::check_said_no);
@@ -332,7 +333,7 @@ TEST(Design, RefusesALawThatCannotBeLinearised) {
   }
   try {
     design(
-        shipped("practical_rigid", {"controller.law=external", "controller.measurement=POSITION"}),
+        linear::testing::shipped("practical_rigid", {"controller.law=external", "controller.measurement=POSITION"}),
         {});
     FAIL();
   } catch (const base::Failure& failure) {
@@ -342,7 +343,7 @@ TEST(Design, RefusesALawThatCannotBeLinearised) {
 }
 
 TEST(Design, SaysWhatBindsAndWhyItCannot) {
-  const scenario::Scenario weak = shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
+  const scenario::Scenario weak = linear::testing::shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
                                                          "plant.drive.torque_limit_Nm=[30, 30]"});
   try {
     design(weak, {});
@@ -375,7 +376,7 @@ TEST(Design, SaysWhatBindsAndWhyItCannot) {
 
 /// No rule finds gains with this margin there.
 TEST(Design, BeginsWithTheScenariosGainsWhereTheRuleFindsNone) {
-  const Design found = design(shipped("flexible_regulation"), {});
+  const Design found = design(linear::testing::shipped("flexible_regulation"), {});
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_LT(found.loop.modes.settling_s, 1.5);
 }
@@ -422,10 +423,10 @@ scenario::Scenario asked(scenario::Scenario scenario) {
 // By another way, from gains with which it settles in 0.41 s; one search from there ends at 45 %
 // more. a is one for both joints there and stays so, no faster than 1 / h.
 TEST(DesignOfAnAskedLaw, IsAboutAsFastAsThatOfItsEquations) {
-  const scenario::Scenario scenario = shipped(
+  const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"controller.gains={kp: [4000, 240], kd: [300, 20], a: 300, b: 300}"});
   const Design inside = design(scenario, {});
-  const Design found = design(asked(scenario), {}, no_progress, answers_of(scenario));
+  const Design found = design(asked(scenario), {}, linear::no_progress, linear::answers_of(scenario));
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_LE(found.loop.modes.settling_s, 1.1 * inside.loop.modes.settling_s);
   EXPECT_EQ(found.gains.at("a")[0], found.gains.at("a")[1]);
@@ -441,15 +442,15 @@ TEST(DesignOfAnAskedLaw, IsAboutAsFastAsThatOfItsEquations) {
 TEST(DesignOfAnAskedLaw, SaysWhyItCannot) {
   const auto why = [](const scenario::Scenario& scenario, const linear::LawAnswers& answers) {
     try {
-      design(asked(scenario), {}, no_progress, answers);
+      design(asked(scenario), {}, linear::no_progress, answers);
     } catch (const base::Failure& failure) {
       EXPECT_EQ(failure.code(), base::ExitCode::check_said_no);
       return std::string(failure.what());
     }
     return std::string("it can");
   };
-  const scenario::Scenario scenario = shipped("practical_rigid");
-  const linear::LawAnswers answers = answers_of(scenario);
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
+  const linear::LawAnswers answers = linear::answers_of(scenario);
   const auto deaf = [&](double period_s, bool weightless, auto measurements, auto reference) {
     reference.gains.clear();
     return answers(period_s, weightless, measurements, reference);

@@ -126,7 +126,7 @@ TEST(LawAnswers, OfALongMemoryNeedALongWindow) {
   EXPECT_NEAR((model.C * *at_rest + model.D)(0, 0), -100, 1e-4);
 }
 
-std::string certify::refusal(const Ask& ask, Index inputs = 2) {
+std::string refusal(const Ask& ask, Index inputs = 2) {
   try {
     window_of(ask, inputs);
   } catch (const NoLinearModel& why) {
@@ -137,31 +137,31 @@ std::string certify::refusal(const Ask& ask, Index inputs = 2) {
 
 TEST(LawAnswers, AreRefusedWhereNoLinearLawAnswersSo) {
   const LinearLaw law = filtered();
-  EXPECT_THAT(certify::refusal(mean_of(600), 1),
+  EXPECT_THAT(refusal(mean_of(600), 1),
               HasSubstr("a model of 288 ticks of its answers does not"));
-  EXPECT_THAT(certify::refusal(asked(
+  EXPECT_THAT(refusal(asked(
                   law,
                   [n = std::make_shared<int>(0)](const VectorXd& tau, Index, const VectorXd&) {
                     return VectorXd(tau.array() + 1e-6 * (++*n % 5));
                   })),
               HasSubstr("two identical experiments differ by "));
-  EXPECT_THAT(certify::refusal(asked(law,
+  EXPECT_THAT(refusal(asked(law,
                                      [](const VectorXd& tau, Index, const VectorXd&) {
                                        return VectorXd(tau.cwiseMin(0.3).cwiseMax(-0.3));
                                      })),
               HasSubstr("that to deviations of 1e-05 is not 10 times that to 1e-06"));
-  EXPECT_THAT(certify::refusal(
+  EXPECT_THAT(refusal(
                   asked(law, [](const VectorXd& tau, Index,
                                 const VectorXd& e) { return VectorXd(tau + 400 * e.cwiseAbs()); })),
               HasSubstr("that to -1e-05 is not the opposite of that to 1e-05"));
-  EXPECT_THAT(certify::refusal(asked(law,
+  EXPECT_THAT(refusal(asked(law,
                                      [](const VectorXd& tau, Index, const VectorXd& e) {
                                        const double both =
                                            std::abs(e[0] + e[1]) > std::abs(e[0] - e[1]);
                                        return VectorXd(tau + 400 * both * e);
                                      })),
               HasSubstr("that to all inputs is not the sum of those to each"));
-  EXPECT_THAT(certify::refusal(asked(law,
+  EXPECT_THAT(refusal(asked(law,
                                      [](const VectorXd& tau, Index k, const VectorXd&) {
                                        return VectorXd(tau * (1 + 1e-3 * static_cast<double>(k)));
                                      })),

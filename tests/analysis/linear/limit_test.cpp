@@ -20,7 +20,7 @@
 namespace tachless::linear {
 namespace {
 
-using namespace testing;
+using namespace linear::testing;
 
 /// Errors of a run without bounds on the torque, one column per tick; fewer ticks where it ended
 /// for a torque that is not finite.

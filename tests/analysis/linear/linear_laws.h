@@ -25,7 +25,7 @@ struct Sampling {
 struct Filters {
   VectorXd phi, beta;
 
-  Filters(const FilterGains& gains, const Sampling& sampling)
+  Filters(const controller::law::FilterGains& gains, const Sampling& sampling)
       : phi(gains.a.size()), beta(gains.a.size()) {
     for (Index i = 0; i < phi.size(); ++i) {
       const auto joint = controller::law::filter_coefficients(sampling.filter, gains.a[i],
@@ -41,7 +41,7 @@ struct Filters {
 
 /// tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu (law 1), about any motion: `feedforward_gradient` is
 /// the gradient of ID with respect to q there.
-inline LinearLaw linear_rigid_law(const FilterGains& gains, const MatrixXd& feedforward_gradient,
+inline LinearLaw linear_rigid_law(const controller::law::FilterGains& gains, const MatrixXd& feedforward_gradient,
                                   const Sampling& sampling) {
   const Filters filter(gains, sampling);
   MatrixXd D = feedforward_gradient;
@@ -54,7 +54,7 @@ inline LinearLaw linear_rigid_law(const FilterGains& gains, const MatrixXd& feed
 /// The flexible law (law 2) about rest at q.
 inline LinearLaw linear_flexible_law(const robot::Model& links, const Vector& q,
                                      const VectorXd& stiffness, const VectorXd& rotor_inertia,
-                                     const FilterGains& link, const FilterGains& motor,
+                                     const controller::law::FilterGains& link, const controller::law::FilterGains& motor,
                                      const Sampling& sampling) {
   const Index n = links.num_joints;
   const Filters filter_1(link, sampling), filter_2(motor, sampling);

@@ -14,7 +14,7 @@
 namespace tachless::linear {
 namespace {
 
-using namespace testing;
+using namespace linear::testing;
 using controller::law::Discretisation;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -52,7 +52,7 @@ TEST(LinearLoop, RigidPlantIsTheGradientOfForwardDynamics) {
 TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
   const LinearPlant plant =
       flexible_plant(robot::testing::two_link(), constant_reference(both(0.3, 0.5)),
-                     certify::stiffness(), rotors());
+                     stiffness(), rotors());
   const double h = 2e-3;
   const LinearPlant step = held(plant, h);
   VectorXd x = VectorXd::LinSpaced(8, -1, 1);
@@ -117,7 +117,7 @@ TEST(LinearLoop, LawOneIsTheGradientOfTheLawItselfAboutAMotion) {
   for (const Discretisation kind : {Discretisation::tustin, Discretisation::zero_order_hold}) {
     controller::law::Settings settings;
     settings.filter = kind;
-    const FilterGains g = practical_rigid();
+    const controller::law::FilterGains g = practical_rigid();
     const controller::law::LoriaOrtegaRigid law(model, {g.kp, g.kd, g.a, g.b}, settings);
     VectorXd memory(4);
     memory << 0, 0, 0, 0;
@@ -131,13 +131,13 @@ TEST(LinearLoop, LawTwoIsTheGradientOfTheLawItselfAtRest) {
   const Vector q = both(0.4, -0.7);
   controller::law::Settings settings;
   settings.filter = Discretisation::tustin;
-  const FilterGains l = practical_link(), m = practical_motor();
-  const controller::law::LoriaOrtegaFlexible law({model, certify::stiffness(), rotors()},
+  const controller::law::FilterGains l = practical_link(), m = practical_motor();
+  const controller::law::LoriaOrtegaFlexible law({model, stiffness(), rotors()},
                                                  {l.kp, l.kd, l.a, l.b, m.kp, m.kd, m.a, m.b},
                                                  settings);
   VectorXd y(6);
-  y << q, 0, 0, q + robot::gravity_torque(model, q).cwiseQuotient(certify::stiffness());
-  expect_same_response(linear_flexible_law(model, q, certify::stiffness(), rotors(), l, m,
+  y << q, 0, 0, q + robot::gravity_torque(model, q).cwiseQuotient(stiffness());
+  expect_same_response(linear_flexible_law(model, q, stiffness(), rotors(), l, m,
                                            {settings.filter, settings.period_s}),
                        linearised(as_step(law, constant_reference(q)), VectorXd::Zero(8), y,
                                   {Part::q, Part::v, Part::theta}));
@@ -146,7 +146,7 @@ TEST(LinearLoop, LawTwoIsTheGradientOfTheLawItselfAtRest) {
 TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
   const robot::Model model = robot::testing::two_link();
   const LinearPlant plant = rigid_plant(model, constant_reference(both(0)));
-  const FilterGains g = practical_rigid();
+  const controller::law::FilterGains g = practical_rigid();
   const LinearLaw law = linear_rigid_law(g, gradient_by_q(model, constant_reference(both(0))), {});
   const double h = 1e-3;
   const LinearPlant step = held(plant, h);
@@ -172,7 +172,7 @@ TEST(LinearLoop, GainMultipliesTheFeedbackTermsAlone) {
   const LinearPlant plant = rigid_plant(model, rest);
   const MatrixXd gravity = gradient_by_q(model, rest);
   const Sampling sampling{Discretisation::tustin, 1e-3};
-  FilterGains gains = iiwa_gains();
+  controller::law::FilterGains gains = iiwa_gains();
   const LinearLaw law = linear_rigid_law(gains, gravity, sampling);
   gains.kp *= 1.5;
   gains.kd *= 1.5;

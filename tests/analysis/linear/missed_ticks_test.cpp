@@ -19,7 +19,7 @@
 namespace tachless::linear {
 namespace {
 
-using namespace testing;
+using namespace linear::testing;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;

@@ -14,7 +14,7 @@
 namespace tachless::linear {
 namespace {
 
-using namespace testing;
+using namespace linear::testing;
 using controller::law::Discretisation;
 using Eigen::VectorXd;
 
@@ -22,7 +22,7 @@ constexpr Discretisation zoh = Discretisation::zero_order_hold, tustin = Discret
                          foh = Discretisation::first_order_hold,
                          backward = Discretisation::backward_euler;
 
-SampledLoop rigid_loop(const FilterGains& gains, Discretisation kind, int delay,
+SampledLoop rigid_loop(const controller::law::FilterGains& gains, Discretisation kind, int delay,
                        const robot::Model& model, const Vector& q) {
   const Eigen::MatrixXd gradient = gradient_by_q(model, constant_reference(q));
   return {rigid_plant(model, constant_reference(q)),
@@ -31,11 +31,11 @@ SampledLoop rigid_loop(const FilterGains& gains, Discretisation kind, int delay,
           },
           delay};
 }
-SampledLoop flexible_loop(const FilterGains& link, const FilterGains& motor, Discretisation kind,
+SampledLoop flexible_loop(const controller::law::FilterGains& link, const controller::law::FilterGains& motor, Discretisation kind,
                           int delay, const robot::Model& model, const Vector& q) {
-  return {flexible_plant(model, constant_reference(q), certify::stiffness(), rotors()),
+  return {flexible_plant(model, constant_reference(q), stiffness(), rotors()),
           [=](double h) {
-            return linear_flexible_law(model, q, certify::stiffness(), rotors(), link, motor,
+            return linear_flexible_law(model, q, stiffness(), rotors(), link, motor,
                                        {kind, h});
           },
           delay};
@@ -46,10 +46,10 @@ class SampledLimit : public ::testing::Test {
   const robot::Model model = robot::testing::two_link();
   const Vector q0 = both(0);
 
-  SampledLoop rigid(const FilterGains& gains, Discretisation kind, int delay) const {
+  SampledLoop rigid(const controller::law::FilterGains& gains, Discretisation kind, int delay) const {
     return rigid_loop(gains, kind, delay, model, q0);
   }
-  SampledLoop flexible(const FilterGains& link, const FilterGains& motor, Discretisation kind,
+  SampledLoop flexible(const controller::law::FilterGains& link, const controller::law::FilterGains& motor, Discretisation kind,
                        int delay) const {
     return flexible_loop(link, motor, kind, delay, model, q0);
   }
@@ -76,7 +76,7 @@ TEST_F(SampledLimit, OfThePapersGainsForEveryFilterAndDelay) {
 }
 
 TEST_F(SampledLimit, OfGainsThatRunAtOneKilohertz) {
-  const FilterGains g = practical_rigid(), l = practical_link(), m = practical_motor();
+  const controller::law::FilterGains g = practical_rigid(), l = practical_link(), m = practical_motor();
   EXPECT_NEAR(*largest_stable_period(rigid(g, tustin, 0)), 8.93e-3, 5e-6);
   EXPECT_NEAR(*largest_stable_period(rigid(g, foh, 0)), 7.27e-3, 5e-6);
   EXPECT_NEAR(*largest_stable_period(rigid(g, backward, 0)), 6.86e-3, 5e-6);
@@ -92,7 +92,7 @@ TEST_F(SampledLimit, AgreesWithTheRulesOfOneJoint) {
   LinearPlant plant{Eigen::Matrix2d{{0, 1}, {0, 0}}, Eigen::Vector2d(0, 1 / M), 1};
   const auto one = [](double x) { return VectorXd::Constant(1, x); };
   for (const Discretisation kind : {tustin, foh, backward}) {
-    const FilterGains g{one(1e-6), one(kd), one(a), one(b)};  // Kp to 0
+    const controller::law::FilterGains g{one(1e-6), one(kd), one(a), one(b)};  // Kp to 0
     const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(1, 1);
     const auto law = [=](double h) { return linear_rigid_law(g, none, {kind, h}); };
     const double rule = 2 * a / (kd * b / M);
@@ -133,7 +133,7 @@ TEST_F(SampledLimit, IsTheOneNextToWhereItIsSought) {
 }
 
 TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
-  const FilterGains g = practical_rigid();
+  const controller::law::FilterGains g = practical_rigid();
   const Eigen::MatrixXd loop_gain =
       robot::mass_matrix(model, q0).inverse() * VectorXd(g.kd.cwiseProduct(g.b)).asDiagonal();
   const double largest = loop_gain.eigenvalues().cwiseAbs().maxCoeff();
@@ -141,9 +141,9 @@ TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
 }
 
 TEST_F(SampledLimit, ModesAndMarginsAtOneKilohertz) {
-  const FilterGains g = practical_rigid(), l = practical_link(), m = practical_motor();
-  const FilterGains soft_l{both(12000, 1000), both(500, 25), both(250), both(250)};
-  const FilterGains soft_m{both(100), both(12, 16), both(1000), both(1000)};
+  const controller::law::FilterGains g = practical_rigid(), l = practical_link(), m = practical_motor();
+  const controller::law::FilterGains soft_l{both(12000, 1000), both(500, 25), both(250), both(250)};
+  const controller::law::FilterGains soft_m{both(100), both(12, 16), both(1000), both(1000)};
   const struct {
     SampledLoop loop;
     double decay, modulus, gain, phase_deg, delay_s;
@@ -195,7 +195,7 @@ TEST_F(SampledLimit, DelayMarginIsThatOfANarrowResonance) {
   B << 0, 0, 0, 1 / J;
   const LinearPlant plant{A, B, 1};
   const auto one = [](double x) { return VectorXd::Constant(1, x); };
-  const FilterGains g{one(30), one(0.5), one(50), one(50)};
+  const controller::law::FilterGains g{one(30), one(0.5), one(50), one(50)};
   const auto law = [=](double period_s) {
     LinearLaw of_motor = linear_rigid_law(g, Eigen::MatrixXd::Zero(1, 1), {tustin, period_s});
     of_motor.measured = {Part::theta};
@@ -228,7 +228,7 @@ TEST_F(SampledLimit, AlongAMotionIsTheFrozenOneWhenNothingMoves) {
 }
 
 TEST_F(SampledLimit, AlongThePapersReference) {
-  const FilterGains g = practical_rigid();
+  const controller::law::FilterGains g = practical_rigid();
   const double w = 10 * std::numbers::pi, h = 1e-3;
   const auto point = [&](double t) {
     return messages::ReferencePoint{

@@ -18,7 +18,7 @@
 namespace tachless::linear {
 namespace {
 
-using namespace testing;
+using namespace linear::testing;
 using controller::law::Discretisation;
 
 /// Differences of the law itself against the law written out in linear_loop.h.
@@ -45,9 +45,9 @@ TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
   const Vector q = both(0.3, -0.4);
   for (const double h : {1e-4, 1e-3, 3e-3}) {
     const SampledLoop own{
-        flexible_plant(model, constant_reference(q), certify::stiffness(), rotors()),
+        flexible_plant(model, constant_reference(q), stiffness(), rotors()),
         [&](double period_s) {
-          return linear_flexible_law(model, q, certify::stiffness(), rotors(), practical_link(),
+          return linear_flexible_law(model, q, stiffness(), rotors(), practical_link(),
                                      practical_motor(), {Discretisation::tustin, period_s});
         },
         0};

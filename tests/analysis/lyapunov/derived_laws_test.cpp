@@ -19,7 +19,9 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
+using namespace lyapunov::testing;
 using controller::law::Sine;
 using controller::law::TwoLink;
 using Eigen::MatrixXd;
@@ -98,7 +100,7 @@ struct IntegralLoop {
 
 TEST(IntegralLaw, VdotIsTheQuadraticFormWhateverTheUnknownTorque) {
   const IntegralLoop loop;
-  const ErrorSystem system = rigid(loop.gains);
+  const ErrorSystem system = linear::testing::rigid(loop.gains);
   const robot::Model model = robot::testing::two_link();
   robot::testing::Random random(1);
   for (int k = 0; k < 1000; ++k) {
@@ -157,7 +159,7 @@ void expect_descents(const IntegralLoop& loop, double level, std::size_t runs, d
 
 MatrixCondition two_link_condition(const IntegralLoop& loop,
                                    const numerics::PostureOptions& of = {}) {
-  return {{rigid(loop.gains)}, numerics::Postures(robot::testing::two_link(), of), paper_B_d};
+  return {{linear::testing::rigid(loop.gains)}, numerics::Postures(robot::testing::two_link(), of), linear::testing::paper_B_d};
 }
 
 TEST(IntegralLaw, TotalVNeverRisesInAThousandRunsFromTheBoundaryOfTheRegion) {
@@ -191,7 +193,7 @@ std::vector<std::string> operator+(std::vector<std::string> a, const std::vector
 
 TEST(IntegralLaw, IsCertifiedWithItsOwnWeightsAndSaysWhichTorquesItTakesUp) {
   const certify::Certificate found =
-      certify::certify(shipped("practical_rigid", with_integral), false);
+      certify::certify(linear::testing::shipped("practical_rigid", with_integral), false);
   ASSERT_TRUE(found.stability && found.stability->fastest);
   const CertifiedRegion& region = *found.stability->fastest;
   EXPECT_TRUE(found.stability->own_weights);
@@ -207,7 +209,7 @@ TEST(IntegralLaw, IsCertifiedWithItsOwnWeightsAndSaysWhichTorquesItTakesUp) {
 /// |e| of joint 1 over the last second of a run held at [0.5, 0.5].
 std::pair<double, int> last_second(const std::vector<std::string>& overrides) {
   const scenario::Scenario scenario =
-      shipped("practical_rigid",
+      linear::testing::shipped("practical_rigid",
               overrides + std::vector<std::string>{"reference={hold: {position_rad: [0.5, 0.5]}}",
                                                    "plant.initial.position_rad=[0.45, 0.5]",
                                                    "loop.duration_s=6", "plant.mechanics=native"});
@@ -241,9 +243,9 @@ TEST(IntegralLaw, HuntsUnderStiction) {
          "controller.gains={kp: [4000, 1500], kd: [300, 60], a: 300, b: 300" + more + "}"});
   };
   const auto [most, crossings] =
-      linear::held("loria_ortega_integral", ", ki: [10000, 3000], eps_1: 10, eps_2: 0.15");
+      held("loria_ortega_integral", ", ki: [10000, 3000], eps_1: 10, eps_2: 0.15");
   EXPECT_GE(crossings, 2) << "breaks away again and again";
-  EXPECT_EQ(linear::held("loria_ortega_rigid", "").second, 0) << "without it the joint sticks";
+  EXPECT_EQ(held("loria_ortega_rigid", "").second, 0) << "without it the joint sticks";
   RecordProperty("largest_error_1e-6_rad", static_cast<int>(most * 1e6));
   RecordProperty("crossings", crossings);
 }
@@ -326,7 +328,7 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, ScheduledArms,
                          [](const auto& arm) { return std::string(arm.param); });
 
 TEST_P(ScheduledArms, SettleAsFastAsTheRuleSays) {
-  const scenario::Scenario scenario = shipped(GetParam(), scheduled);
+  const scenario::Scenario scenario = linear::testing::shipped(GetParam(), scheduled);
   const certify::Prediction found = certify::analyse(scenario, linear::Effort::full);
   EXPECT_TRUE(found.stable) << certify::text(found);
   EXPECT_LE(found.modes.settling_s, 0.16);
@@ -338,7 +340,7 @@ TEST_P(ScheduledArms, SettleAsFastAsTheRuleSays) {
 
 TEST(ScheduledLaw, IsCertifiedAndItsRunFollows) {
   for (const auto* name : {"practical_rigid", "iiwa_point_to_point"}) {
-    const scenario::Scenario scenario = shipped(name, scheduled);
+    const scenario::Scenario scenario = linear::testing::shipped(name, scheduled);
     std::string why_not;
     const auto found = stability_certificate(scenario, linear::Effort::full, why_not);
     ASSERT_TRUE(found) << why_not;

@@ -12,7 +12,9 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
+using namespace lyapunov::testing;
 using Eigen::VectorXd;
 
 /// V of its definition, term by term, and its derivative along the error equation by the product
@@ -88,13 +90,13 @@ void expect_identity(const robot::Model& model, const ErrorSystem& system, unsig
 }
 
 TEST(ErrorSystem, VdotIsTheQuadraticFormForTwoRigidJoints) {
-  expect_identity(robot::testing::two_link(0.5), rigid(paper_rigid()), 1);
+  expect_identity(robot::testing::two_link(0.5), linear::testing::rigid(paper_rigid()), 1);
 }
 TEST(ErrorSystem, VdotIsTheQuadraticFormForTwoFlexibleJoints) {
-  expect_identity(robot::testing::two_link(), flexible(practical_link(), practical_motor()), 2);
+  expect_identity(robot::testing::two_link(), linear::testing::flexible(practical_link(), practical_motor()), 2);
 }
 TEST(ErrorSystem, VdotIsTheQuadraticFormForSevenRigidJoints) {
-  expect_identity(robot::testing::iiwa7(), rigid(iiwa_gains()), 3);
+  expect_identity(robot::testing::iiwa7(), linear::testing::rigid(iiwa_gains()), 3);
 }
 TEST(ErrorSystem, VdotIsTheQuadraticFormForSevenFlexibleJoints) {
   const FilterGains link = iiwa_gains();
@@ -107,7 +109,7 @@ TEST(ErrorSystem, VdotIsTheQuadraticFormForSevenFlexibleJoints) {
 TEST(ErrorSystem, VdotIsTheQuadraticFormForABranchingRobotWithPrismaticJoints) {
   const robot::Model model = robot::testing::branching();
   const VectorXd one = VectorXd::Ones(model.num_joints);
-  expect_identity(model, rigid({500 * one, 50 * one, 100 * one, 150 * one}), 5);
+  expect_identity(model, linear::testing::rigid({500 * one, 50 * one, 100 * one, 150 * one}), 5);
 }
 
 /// A symmetric matrix with positive eigenvalues of the size of `diagonal`.

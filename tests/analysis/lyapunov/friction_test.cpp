@@ -8,7 +8,8 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -17,7 +18,7 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   const auto fastest = [](const std::vector<std::string>& overrides) {
     std::string why_not;
     auto found =
-        stability_certificate(shipped("practical_rigid", overrides), linear::Effort::full, why_not);
+        stability_certificate(linear::testing::shipped("practical_rigid", overrides), linear::Effort::full, why_not);
     return std::pair(*found->fastest, found->provisos);
   };
   const auto [none, no_proviso] = fastest({});
@@ -40,7 +41,7 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
 TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
   const auto provisos = [](const std::string& scenario, const std::string& value) {
     std::string why_not;
-    return stability_certificate(shipped(scenario, {value}), linear::Effort::quick, why_not)
+    return stability_certificate(linear::testing::shipped(scenario, {value}), linear::Effort::quick, why_not)
         ->provisos;
   };
   const std::string motors = "robot.joints.flexible.motor_";

@@ -17,6 +17,7 @@
 namespace tachless::lyapunov {
 namespace {
 
+using namespace linear;
 using controller::law::LoopState;
 
 scenario::Scenario scenario(const std::string& file,

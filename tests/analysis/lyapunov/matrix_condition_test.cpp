@@ -16,7 +16,9 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
+using namespace lyapunov::testing;
 using Eigen::VectorXd;
 
 constexpr double figures = 1e-3;  ///< relative: what is quoted has three or four digits
@@ -33,11 +35,11 @@ class MatrixOfTwoLinks : public ::testing::Test {
   const numerics::Postures coarse = quoted(model);
   const numerics::Postures fine{model};
 
-  PolygonCondition quoted_condition(const ErrorSystem& system, double B_d = paper_B_d) const {
+  PolygonCondition quoted_condition(const ErrorSystem& system, double B_d = linear::testing::paper_B_d) const {
     return {{{system}, coarse, B_d, false}, 12};
   }
   MatrixCondition proved_condition(const ErrorSystem& system) const {
-    return {{system}, fine, paper_B_d};
+    return {{system}, fine, linear::testing::paper_B_d};
   }
   void expect(const ErrorSystem& system, const Weights& weights, double ball, double B_d) const {
     const auto region = quoted_condition(system, B_d).region(weights);
@@ -47,24 +49,24 @@ class MatrixOfTwoLinks : public ::testing::Test {
 };
 
 TEST_F(MatrixOfTwoLinks, OneWeightOfThePapersGains) {
-  const auto region = quoted_condition(rigid(paper_rigid())).region({0.0346, 0.0346});
+  const auto region = quoted_condition(linear::testing::rigid(paper_rigid())).region({0.0346, 0.0346});
   ASSERT_TRUE(region);
   EXPECT_NEAR(region->rho / 0.0346, 7527, figures * 7527);  // of |e - nu|
   EXPECT_NEAR(region->ball, 256.7, figures * 256.7);
 }
 TEST_F(MatrixOfTwoLinks, OneWeightOfThePapersFlexibleGains) {
-  const ErrorSystem system = flexible(paper_flexible(), paper_flexible());
+  const ErrorSystem system = linear::testing::flexible(paper_flexible(), paper_flexible());
   const auto region = quoted_condition(system).region({0.0346, 0.0346});
   ASSERT_TRUE(region);
   EXPECT_NEAR(region->rho / 0.0346, 7528, figures * 7528);
   EXPECT_NEAR(region->ball, 114.9, figures * 114.9);
 }
 TEST_F(MatrixOfTwoLinks, OneWeightOfGainsThatRunAtOneKilohertz) {
-  expect(rigid(practical_rigid()), {0.0106, 0.0106}, 8.95, paper_B_d);
-  expect(flexible(practical_link(), practical_motor()), {0.0044, 0.0044}, 2.86, paper_B_d);
+  expect(linear::testing::rigid(practical_rigid()), {0.0106, 0.0106}, 8.95, linear::testing::paper_B_d);
+  expect(linear::testing::flexible(practical_link(), practical_motor()), {0.0044, 0.0044}, 2.86, paper_B_d);
 }
 TEST_F(MatrixOfTwoLinks, TwoWeightsMakeTheRateThatOfTheLoop) {
-  const PolygonCondition paper = quoted_condition(rigid(paper_rigid()));
+  const PolygonCondition paper = quoted_condition(linear::testing::rigid(paper_rigid()));
   // eps_1 / eps_2 is quoted as 26.3 and 26.25 gives the ball.
   EXPECT_NEAR(paper.rate({26.3 * 0.0487, 0.0487}), 1.360, figures * 1.36);
   EXPECT_NEAR(paper.region({26.25 * 0.0487, 0.0487})->ball, 177.7, figures * 177.7);
@@ -76,7 +78,7 @@ TEST_F(MatrixOfTwoLinks, TwoWeightsMakeTheRateThatOfTheLoop) {
   EXPECT_NEAR(practical.region({199.6 * 0.1405, 0.1405})->ball, 1.06, 2 * figures * 1.06);
   EXPECT_NEAR(practical.rate({0.04, 0.04}), 0.042, 0.0005);
 
-  const PolygonCondition soft = quoted_condition(flexible(practical_link(), practical_motor()));
+  const PolygonCondition soft = quoted_condition(linear::testing::flexible(practical_link(), practical_motor()));
   EXPECT_NEAR(soft.rate({85.4 * 0.124, 0.124}), 11.9, figures * 11.9);
   // Quoted as 1.54; at these weights it is 1.337, whatever their rounding.
   EXPECT_NEAR(soft.region({85.4 * 0.124, 0.124})->ball, 1.337, figures * 1.337);
@@ -85,12 +87,12 @@ TEST_F(MatrixOfTwoLinks, TwoWeightsMakeTheRateThatOfTheLoop) {
 /// What is proved is below the quoted figures' own sampling, and above them where the polygons
 /// were the limit.
 TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
-  const ErrorSystem system = rigid(paper_rigid());
+  const ErrorSystem system = linear::testing::rigid(paper_rigid());
   numerics::PostureOptions sampled_options;
   sampled_options.bound_between = false;
   const numerics::Postures sampled(model, sampled_options);
   const MatrixCondition proved = proved_condition(system);
-  const MatrixCondition between{{system}, sampled, paper_B_d};
+  const MatrixCondition between{{system}, sampled, linear::testing::paper_B_d};
   for (const Weights& w : {Weights{0.0346, 0.0346}, Weights{1.28, 0.0487}}) {
     const auto a = proved.region(w), b = between.region(w);
     ASSERT_TRUE(a && b);
@@ -106,8 +108,8 @@ TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
 
 TEST_F(MatrixOfTwoLinks, SumOfSquaresIsNoWorseThanPolygonsOf48Sides) {
   for (const ErrorSystem& system :
-       {rigid(paper_rigid()), flexible(practical_link(), practical_motor())}) {
-    const MatrixCondition squares{{system}, coarse, paper_B_d};
+       {linear::testing::rigid(paper_rigid()), linear::testing::flexible(practical_link(), practical_motor())}) {
+    const MatrixCondition squares{{system}, coarse, linear::testing::paper_B_d};
     const PolygonCondition polygons(squares, 48);
     const Weights w{0.003, 0.003};
     EXPECT_GT(squares.region(w)->ball, 0.999 * polygons.region(w)->ball);
@@ -148,14 +150,14 @@ void expect_positive_inside(const robot::Model& model, const MatrixCondition& co
 }
 
 TEST_F(MatrixOfTwoLinks, VFallsAtAHundredThousandRandomStatesInsideRho) {
-  expect_positive_inside(model, proved_condition(rigid(paper_rigid())), {1.28, 0.0487}, paper_B_d,
+  expect_positive_inside(model, proved_condition(linear::testing::rigid(paper_rigid())), {1.28, 0.0487}, linear::testing::paper_B_d,
                          60000, 100, true);
-  expect_positive_inside(model, proved_condition(flexible(practical_link(), practical_motor())),
+  expect_positive_inside(model, proved_condition(linear::testing::flexible(practical_link(), practical_motor())),
                          {10.59, 0.124}, paper_B_d, 40000, 200, true);
 }
 
 TEST_F(MatrixOfTwoLinks, LevelSetIsInsideWhatIsSaidOfIt) {
-  const ErrorSystem system = rigid(practical_rigid());
+  const ErrorSystem system = linear::testing::rigid(practical_rigid());
   const Weights w{28, 0.14};
   const auto region = proved_condition(system).region(w);
   ASSERT_TRUE(region);
@@ -182,7 +184,7 @@ TEST_F(MatrixOfTwoLinks, LevelSetIsInsideWhatIsSaidOfIt) {
 }
 
 TEST_F(MatrixOfTwoLinks, GainsOfTheWrongSignAreRefused) {
-  const ErrorSystem system = rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
+  const ErrorSystem system = linear::testing::rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
   EXPECT_FALSE(proved_condition(system).region({0.0095, 0.0095}));
 }
 
@@ -190,8 +192,8 @@ TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
   numerics::PostureOptions few;
   few.circle_points = 24;
   const numerics::Postures search_postures(model, few);
-  const ErrorSystem system = rigid(practical_rigid());
-  const MatrixCondition search{{system}, search_postures, paper_B_d, false};
+  const ErrorSystem system = linear::testing::rigid(practical_rigid());
+  const MatrixCondition search{{system}, search_postures, linear::testing::paper_B_d, false};
   const MatrixCondition full = proved_condition(system);
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::level);
@@ -209,7 +211,7 @@ class MatrixOfSevenJoints : public ::testing::Test {
 
 TEST_F(MatrixOfSevenJoints, VFallsAtAHundredThousandRandomStatesInsideRho) {
   const numerics::Postures postures(model);
-  const MatrixCondition condition{{rigid(iiwa_gains())}, postures, 0.2};
+  const MatrixCondition condition{{linear::testing::rigid(iiwa_gains())}, postures, 0.2};
   EXPECT_FALSE(postures.proved);
   expect_positive_inside(model, condition, {0.3, 0.03}, 0.2, 100000, 300, false);
 }
@@ -218,7 +220,7 @@ TEST_F(MatrixOfSevenJoints, SearchFindsACertifiedBall) {
   numerics::PostureOptions few;
   few.samples = 128;
   const numerics::Postures search_postures(model, few), postures(model);
-  const MatrixCondition search{{rigid(iiwa_gains())}, search_postures, 0.2, false};
+  const MatrixCondition search{{linear::testing::rigid(iiwa_gains())}, search_postures, 0.2, false};
   const MatrixCondition full{{rigid(iiwa_gains())}, postures, 0.2};
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::level);

@@ -25,7 +25,8 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
 using controller::law::LoopState;
 
 /// What one run from the boundary of the level set did to V.
@@ -110,7 +111,7 @@ class FromTheLevelSet {
       : scenario_(scenario),
         lyapunov_(controller::lyapunov_function(scenario, weights)),
         reference_(reference::make_trajectory(scenario).at(0)) {
-    const MatrixCondition condition{{system}, numerics::Postures(*scenario.model), paper_B_d};
+    const MatrixCondition condition{{system}, numerics::Postures(*scenario.model), linear::testing::paper_B_d};
     const Region region = condition.region(weights).value();
     level_ = region.level;
     // From V on, |delta| stays below sqrt(2 w V).
@@ -157,7 +158,7 @@ class FromTheLevelSet {
 void expect_descents(const std::string& name, const ErrorSystem& system, std::size_t runs,
                      const std::string& period_s) {
   const FromTheLevelSet from(
-      shipped(name, {"loop.period_s=" + period_s, "loop.duration_s=0.15",
+      linear::testing::shipped(name, {"loop.period_s=" + period_s, "loop.duration_s=0.15",
                      "plant.integrator.accuracy=1e-7", "loop.command_delay=0",
                      "controller.feedforward_lead=none", "plant.drive.torque_limit_Nm=null",
                      "plant.mechanics=native"}),
@@ -176,15 +177,15 @@ void expect_descents(const std::string& name, const ErrorSystem& system, std::si
 }
 
 TEST(CertifiedLevelSet, OfTheRigidLoopIsLeftByNoRunAndAllConverge) {
-  expect_descents("practical_rigid", rigid(practical_rigid()), 1000, "2e-4");
+  expect_descents("practical_rigid", linear::testing::rigid(practical_rigid()), 1000, "2e-4");
 }
 
 TEST(CertifiedLevelSet, OfTheFlexibleLoopIsLeftByNoRunAndAllConverge) {
-  expect_descents("practical_flexible", flexible(practical_link(), practical_motor()), 250, "5e-5");
+  expect_descents("practical_flexible", linear::testing::flexible(practical_link(), practical_motor()), 250, "5e-5");
 }
 
 TEST(CertifiedTorque, IsReachedByNoRunFromItsLevel) {
-  const scenario::Scenario scenario = shipped(
+  const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"loop.period_s=2.5e-5", "loop.duration_s=0.15", "loop.command_delay=0",
                           "controller.feedforward_lead=none", "plant.mechanics=native",
                           "plant.drive.torque_limit_Nm=[40000, 10000]"});
@@ -195,7 +196,7 @@ TEST(CertifiedTorque, IsReachedByNoRunFromItsLevel) {
   EXPECT_LT(region.torque->level, region.region.level);
   EXPECT_GT(region.torque->level, region.V0);
   EXPECT_LT(region.torque->share, 1);
-  const FromTheLevelSet from(scenario, rigid(practical_rigid()), region);
+  const FromTheLevelSet from(scenario, linear::testing::rigid(practical_rigid()), region);
   std::vector<Descent> descents(300);
   base::parallel_for(descents.size(), [&](std::size_t i) { descents[i] = from.run(i + 1); });
   double most = 0;
@@ -213,7 +214,7 @@ class Boundary {
  public:
   /// The torque that is held must not count: no delay, periods far below the loop's times.
   Boundary(const std::string& name, std::vector<std::string> overrides)
-      : scenario_(shipped(name, with(std::move(overrides)))),
+      : scenario_(linear::testing::shipped(name, with(std::move(overrides)))),
         reference_(reference::make_trajectory(scenario_).at(0)) {
     std::string why_not;
     const auto found = stability_certificate(scenario_, linear::Effort::full, why_not);
@@ -354,7 +355,7 @@ TEST(CertifiedRegion, OfPosturesNearTheReferenceIsLeftByNoRun) {
 
 /// Starts just inside of the line are certified, those just outside are not.
 TEST(CertifiedOutline, IsWhereCertifiedStartsEnd) {
-  const scenario::Scenario scenario = shipped("practical_rigid");
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const auto outline = certified_outline(scenario, 0, 1);
   ASSERT_EQ(outline.size(), 73);
   const Vector q_ref = reference::make_trajectory(scenario).at(0).q_ref;

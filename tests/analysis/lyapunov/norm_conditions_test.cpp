@@ -17,7 +17,9 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
+using namespace lyapunov::testing;
 
 /// Closed forms at mp = 0; the table of the robot's data sheet (six digits) at both payloads.
 TEST(Constants, AreThoseOfTheTwoLinkArm) {
@@ -97,7 +99,7 @@ class NormConditions : public ::testing::Test {
 };
 
 TEST_F(NormConditions, PrintedBoundsOfThePapersGains) {
-  const PrintedConditions c = printed_conditions(rigid(paper_rigid()), constants, paper_B_d);
+  const PrintedConditions c = printed_conditions(linear::testing::rigid(paper_rigid()), constants, linear::testing::paper_B_d);
   EXPECT_NEAR(c.eq7, 22.3, 0.05);
   EXPECT_NEAR(c.eq19, 7.9205, 5e-5);
   EXPECT_NEAR(c.eq20, 0.29636, 5e-6);
@@ -110,26 +112,26 @@ TEST_F(NormConditions, PrintedBoundsOfThePapersGains) {
 }
 
 TEST_F(NormConditions, AreInfeasibleForFastReferencesFlexibleJointsAndDeployableGains) {
-  EXPECT_FALSE(printed_conditions(rigid(paper_rigid()), constants, 44.43).feasible);
-  EXPECT_FALSE(printed_conditions(rigid(practical_rigid()), constants, paper_B_d).feasible);
+  EXPECT_FALSE(printed_conditions(linear::testing::rigid(paper_rigid()), constants, 44.43).feasible);
+  EXPECT_FALSE(printed_conditions(linear::testing::rigid(practical_rigid()), constants, linear::testing::paper_B_d).feasible);
   const PrintedConditions c =
-      printed_conditions(flexible(paper_flexible(), paper_flexible()), constants, paper_B_d);
+      printed_conditions(linear::testing::flexible(paper_flexible(), paper_flexible()), constants, linear::testing::paper_B_d);
   EXPECT_FALSE(c.feasible);
   EXPECT_NEAR(c.eq7, 99.6, 0.05);
 }
 
 TEST_F(NormConditions, AreMetByGainsThatFlatterNorms) {
-  EXPECT_NEAR(printed_conditions(rigid({both(6000), both(8000), both(300), both(3000)}), constants,
-                                 paper_B_d)
+  EXPECT_NEAR(printed_conditions(linear::testing::rigid({both(6000), both(8000), both(300), both(3000)}), constants,
+                                 linear::testing::paper_B_d)
                   .c1,
               4.01, 5e-3);
   const FilterGains gains{both(3e4), both(5e4), both(500), both(2000)};
-  EXPECT_NEAR(printed_conditions(flexible(gains, gains), constants, paper_B_d).c1, 0.055, 5e-4);
+  EXPECT_NEAR(printed_conditions(linear::testing::flexible(gains, gains), constants, linear::testing::paper_B_d).c1, 0.055, 5e-4);
 }
 
 /// (25) is 0 there; the other bounds know nothing of the reference.
 TEST_F(NormConditions, AtAConstantReferenceHoldForAllSmallWeights) {
-  const ErrorSystem system = rigid({both(6000), both(8000), both(300), both(3000)});
+  const ErrorSystem system = linear::testing::rigid({both(6000), both(8000), both(300), both(3000)});
   const PrintedConditions moving = printed_conditions(system, constants, 1e-6);
   const PrintedConditions held = printed_conditions(system, constants, 0);
   EXPECT_EQ(held.eq25, 0);
@@ -144,8 +146,8 @@ TEST_F(NormConditions, AtAConstantReferenceHoldForAllSmallWeights) {
 /// Turned by an angle, gains have the same eigenvalues where a and b are those of all joints.
 TEST_F(NormConditions, OfMatricesAreThoseOfTheirEigenvalues) {
   const Eigen::Matrix2d turn = Eigen::Rotation2Dd(0.6).toRotationMatrix();
-  ErrorSystem turned = rigid(paper_rigid());
-  const PrintedConditions straight = printed_conditions(turned, constants, paper_B_d);
+  ErrorSystem turned = linear::testing::rigid(paper_rigid());
+  const PrintedConditions straight = printed_conditions(turned, constants, linear::testing::paper_B_d);
   turned.kp = turn * turned.kp * turn.transpose();
   turned.kd = turn * turned.kd * turn.transpose();
   const PrintedConditions c = printed_conditions(turned, constants, paper_B_d);
@@ -158,8 +160,8 @@ TEST_F(NormConditions, OfMatricesAreThoseOfTheirEigenvalues) {
 
 TEST_F(NormConditions, NeedAThresholdOnAHoweverLargeBIs) {
   const auto feasible = [&](double a, double b) {
-    return printed_conditions(rigid({both(5000, 6000), both(7000, 8800), both(a), both(b)}),
-                              constants, paper_B_d)
+    return printed_conditions(linear::testing::rigid({both(5000, 6000), both(7000, 8800), both(a), both(b)}),
+                              constants, linear::testing::paper_B_d)
         .feasible;
   };
   for (const double b : {1e3, 1e5, 1e7, 1e9}) EXPECT_FALSE(feasible(10, b)) << b;
@@ -167,14 +169,14 @@ TEST_F(NormConditions, NeedAThresholdOnAHoweverLargeBIs) {
 }
 
 TEST_F(NormConditions, PrintedBound22IsViolatedAndTheCompletedOneIsNot) {
-  const ErrorSystem system = rigid(paper_rigid());
+  const ErrorSystem system = linear::testing::rigid(paper_rigid());
   Eigen::VectorXd z(6);
   z << 1, 0, 0, 0, 0, 0.002;
   const StateNorms norms{1, 0, 0.002, 1};
   const double exact = exact_rate(system, 0.01, std::numbers::pi / 2, z);
   // Ten decimals are given.
   EXPECT_NEAR(exact, -49.9999941752, 6e-11);
-  const double printed = printed_decrease_bound(system, constants, paper_B_d, 0.01, norms, false);
+  const double printed = printed_decrease_bound(system, constants, linear::testing::paper_B_d, 0.01, norms, false);
   const double completed = printed_decrease_bound(system, constants, paper_B_d, 0.01, norms, true);
   EXPECT_NEAR(printed, -50.0000127181, 1.1e-10);
   EXPECT_NEAR(completed, -49.9999652746, 1.1e-10);
@@ -183,8 +185,8 @@ TEST_F(NormConditions, PrintedBound22IsViolatedAndTheCompletedOneIsNot) {
 }
 
 TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
-  const ErrorSystem system = rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
-  const PrintedConditions c = printed_conditions(system, constants, paper_B_d);
+  const ErrorSystem system = linear::testing::rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
+  const PrintedConditions c = printed_conditions(system, constants, linear::testing::paper_B_d);
   EXPECT_TRUE(c.feasible);
   const double eps = 0.0095, beta_1 = 0.3, beta_2 = 0.4, beta_3 = 0.3, gamma = 0.5;
   EXPECT_LT(eps, std::min({c.eq19, c.eq20, gamma * c.eq23, gamma * beta_1 * c.eq24, c.eq27}));
@@ -202,14 +204,14 @@ TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
 /// 100,000 random states: Vdot is below the completed (22) everywhere; the printed (22) is
 /// violated.
 TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundAtRandomStates) {
-  const ErrorSystem system = rigid(paper_rigid());
+  const ErrorSystem system = linear::testing::rigid(paper_rigid());
   const double eps = 0.01;
   robot::testing::Random random(11);
   int printed_violated = 0;
   for (int i = 0; i < 100000; ++i) {
     const Vector q = random.vector(2, std::numbers::pi);
     const double angle = random.uniform(0, 2 * std::numbers::pi);
-    const Eigen::VectorXd v_ref = paper_B_d * both(std::cos(angle), std::sin(angle));
+    const Eigen::VectorXd v_ref = linear::testing::paper_B_d * both(std::cos(angle), std::sin(angle));
     // Sizes over six decades.
     Eigen::VectorXd z(6);
     z << random.vector(2, std::pow(10, random.uniform(-4, 2))),

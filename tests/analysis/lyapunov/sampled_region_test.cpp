@@ -22,7 +22,8 @@
 namespace tachless::lyapunov {
 namespace {
 
-using namespace testing;
+using namespace linear;
+using namespace linear::testing;
 using Eigen::VectorXd;
 
 /// At 1 kHz with one tick of delay, held at rest at q.
@@ -30,7 +31,7 @@ scenario::Scenario held_at(const std::string& q, std::vector<std::string> more =
   more.insert(more.end(),
               {"reference={hold: {position_rad: " + q + "}}", "plant.encoder.resolution_bits=null",
                "plant.mechanics=native", "loop.duration_s=0.4", "plant.initial.torque=hold"});
-  return shipped("practical_rigid", more);
+  return linear::testing::shipped("practical_rigid", more);
 }
 
 SampledRegion region_of(const scenario::Scenario& scenario) {
@@ -58,7 +59,7 @@ TEST(OneTick, HasTheLinearLoopAsItsGradient) {
 TEST(OneTick, OfLaggingScaledDrivesHasTheLinearLoopAsItsGradient) {
   for (const bool flexible : {false, true}) {
     const scenario::Scenario scenario =
-        shipped(flexible ? "practical_flexible" : "practical_rigid",
+        linear::testing::shipped(flexible ? "practical_flexible" : "practical_rigid",
                 {"loop.period_s=1e-3", "loop.command_delay=2", "plant.encoder.resolution_bits=null",
                  "reference={hold: {position_rad: [0.3, 0.8]}}", "loop.duration_s=0.4",
                  "plant.drive.current_loop_hz=[100, 60]", "plant.drive.torque_scale=[1.1, 0.9]",
@@ -99,7 +100,7 @@ TEST(SampledRegion, IsNotClaimedWhereThereIsNone) {
       sampled_region(held_at("[0, 0]", {"plant.drive.coulomb_friction_Nm=[1, 1]"}), why_not));
   EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
   EXPECT_FALSE(sampled_region(
-      shipped("practical_flexible", {"robot.joints.flexible.motor_coulomb_friction_Nm=1"}),
+      linear::testing::shipped("practical_flexible", {"robot.joints.flexible.motor_coulomb_friction_Nm=1"}),
       why_not));
   EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
 }
@@ -138,7 +139,7 @@ TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
       nlohmann::json::parse(witness(limited, Vector(Eigen::Vector2d(0.3, 0.6))))["torque_limit"];
   EXPECT_EQ(written[0], 1e5);
   EXPECT_GT(written[1], 1e300);
-  EXPECT_THROW((void)witness(shipped("iiwa_point_to_point"), Vector(Vector::Constant(7, 0.3))),
+  EXPECT_THROW((void)witness(linear::testing::shipped("iiwa_point_to_point"), Vector(Vector::Constant(7, 0.3))),
                base::Failure);
   EXPECT_THROW((void)witness(held, Vector(Eigen::Vector2d(30, 30))), base::Failure);
 }
@@ -221,7 +222,7 @@ TEST(SampledRegion, WithTorqueLimitsIsLeftByNoRun) {
 }
 
 TEST(SampledRegion, OfSevenJointsIsLeftByNoRun) {
-  expect_none_leaves(shipped("iiwa_point_to_point",
+  expect_none_leaves(linear::testing::shipped("iiwa_point_to_point",
                              {"reference={hold: {position_rad: [0.3, 0.5, 0, -1.2, 0, 0.8, 0]}}",
                               "plant.encoder.resolution_bits=null", "plant.mechanics=native",
                               "plant.on_limit=warn", "loop.duration_s=3", "loop.command_delay=1"}),

@@ -150,7 +150,7 @@ void agrees_with_generated_code() {
 /// rejected message leaves stamp and value as they were.
 template <class Type>
 void survives_damage() {
-  using bus::all_finite;
+  using messages::all_finite;
   for (const messages::Layout& layout : layouts()) {
     const messages::Codec<typename Type::Value> codec(layout);
     messages::Codec<typename Type::Value> writer(layout);

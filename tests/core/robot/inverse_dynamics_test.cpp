@@ -20,7 +20,7 @@ constexpr double eps = 2.220446049250313e-16;
 /// Rounding of some tens of operations on terms whose size the test states beside it.
 constexpr double rounding = 64 * eps;
 
-double numerics::largest(const Eigen::Ref<const Eigen::MatrixXd>& x) {
+double largest(const Eigen::Ref<const Eigen::MatrixXd>& x) {
   return x.cwiseAbs().maxCoeff();
 }
 
@@ -36,10 +36,10 @@ TEST_P(TwoLink, HasTheInertiaCoriolisAndGravityOfTheClosedForm) {
   for (int k = 0; k < 1000; ++k) {
     const Vector q = random.vector(2, pi), v = random.vector(2, 5);
     // Sizes of the terms: M to 12, C to h |v| (times 2 in C12), g to g0 (g1 + g2).
-    EXPECT_LT(numerics::largest(mass_matrix(model, q) - closed.M(q)), rounding * 12);
-    EXPECT_LT(numerics::largest(coriolis_matrix(model, q, v) - closed.C(q, v)),
+    EXPECT_LT(largest(mass_matrix(model, q) - closed.M(q)), rounding * 12);
+    EXPECT_LT(largest(coriolis_matrix(model, q, v) - closed.C(q, v)),
               rounding * 12 * v.norm());
-    EXPECT_LT(numerics::largest(gravity_torque(model, q) - closed.g(q)), rounding * 100);
+    EXPECT_LT(largest(gravity_torque(model, q) - closed.g(q)), rounding * 100);
   }
 }
 
@@ -48,7 +48,7 @@ TEST_P(TwoLink, AddsInertiaCoriolisAndGravityUp) {
     const Vector q = random.vector(2, pi), v = random.vector(2, 5), a = random.vector(2, 20);
     const Vector expected = closed.M(q) * a + closed.C(q, v) * v + closed.g(q);
     // Terms to 12 * 20 + 2 * 50 + 100.
-    EXPECT_LT(numerics::largest(inverse_dynamics(model, q, v, a) - expected), rounding * 440);
+    EXPECT_LT(largest(inverse_dynamics(model, q, v, a) - expected), rounding * 440);
   }
 }
 
@@ -63,12 +63,12 @@ TEST_P(TwoLink, CarriesJetsAsTheClosedFormDoes) {
     const JetVector square = inverse_dynamics(model, q, x, a);
     const JetVector expected_square = closed.M(q) * a + closed.C(q, x) * x + closed.g(q);
     // Second derivative: M a'' to 12 * 90, M' a' to 4 * 30, C to (1 + 3 + 9) 30 * 9 and so on.
-    EXPECT_LT(numerics::largest(value(tau) - value(expected)), rounding * 500);
-    EXPECT_LT(numerics::largest(first_derivative(tau) - first_derivative(expected)),
+    EXPECT_LT(largest(value(tau) - value(expected)), rounding * 500);
+    EXPECT_LT(largest(first_derivative(tau) - first_derivative(expected)),
               rounding * 3000);
-    EXPECT_LT(numerics::largest(second_derivative(tau) - second_derivative(expected)),
+    EXPECT_LT(largest(second_derivative(tau) - second_derivative(expected)),
               rounding * 30000);
-    EXPECT_LT(numerics::largest(second_derivative(square) - second_derivative(expected_square)),
+    EXPECT_LT(largest(second_derivative(square) - second_derivative(expected_square)),
               rounding * 30000);
   }
 }
@@ -118,7 +118,7 @@ TEST_P(AnyRobot, HasMdotMinusTwiceCSkew) {
       for (Eigen::Index j = 0; j < n; ++j) S(i, j) += M(i, j).first;
     }
     // M to 20 kg m2, its rate to a few times |v| of that.
-    EXPECT_LT(numerics::largest(S + S.transpose()), rounding * 20 * (1 + 4 * v.norm()));
+    EXPECT_LT(largest(S + S.transpose()), rounding * 20 * (1 + 4 * v.norm()));
   }
 }
 
@@ -134,18 +134,18 @@ TEST_P(AnyRobot, HasACoriolisProductThatIsBilinearAndGivesTheQuadraticTerm) {
     const Vector q = random.vector(n, pi), x = random.vector(n, 3), y = random.vector(n, 3);
     const Vector z = random.vector(n, 3), zero = Vector::Zero(n), sum = x + 2 * z;
     const double size = 100 * (1 + x.squaredNorm() + y.squaredNorm() + z.squaredNorm());
-    EXPECT_LT(numerics::largest(
+    EXPECT_LT(largest(
                   coriolis_product(model, q, sum, y) -
                   (coriolis_product(model, q, x, y) + 2 * coriolis_product(model, q, z, y))),
               rounding * size);
     EXPECT_LT(
-        numerics::largest(coriolis_matrix(model, q, x) * y - coriolis_product(model, q, x, y)),
+        largest(coriolis_matrix(model, q, x) * y - coriolis_product(model, q, x, y)),
         rounding * size);
-    EXPECT_LT(numerics::largest(inverse_dynamics(model, q, x, zero) -
+    EXPECT_LT(largest(inverse_dynamics(model, q, x, zero) -
                                 (coriolis_product(model, q, x, x) + gravity_torque(model, q))),
               rounding * size);
     const Vector a = random.vector(n, 5);
-    EXPECT_LT(numerics::largest(inverse_dynamics_bilinear(model, q, x, y, a) -
+    EXPECT_LT(largest(inverse_dynamics_bilinear(model, q, x, y, a) -
                                 (mass_matrix(model, q) * a + coriolis_product(model, q, x, y) +
                                  gravity_torque(model, q))),
               rounding * size);
@@ -178,10 +178,10 @@ TEST(MimicJoints, GiveTheTorqueOfTheFreeTreeProjectedOnTheCoordinates) {
       const Vector q_tree = G * q + offset, v_tree = G * v, a_tree = G * a;
       const Vector tau_tree = inverse_dynamics(tree, q_tree, v_tree, a_tree);
       // Torques to 300 N m.
-      EXPECT_LT(numerics::largest(inverse_dynamics(model, q, v, a) - G.transpose() * tau_tree),
+      EXPECT_LT(largest(inverse_dynamics(model, q, v, a) - G.transpose() * tau_tree),
                 rounding * 300);
       EXPECT_LT(
-          numerics::largest(mass_matrix(model, q) - G.transpose() * mass_matrix(tree, q_tree) * G),
+          largest(mass_matrix(model, q) - G.transpose() * mass_matrix(tree, q_tree) * G),
           rounding * 20);
     }
   }
@@ -224,9 +224,9 @@ TEST_P(AnyRobot, CarriesJetsAsEighthOrderDifferencesDo) {
     second /= h * h;
     // Truncation h^8 f^(9)/630 and h^8 f^(10)/3150, frequencies to 4 rad/s in products of the
     // trajectory: about 5e-9 of the torque's size (100 N m); rounding is far below.
-    EXPECT_LT(numerics::largest(value(tau) - motion.torque(model, t)), rounding * 1000);
-    EXPECT_LT(numerics::largest(first_derivative(tau) - first), 1e-6);
-    EXPECT_LT(numerics::largest(second_derivative(tau) - second), 1e-6);
+    EXPECT_LT(largest(value(tau) - motion.torque(model, t)), rounding * 1000);
+    EXPECT_LT(largest(first_derivative(tau) - first), 1e-6);
+    EXPECT_LT(largest(second_derivative(tau) - second), 1e-6);
   }
 }
 
@@ -235,7 +235,7 @@ TEST_P(AnyRobot, AddsRotorInertiaToTheDiagonalAlone) {
   Model bare = model;
   bare.rotor_inertia.setZero();
   const Vector added = inverse_dynamics(model, q, v, a) - inverse_dynamics(bare, q, v, a);
-  EXPECT_LT(numerics::largest(added - model.rotor_inertia.cwiseProduct(a)), rounding * 200);
+  EXPECT_LT(largest(added - model.rotor_inertia.cwiseProduct(a)), rounding * 200);
   bare.rotor_inertia.resize(0);
   EXPECT_EQ(inverse_dynamics(bare, q, v, a).size(), n);
 }

@@ -183,7 +183,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_THAT(values(s.controller.gains.at("kd")), ElementsAre(4, 2));
   EXPECT_EQ(s.controller.filter, Discretisation::tustin);
   EXPECT_EQ(s.controller.filter_start, FilterStart::zero);
-  EXPECT_EQ(s.controller.feedforward_lead, FeedforwardLead::half_tick_plus_delay);
+  EXPECT_EQ(s.controller.feedforward_lead, controller::FeedforwardLead::half_tick_plus_delay);
   EXPECT_EQ(s.loop.mode, Mode::realtime);
   EXPECT_EQ(s.loop.period_s, 1e-3);
   EXPECT_EQ(s.loop.duration_s, 2.5);
@@ -325,7 +325,7 @@ TEST(Scenario, NamesEveryChoiceOfEveryEnum) {
   EXPECT_EQ(parsed(minimal, {"controller.filter_start=at_error"}).controller.filter_start,
             FilterStart::at_error);
   EXPECT_EQ(parsed(minimal, {"controller.feedforward_lead=none"}).controller.feedforward_lead,
-            FeedforwardLead::none);
+            controller::FeedforwardLead::none);
   EXPECT_EQ(parsed(minimal, {"plant.encoder.side=link"}).plant.encoder.side,
             plant::EncoderSide::link);
 }

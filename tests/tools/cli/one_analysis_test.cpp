@@ -107,7 +107,8 @@ TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
 
 /// What is certified of the start. Where a run's quick search leaves it open certify looks further.
 void expect_same_start(const scenario::Scenario& scenario) {
-  using namespace certificate;
+  using namespace certify;
+  using namespace linear;
   Certificate all;
   all.stability = stability_certificate(scenario, Effort::full, all.no_stability);
   EXPECT_EQ(all.no_stability, no_certificate(scenario));

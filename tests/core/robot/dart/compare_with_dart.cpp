@@ -149,7 +149,7 @@ double difference(const MatrixXd& ours, const MatrixXd& theirs) {
 
 struct Differences {
   double inverse = 0, inertia = 0, gravity = 0, forward = 0;
-  [[nodiscard]] double numerics::largest() const {
+  [[nodiscard]] double largest() const {
     return std::max({inverse, inertia, gravity, forward});
   }
 };
