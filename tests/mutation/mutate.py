@@ -35,13 +35,13 @@ ARGUED = pathlib.Path(__file__).with_name("argued.txt")
 
 # Area: files, and the test programs that are to notice. Not fuzzers, whole runs or compile-fail tests.
 AREAS = {
-    "law": ("controller/law/*", r"test_controller_(laws|registry|any_law)|test_certificate_lyapunov"),
-    "membership": ("protocol/membership* core/session/peers.h", r"test_protocol_membership"),
+    "law": ("controller/law/*", r"test_controller_(laws|registry|any_law)|test_lyapunov"),
+    "membership": ("core/session/membership* core/session/peers.h", r"test_session_membership"),
     "ticks": ("core/session/tick_master.h core/session/responders.h core/session/message_ring.h "
-              "core/session/log_window.h", r"test_protocol_ticks"),
-    "codec": ("bus/*wire* bus/codec* bus/lcm_packet* bus/truth/* loop/field*",
-              r"test_bus_(wire|truth_wire|udp_transport)|test_loop"),
-    "robot": ("robot/*", r"test_robot_\w+|test_certificate_(error_system|norm_conditions)"),
+              "core/session/log_window.h", r"test_session_ticks"),
+    "codec": ("core/messages/*wire* core/messages/codec* core/bus/lcm_packet* core/messages/truth/* core/messages/field*",
+              r"test_messages\w*|test_bus_udp_transport"),
+    "robot": ("core/robot/*", r"test_robot_\w+|test_lyapunov_(error_system|norm_conditions)"),
 }
 
 # What is found, and what it becomes. Operators stand between spaces (clang-format sees to that), so

@@ -22,22 +22,21 @@ const std::string root = TACHLESS_SOURCE_DIR;
 class AFile : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::filesystem::create_directories(directory_ / "robot");
+    std::filesystem::create_directories(directory_ / "plant");
     for (const char* rules : {".clang-tidy", ".clang-format"}) {
       std::filesystem::copy(root + "/" + rules, directory_ / rules);
     }
     std::filesystem::create_directories(directory_ / "build");
     std::filesystem::create_directories(directory_ / "cmake");
-    write("cmake/rooms.txt", "robot  a room\n");
     write("build/build.ninja", "");
     std::string commands;
     for (const std::string name : {"a", "b"}) {
-      const std::string file = directory_ / ("robot/" + name + ".cpp");
+      const std::string file = directory_ / ("plant/" + name + ".cpp");
       commands += (commands.empty() ? "[\n{\n" : ",\n{\n");
       commands += "  \"directory\": \"" + directory_.path().string() + "\",\n";
       commands += "  \"command\": \"c++ -std=c++20 -o " + name + ".cpp.o -c " + file + "\",\n";
       commands += "  \"file\": \"" + file + "\"\n}";
-      write("robot/" + name + ".cpp", "");
+      write("plant/" + name + ".cpp", "");
     }
     write("build/compile_commands.json", commands + "\n]\n");
   }
@@ -60,38 +59,38 @@ class AFile : public ::testing::Test {
 };
 
 TEST_F(AFile, ThatClangTidyObjectsToFailsEveryTime) {
-  write("robot/a.cpp", "int BadlyNamed() { return 1; }\nint wellNamed = 2;\n");
+  write("plant/a.cpp", "int BadlyNamed() { return 1; }\nint wellNamed = 2;\n");
   for (int i = 0; i < 2; ++i) {
     const Outcome outcome = clang_tidy();
     EXPECT_NE(outcome.exit_code, 0);
     EXPECT_THAT(outcome.output, HasSubstr("invalid case style for variable 'wellNamed'"));
-    EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to robot/a.cpp"));
+    EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to plant/a.cpp"));
   }
 }
 
 TEST_F(AFile, ThatPassedIsLookedAtAgainOnceItChanges) {
-  write("robot/a.cpp", "int well_named = 2;\n");
+  write("plant/a.cpp", "int well_named = 2;\n");
   for (int i = 0; i < 2; ++i) EXPECT_EQ(clang_tidy().exit_code, 0) << clang_tidy().output;
-  write("robot/a.cpp", "int wellNamed = 2;\n");
+  write("plant/a.cpp", "int wellNamed = 2;\n");
   EXPECT_NE(clang_tidy().exit_code, 0);
 }
 
 TEST_F(AFile, MayHaveTheNamesOfAnother) {
-  for (const char* name : {"robot/a.cpp", "robot/b.cpp"}) {
+  for (const char* name : {"plant/a.cpp", "plant/b.cpp"}) {
     write(name, "namespace {\nint same = 1;\n}\nint main() { return same; }\n");
   }
   EXPECT_EQ(clang_tidy().exit_code, 0) << clang_tidy().output;
-  write("robot/b.cpp", "namespace {\nint same = 1, notTheSame = 2;\n}\n");
+  write("plant/b.cpp", "namespace {\nint same = 1, notTheSame = 2;\n}\n");
   const Outcome outcome = clang_tidy();
   EXPECT_NE(outcome.exit_code, 0);
   EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to robot/b.cpp"));
-  EXPECT_THAT(outcome.output, Not(HasSubstr("robot/a.cpp")));
+  EXPECT_THAT(outcome.output, Not(HasSubstr("plant/a.cpp")));
 }
 
 TEST_F(AFile, ThatClangFormatWouldWriteDifferentlyFails) {
-  write("robot/a.cpp", "int well_named = 2;\n");
+  write("plant/a.cpp", "int well_named = 2;\n");
   EXPECT_EQ(clang_format().exit_code, 0) << clang_format().output;
-  write("robot/a.cpp", "int  well_named=2;\n");
+  write("plant/a.cpp", "int  well_named=2;\n");
   EXPECT_NE(clang_format().exit_code, 0);
 }
 

@@ -2,10 +2,10 @@
 # Every source file is as clang-format writes it.
 set -euo pipefail
 cd "${1:?usage: clang_format.sh SOURCE_DIR}"
-mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
-for other in tests bench examples; do
-  [[ -d $other ]] && rooms+=("$other")
+folders=()
+for folder in core plant reference controller logger analysis tools python tests bench examples; do
+  [[ -d $folder ]] && folders+=("$folder")
 done
-find "${rooms[@]}" \
+find "${folders[@]}" \
   \( -name '*.cpp' -o -name '*.h' \) -print0 |
   xargs -0 clang-format --dry-run -Werror

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# clang-tidy over every source of the rooms and examples, in the batches in which the build compiles them.
+# clang-tidy over every source of the product and examples, in the batches in which the build compiles them.
 # A batch that passed is skipped until a file that it is made of, or the configuration, has changed.
 set -euo pipefail
 source_dir=$(readlink -f "${1:?usage: clang_tidy.sh SOURCE_DIR BUILD_DIR}")
@@ -10,24 +10,29 @@ cd "$source_dir"
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-mkdir "$scratch/include"
-ln -s "$source_dir" "$scratch/include/tachless" # the examples see the headers as installed
+mkdir -p "$scratch/include/tachless"  # the examples see the headers as installed
+for library in "$source_dir"/{plant,reference,controller,logger} "$source_dir"/{core,analysis,tools}/*/; do
+  [[ ! -d $library ]] || ln -s "$library" "$scratch/include/tachless/$(basename "$library")"
+done
 # g++'s precompiled headers are not clang's.
 sed -E 's/ -Winvalid-pch -include [^ ]*cmake_pch\.hxx//' "$build_dir/compile_commands.json" >"$scratch/compile_commands.json"
 # ninja's own record of what each object was made from: "object: …" and then indented lines.
 ninja -C "$build_dir" -t deps >"$scratch/dependencies"
 
-mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
-either=$(IFS='|'; echo "${rooms[*]}")
-[[ ! -d examples ]] || rooms+=(examples)
+folders=()
+for folder in core plant reference controller logger analysis tools python; do
+  [[ -d $folder ]] && folders+=("$folder")
+done
+either=$(IFS='|'; echo "${folders[*]}")
+[[ ! -d examples ]] || folders+=(examples)
 
-# "source<tab>object" of everything that the build compiles of the rooms; then the sources that it does not.
+# "source<tab>object" of everything that the build compiles of the product; then the sources that it does not.
 sed -nE 's/^  "command": ".* -o ([^ ]+) -c ([^ ]+)",$/\2\t\1/p' "$scratch/compile_commands.json" |
   { grep -E $'\t'"($either)/" || true; } >"$scratch/compiled"
 compiled=$(cut -f1 "$scratch/compiled" | while IFS= read -r file; do
   [[ $file != */Unity/* ]] && echo "$file" || sed -nE 's/^#include "(.*)"$/\1/p' "$file"
 done | sed "s|^$source_dir/||")
-find "${rooms[@]}" -name '*.cpp' | grep -v -x -F "$compiled" | sed 's/$/\t-/' >>"$scratch/compiled" || true
+find "${folders[@]}" -name '*.cpp' | grep -v -x -F "$compiled" | sed 's/$/\t-/' >>"$scratch/compiled" || true
 
 check() {
   local source=${1%%$'\t'*} object=${1#*$'\t'} inputs hash objections

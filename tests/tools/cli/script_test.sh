@@ -5,11 +5,10 @@ set -euo pipefail
 work=$(mktemp -d) failures=0
 trap 'rm -rf "$work"' EXIT
 root=$work/tree tools=$work/tools
-mkdir -p "$root/cmake" "$root/room" "$tools"
+mkdir -p "$root"/{cmake,lcmtypes,core,plant,reference,controller,logger,analysis,tools,python} "$tools"
 cp "$1/tachless" "$root"
 echo 'project(tachless VERSION 1.2.3 LANGUAGES CXX)' >"$root/CMakeLists.txt"
-echo 'room first' >"$root/cmake/rooms.txt"
-touch "$root/CMakePresets.json" "$root/room/"{a.cpp,page.css}
+touch "$root/CMakePresets.json" "$root/core/"{a.cpp,page.css}
 tool() { printf '#!/bin/bash\necho "%s $*" >>"$CALLS"\n%s\n' "$1" "$2" >"$tools/$1"; chmod +x "$tools/$1"; }
 tool dpkg-query 'shift 2; for p in "$@"; do echo -n "installed:$p "; done'
 tool apt-get 'exit 0'
@@ -48,10 +47,10 @@ run run 'two words' --json; exits 7; prints 'builds 1 files: about'; prints 'bui
 calls "cmake -S $root --preset release"; calls --build
 run info log; [[ $output == 'built command: info log' ]] || fail 'another output'; calls_no 'cmake -'
 case_of 'a file that is compiled in is newer, or one was removed'
-touch -d '1 hour' "$root/room/page.css"; run info log; calls --build; calls_no --preset
-touch -d '-1 hour' "$root/room/page.css"; run info log; calls_no 'cmake -'
-touch -d '1 hour' "$root/room"; run info log; calls --build
-touch -d '-1 hour' "$root/room" "$root/room/"*
+touch -d '1 hour' "$root/core/page.css"; run info log; calls --build; calls_no --preset
+touch -d '-1 hour' "$root/core/page.css"; run info log; calls_no 'cmake -'
+touch -d '1 hour' "$root/core"; run info log; calls --build
+touch -d '-1 hour' "$root/core" "$root/core/"*
 case_of 'missing packages are installed and named'
 tool dpkg-query 'shift 2; for p in "$@"; do [ $p = iproute2 ] || echo -n "installed:$p "; done'
 tool apt-get 'case "$*" in *--assume-no*) echo "0 upgraded, 19 newly installed, 0 to remove"
