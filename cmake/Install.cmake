@@ -12,15 +12,17 @@ install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
   COMPONENT program)
 
-install(DIRECTORY core/ analysis/ tools/ DESTINATION include/tachless COMPONENT development FILES_MATCHING PATTERN "*.h")
+install(DIRECTORY core/ analysis/ tools/ DESTINATION include/tachless COMPONENT development FILES_MATCHING
+  PATTERN "*.h" PATTERN verb EXCLUDE PATTERN verb.h EXCLUDE)
 install(DIRECTORY plant reference controller logger ${PROJECT_BINARY_DIR}/generated/base
-  DESTINATION include/tachless COMPONENT development FILES_MATCHING PATTERN "*.h")
+  DESTINATION include/tachless COMPONENT development FILES_MATCHING
+  PATTERN "*.h" PATTERN verb EXCLUDE PATTERN verb.h EXCLUDE)
 # Installed, they are <tachless/robot/model.h>, to each other too.
 install(CODE [[
   file(GLOB_RECURSE headers "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/include/tachless/*.h")
   foreach(header IN LISTS headers)
     file(READ "${header}" text)
-    string(REGEX REPLACE "#include \"([a-z]+/)" "#include \"tachless/\\1" text "${text}")
+    string(REGEX REPLACE "#include \"([a-z_]+/)" "#include \"tachless/\\1" text "${text}")
     file(WRITE "${header}" "${text}")
   endforeach()
 ]] COMPONENT development)

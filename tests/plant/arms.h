@@ -10,7 +10,7 @@
 #include "robot/dynamics.h"
 #include "tests/core/robot/robots.h"
 
-/// Robots, states and an independent integration that the tests of this room share.
+/// Robots, states and an independent integration that these tests share.
 namespace tachless::plant::testing {
 
 /// For tests of both.

@@ -31,7 +31,7 @@ inline Eigen::Vector3d link_position(const Model& model, const std::string& link
 
 }  // namespace tachless::robot
 
-/// Robots, motions and random states that the tests of this room share.
+/// Robots, motions and random states that these tests share.
 namespace tachless::robot::testing {
 
 inline std::string read_text(const std::string& path) {
