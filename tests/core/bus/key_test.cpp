@@ -28,7 +28,7 @@ using ::testing::Not;
 
 class AKeyFile : public testing::Test {
  protected:
-  void messages::write(const std::string& content, mode_t mode = 0600) {
+  void write(const std::string& content, mode_t mode = 0600) {
     std::ofstream(path, std::ios::binary) << content;
     ASSERT_EQ(chmod(path.c_str(), mode), 0);
   }
@@ -52,7 +52,7 @@ TEST_F(AKeyFile, Holds32BytesOr64HexadecimalDigits) {
   std::string bytes;
   for (int i = 0; i < 32; ++i) bytes.push_back(static_cast<char>(i));
   for (const std::string& content : {bytes, digits, digits + "\n", digits + "\r\n"}) {
-    messages::write(content);
+    write(content);
     const bus::Key key = bus::read_key_file(path).value();
     for (std::size_t i = 0; i < 32; ++i) EXPECT_EQ(key.bytes()[i], i);
   }
@@ -64,7 +64,7 @@ TEST_F(AKeyFile, IsRefusedWhenMissingWithTheWayToMakeOne) {
 
 TEST_F(AKeyFile, IsRefusedWhenOthersMayReadIt) {
   for (const mode_t mode : {0640, 0604, 0620, 0644}) {
-    messages::write(digits, mode);
+    write(digits, mode);
     EXPECT_THAT(refusal(), HasSubstr("chmod 600"));
   }
 }
@@ -73,22 +73,22 @@ TEST_F(AKeyFile, IsRefusedWithAnotherLengthOrDigitsThatAreNone) {
   for (const std::string& content :
        {std::string(), std::string(31, 'x'), std::string(33, 'x'), digits + "0", digits.substr(1),
         std::string(1000, '0'), digits + "\n\n\n", digits + "\n\n\n" + digits}) {
-    messages::write(content);
+    write(content);
     EXPECT_THAT(refusal(), HasSubstr(std::to_string(content.size()) + " bytes"));
   }
-  messages::write("zz" + digits.substr(2));
+  write("zz" + digits.substr(2));
   EXPECT_THAT(refusal(), HasSubstr("character 1"));
 }
 
 TEST_F(AKeyFile, IsRefusedWhenAllZeros) {
   for (const std::string& content : {std::string(32, '\0'), std::string(64, '0')}) {
-    messages::write(content);
+    write(content);
     EXPECT_THAT(refusal(), AllOf(HasSubstr("all zeros"), HasSubstr("/dev/urandom")));
   }
 }
 
 TEST_F(AKeyFile, MakesTheMemoryOfWhoReadsItPrivate) {
-  messages::write(digits);
+  write(digits);
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);
   (void)bus::read_key_file(path);
   EXPECT_EQ(prctl(PR_GET_DUMPABLE), 0);
@@ -115,7 +115,7 @@ std::string flags_of(const unsigned char* byte) {
 }
 
 TEST_F(AKeyFile, IsKeptInMemoryThatIsLockedAndInNoDump) {
-  messages::write(digits);
+  write(digits);
   const bus::Key key = bus::read_key_file(path).value();
   const bus::Key copy = key;
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);  // or this test may not look
@@ -129,9 +129,9 @@ TEST_F(AKeyFile, IsKeptInMemoryThatIsLockedAndInNoDump) {
 }
 
 TEST_F(AKeyFile, IsNotAppearingInAnyMessage) {
-  messages::write("zz" + digits.substr(2));
+  write("zz" + digits.substr(2));
   EXPECT_THAT(refusal(), Not(HasSubstr("0405")));
-  messages::write(digits + "0");
+  write(digits + "0");
   EXPECT_THAT(refusal(), Not(HasSubstr("0405")));
 }
 

@@ -154,7 +154,7 @@ TEST_P(AnyRobot, HasACoriolisProductThatIsBilinearAndGivesTheQuadraticTerm) {
 
 TEST(MimicJoints, GiveTheTorqueOfTheFreeTreeProjectedOnTheCoordinates) {
   // q_tree = G q + offset, tau = G' tau_tree: the same file without its mimic elements.
-  for (const char* file : {"scenarios/robots/two_link.urdf", "tests/robot/branching.urdf"}) {
+  for (const char* file : {"scenarios/robots/two_link.urdf", "tests/core/robot/branching.urdf"}) {
     const Model model = testing::load(file);
     std::string text = testing::read_text(std::string(TACHLESS_SOURCE_DIR) + "/" + file);
     for (std::size_t at = text.find("<mimic "); at != std::string::npos;

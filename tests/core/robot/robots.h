@@ -52,7 +52,7 @@ inline Model two_link(double payload_mass = 0) {
 }
 inline Model iiwa7() { return load("scenarios/robots/iiwa7.urdf"); }
 /// Branches, a prismatic joint, mimics of both kinds, an inclined axis, merged links.
-inline Model branching() { return load("tests/robot/branching.urdf"); }
+inline Model branching() { return load("tests/core/robot/branching.urdf"); }
 
 /// A zig-zag chain of `n` revolute joints, each of whose links is light and short, so that the
 /// numbers stay of order one; `mimics` further joints at its end turn with the first.

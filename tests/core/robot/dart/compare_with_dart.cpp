@@ -183,7 +183,7 @@ std::vector<Robot> own_robots() {
   for (const auto& file : fs::directory_iterator(root + "/scenarios/robots")) {
     all.push_back({file.path().filename().string(), read_text(file.path().string())});
   }
-  const std::string branching = read_text(root + "/tests/robot/branching.urdf");
+  const std::string branching = read_text(root + "/tests/core/robot/branching.urdf");
   all.push_back({"branching: branches, prismatic, mimic", branching});
   const Model model = tachless::robot::model_from_urdf(branching, "branching.urdf");
   Robot locked{"branching, a joint locked", branching};
