@@ -22,7 +22,7 @@ constexpr messages::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals
 
 std::size_t entries_of(Count count) {
   const int rows = count == Count::signals ? layout.num_signals : 1;
-  return static_cast<std::size_t>(rows * bus::detail::length_of(count, layout));
+  return static_cast<std::size_t>(rows * messages::detail::length_of(count, layout));
 }
 
 std::uint64_t get(std::span<const std::byte> bytes) {
@@ -69,7 +69,7 @@ void list(FieldList& to) {
   messages::for_each_field<Value>([&](const auto& field) {
     if (field.kind == Kind::text) return to.add_text(field.name);
     for (std::size_t i = 0; i < entries_of(field.count); ++i) {
-      to.add(field.name, field.kind, bus::detail::size_of(field.kind));
+      to.add(field.name, field.kind, messages::detail::size_of(field.kind));
     }
   });
 }

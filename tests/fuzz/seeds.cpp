@@ -44,7 +44,7 @@ std::string contents(const std::filesystem::path& path) {
 }
 
 /// Of one run; those of the log first, in its order.
-std::vector<Message> messages() {
+std::vector<Message> sample_messages() {
   std::vector<Message> all;
   messages::RunInfo info;
   info.num_ticks = num_ticks;
@@ -92,14 +92,14 @@ int main(int argc, char** argv) {
   const std::filesystem::path directory = argv[2];
   if (std::string(argv[1]) == "log_fuzzer") {
     logger::LogWriter log(directory / "seed");
-    for (const Message& each : messages()) {
+    for (const Message& each : sample_messages()) {
       log.append(each.utime, each.channel, each.bytes);
     }
     log.close();
     return 0;
   }
   int number = 0;
-  for (const Message& each : messages()) {
+  for (const Message& each : sample_messages()) {
     std::ofstream file(directory / std::to_string(number++), std::ios::binary);
     file.put(static_cast<char>(each.type));
     file.write(reinterpret_cast<const char*>(each.bytes.data()),

@@ -17,7 +17,7 @@ using namespace tachless;
 
 namespace {
 
-using bus::all_finite;
+using messages::all_finite;
 
 template <class Value>
 struct Subject {

@@ -226,7 +226,7 @@ TEST_F(IdentifyVerb, CommissionTellsWhatAnArmDoesAndRefusesPosturesThatAreNotSaf
   Words words = safe;
   words.insert(words.end(), {"--set", "plant.encoder.latency_ticks=2", "--json", "--write",
                              directory_ / "known.yaml"});
-  const Result result = commission::commission(words);
+  const Result result = commission(words);
   ASSERT_EQ(result.code, 0) << result.errors;
   const auto found = nlohmann::json::parse(result.output);
   EXPECT_EQ(found["adds_gravity"], nlohmann::json(false));
@@ -234,9 +234,9 @@ TEST_F(IdentifyVerb, CommissionTellsWhatAnArmDoesAndRefusesPosturesThatAreNotSaf
   EXPECT_EQ(found["unsent_torque"], nlohmann::json("held"));
   EXPECT_EQ(found["misfits"].size(), 0U);
   EXPECT_THAT(contents(directory_ / "known.yaml"), HasSubstr("latency_ticks: 2"));
-  EXPECT_THAT(commission::commission(words).errors, HasSubstr("known.yaml: exists already"));
+  EXPECT_THAT(commission(words).errors, HasSubstr("known.yaml: exists already"));
 
-  const Result stretched = commission::commission({"--set", "plant.initial.position_rad=[1.5, 0]"});
+  const Result stretched = commission({"--set", "plant.initial.position_rad=[1.5, 0]"});
   EXPECT_EQ(stretched.code, 2);
   EXPECT_THAT(stretched.errors, HasSubstr("begin nearer to upright or hanging"));
   EXPECT_EQ(std::ranges::count(stretched.errors, '\n'), 1) << stretched.errors;

@@ -109,6 +109,7 @@ TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
 void expect_same_start(const scenario::Scenario& scenario) {
   using namespace certify;
   using namespace linear;
+  using namespace lyapunov;
   Certificate all;
   all.stability = stability_certificate(scenario, Effort::full, all.no_stability);
   EXPECT_EQ(all.no_stability, no_certificate(scenario));
@@ -199,7 +200,7 @@ TEST(Page, HasTheLineOfThePredictionAndTheCertifiedBound) {
     runs[0].outcome = {{"predicted", to_json(predicted)}};
     const auto certified = lyapunov::certified_run(scenario);
     ASSERT_TRUE(certified && runs[0].certified);
-    EXPECT_EQ(to_json(runs[0].certified->start), to_json(certified->start));
+    EXPECT_EQ(certify::to_json(runs[0].certified->start), certify::to_json(certified->start));
     label(runs);
     const report::Overlay all(runs);
     const std::string page = report_page(all, report_sections(all));
