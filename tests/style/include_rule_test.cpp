@@ -112,7 +112,7 @@ std::string objection(const std::string& file, const Include& include) {
     return "";
   }
   if (exceptions.contains({file, include.path})) return "";
-  const std::string other = library_of(include.path);
+  const std::string other = include.path.substr(0, include.path.find('/'));
   if (place(other) == order.size())
     return "no library of this name, or more than its folder in the path";
   if (place(other) > place(me)) return me + " stands before " + other;
