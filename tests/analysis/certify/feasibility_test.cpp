@@ -10,7 +10,6 @@ namespace tachless::certify {
 namespace {
 
 using namespace linear;
-using namespace lyapunov;
 using namespace linear::testing;
 using ::testing::AllOf;
 using ::testing::ElementsAre;

@@ -12,7 +12,6 @@ namespace tachless::certify {
 namespace {
 
 using namespace linear;
-using namespace lyapunov;
 using namespace linear::testing;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;

@@ -10,7 +10,7 @@ namespace {
 
 /// Two joints, and a third that turns with the second times `multiplier`.
 robot::Model with_mimic(const std::string& multiplier) {
-  std::string text = testing::chain_urdf(2, 1);
+  std::string text = robot::testing::chain_urdf(2, 1);
   const std::string old = "joint='j1' multiplier='0.5'";
   text.replace(text.find(old), old.size(), "joint='j2' multiplier='" + multiplier + "'");
   return robot::model_from_urdf(text, "chain");
@@ -19,7 +19,7 @@ robot::Model with_mimic(const std::string& multiplier) {
 // The constant is not among the harmonics: compared are differences to q2 = 0.
 TEST(PosturesOfTwoJoints, HaveHarmonicsThatAddUpToMAndC) {
   for (const robot::Model& model :
-       {testing::two_link(), with_mimic("0.5"), with_mimic("-1.25"), with_mimic("2")}) {
+       {robot::testing::two_link(), with_mimic("0.5"), with_mimic("-1.25"), with_mimic("2")}) {
     const Postures postures(model);
     ASSERT_TRUE(postures.proved);
     const Inertia at_zero = inertia_at(model, Eigen::Vector2d(0, 0));
