@@ -49,8 +49,8 @@ void split_row(std::string_view row, std::vector<std::string_view>& fields);
 /// The number that a text is, in C's form without a sign +; nothing where it is none.
 std::optional<double> number_in(std::string_view text);
 
-/// Whether `text` has only ASCII letters (capitals too where asked), digits and characters of
-/// `extra`.
+/// Returns whether `text` has only ASCII letters (capitals too where asked), digits and characters
+/// of `extra`.
 bool consists_of(std::string_view text, std::string_view extra, bool capitals = true);
 
 /// A field of a CSV file (RFC 4180): in quotes where its characters ask for them. Text that a
