@@ -414,10 +414,8 @@ TEST_F(Run, ThatDoesNotBeginLeavesNothing) {
   // A controller that answers before the run and not in it, which cannot begin before the plant is
   // killed.
   start({"--duration", "0.01", "--quiet", "--controller",
-         "sh -c 'case \"$*\" in *--serve*) exec " +
-             (fs::read_symlink("/proc/self/exe").parent_path() / "../../bin").string() +
-             "/tachless-own-law \"$@\";; esac; "
-             "exec sleep 1000' sh"});
+         "sh -c 'case \"$*\" in *--serve*) exec " TACHLESS_BINARY_DIR
+         "/bin/tachless-own-law \"$@\";; esac; exec sleep 1000' sh"});
   wait_until("the plant to start", [&] { return child("tachless-plant") > 0; });
   kill_process("plant");
   EXPECT_EQ(finish(), 3) << errors();
