@@ -61,9 +61,7 @@ class ExternalLaw : public ::testing::Test {
     words.insert(words.end(), {"--controller", program()});
     return words;
   }
-  [[nodiscard]] static std::string program() {
-    return TACHLESS_BINARY_DIR "/bin/tachless-own-law";
-  }
+  [[nodiscard]] static std::string program() { return TACHLESS_BINARY_DIR "/bin/tachless-own-law"; }
   [[nodiscard]] std::string log(const std::string& out) const {
     return directory_ / (out + "/lcmlog");
   }
