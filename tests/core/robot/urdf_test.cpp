@@ -28,11 +28,11 @@ constexpr double inf = Model::unlimited;
 
 std::vector<double> list(const Vector& x) { return {x.data(), x.data() + x.size()}; }
 
-const Body& body_of(const Model& model, const std::string& joint) {
+const Body& body_of(const Model& model, std::string_view joint) {
   for (const Body& body : model.bodies) {
     if (body.joint == joint) return body;
   }
-  throw std::runtime_error("no joint " + joint);
+  throw std::runtime_error("no joint " + std::string(joint));
 }
 
 TEST(Urdf, NumbersCoordinatesAndBodiesDepthFirstInTheOrderOfTheFile) {
