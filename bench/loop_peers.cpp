@@ -1,4 +1,4 @@
-// What a loop of four processes costs without this project: the six datagrams of a tick, of the
+// Measures the cost of a loop of four processes without this project: the six datagrams of a tick, of the
 // same sizes and with the same plant, between four processes that check, repeat and record nothing.
 //   loop_peers SCENARIO MECHANICS TICKS [CPU CPU]
 // One socket each with a kernel filter on the first byte, blocking recv. CPU: of plant, reference

@@ -43,7 +43,7 @@ set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "robot joints tracked from positions alone
 Velocity-free control of rigid and flexible-joint robots, as four processes
 on a message bus: a simulated robot, a trajectory generator, a controller
 and a logger; with certificates, studies, reports and replay.")
-# What the programs call or read, beside the libraries that they are linked with.
+# Packages that the programs call or read, beside the libraries that they are linked with.
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libjs-dygraphs, libjs-three")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS
   "iproute2, xdg-utils, default-jre, liblcm-java, libjchart2d-java")

@@ -265,7 +265,7 @@ class LockstepRecorder final : public Recorder {
     throw base::Failure(
         base::ExitCode::protocol_violated,
         "what is recorded on {} is not what {} has published: another process has published there "
-        "too; find it with `tachless watch`, or use a key (--key-file)",
+        "too; find it with tachless watch, or use a key (--key-file)",
         messages_->channel(Slot::truth), link_.describe(messages::Role::plant));
   }
 

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "base/clock.h"
 #include "base/logging.h"
-#include "base/time.h"
 #include "bus/key.h"
 #include "plant/plant_loop.h"
 #include "session/message_ring.h"

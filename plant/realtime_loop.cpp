@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/failure.h"
 #include "base/text.h"
-#include "base/time.h"
 #include "messages/wire.h"
 #include "plant/node.h"
 #include "plant/plant_loop.h"

@@ -112,7 +112,7 @@ class Node {
     if (!messages::all_finite(reference)) {
       throw base::Failure(
           base::ExitCode::protective_stop,
-          "the reference at t = {:.6f} s (tick {}) is not finite; see `reference` in the scenario",
+          "the reference at t = {:.6f} s (tick {}) is not finite; see reference in the scenario",
           time_s, k);
     }
     const messages::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};

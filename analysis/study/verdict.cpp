@@ -332,7 +332,7 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
                          verdict.error, length,
                          held_text(verdict, length, joints.effort[verdict.joint]));
     case Outcome::saturated:
-      return fmt::format("saturated: {} at its torque limit in {:.0f} % of ticks", joint,
+      return fmt::format("saturated: {} at its torque or rate limit in {:.0f} % of ticks", joint,
                          100 * verdict.saturated_share);
     case Outcome::limit_cycle:
       return fmt::format("limit cycle: {} swings by {:.2g} {} at {:.3g} Hz or more", joint,

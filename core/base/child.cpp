@@ -35,7 +35,7 @@ void end_line(Child& child, const std::function<void(std::string)>& on_line) {
   if (!line.empty()) on_line(std::move(line));
 }
 
-/// What exec takes: pointers into `command`, and a null.
+/// Returns the argument of exec: pointers into `command`, and a null.
 std::vector<char*> arguments(const std::vector<std::string>& command) {
   std::vector<char*> argv;
   argv.reserve(command.size() + 1);

@@ -67,7 +67,7 @@ struct Finished : End {
 /// @throw base::Failure as `start`
 Finished run(const std::vector<std::string>& command);
 
-/// Where the search path has a program of this name that may be executed.
+/// Finds an executable program of this name in the search path.
 std::optional<std::filesystem::path> find_program(const std::string& name);
 
 /// Replaces this process by a program (a path) with its arguments.

@@ -19,7 +19,7 @@ std::string_view remedy(const std::error_code& code) {
     return "allow more processes and threads (ulimit -u), or end some";
   }
   if (code == std::errc::no_space_on_device) return "free some space on that disk";
-  return "`tachless doctor` looks at what a run needs";
+  return "run tachless doctor: it examines what a run needs";
 }
 
 }  // namespace

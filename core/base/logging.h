@@ -11,7 +11,7 @@ namespace tachless::base {
 
 enum class Verbosity { quiet, normal, verbose };
 
-/// What stands before a line: nothing, or its level ("<error> "), for a program that reads it.
+/// Whether lines start with their level ("<error> "), for programs that parse them.
 enum class Marks { none, levels };
 inline constexpr std::string_view error_mark = "<error> ";
 inline constexpr std::string_view warning_mark = "<warning> ";

@@ -65,7 +65,7 @@ std::string csv_field(std::string_view text);
 ///   "loria" for "loria_ortega_rigid", "kp" for "controller.gains.kp";
 /// - at most a third of `word`'s characters (at least one; two from four characters on) have to be
 ///   inserted, deleted or replaced.
-/// Of candidates that are equally similar the first one.
+/// Equally similar candidates: the first one wins.
 std::optional<std::string> nearest_of(std::string_view word,
                                       const std::vector<std::string_view>& candidates);
 

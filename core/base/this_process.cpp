@@ -49,8 +49,8 @@ void enter_namespaces() {
   if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
     if (errno == EINVAL) fail("leave a process that has threads already", "call it first");
     fail("make a user namespace",
-         "run as root, or allow it: `sysctl -w user.max_user_namespaces=1000 "
-         "kernel.unprivileged_userns_clone=1`; in Docker: --cap-add SYS_ADMIN");
+         "run as root, or allow it: sysctl -w user.max_user_namespaces=1000 "
+         "kernel.unprivileged_userns_clone=1; in Docker: --cap-add SYS_ADMIN");
   }
   write_file("/proc/self/setgroups", "deny");
   write_file("/proc/self/uid_map", uid_map);

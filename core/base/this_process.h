@@ -48,11 +48,11 @@ void make_memory_private();
 /// @throw std::system_error with the step that failed and what to do
 void enter_private_network();
 
-/// Where this program and the others are: bin/ of a prefix that cmake/Install.cmake lays out; a
+/// Returns the folder of this program and the others: bin/ of a prefix that cmake/Install.cmake lays out; a
 /// build directory looks the same.
 std::filesystem::path program_directory();
 
-/// Of scenarios/, templates and tachless_types.jar: share/tachless/ beside bin/. In a build
+/// Returns the folder of scenarios/, templates and tachless_types.jar: share/tachless/ beside bin/. In a build
 /// directory also of the script that builds and tests the tree.
 std::filesystem::path shared_directory();
 

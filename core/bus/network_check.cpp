@@ -97,7 +97,7 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
   }
   const bool refused = sender.statistics().unsent > 0;
   return NetworkProblem{
-      fmt::format("messages to {}:{} {} on this host: a firewall drops them (`nft list ruleset` "
+      fmt::format("messages to {}:{} {} on this host: a firewall drops them (nft list ruleset "
                   "shows it)",
                   url.group, url.port, refused ? "are not let out" : "do not arrive"),
       fmt::format("iptables -I {} -d {} -p udp --dport {} -j ACCEPT", refused ? "OUTPUT" : "INPUT",
@@ -120,7 +120,7 @@ std::optional<NetworkProblem> check_network(const LcmUrl& url) {
   } catch (const std::system_error& error) {
     if (error.code() == std::errc::address_in_use) {
       return NetworkProblem{fmt::format("another program holds UDP port {} for itself", url.port),
-                            "take another port, or end the program that `ss -ulpn` shows on it"};
+                            "take another port, or end the program that ss -ulpn shows on it"};
     }
     return NetworkProblem{error.what(), "tachless doctor"};
   }

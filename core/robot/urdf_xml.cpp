@@ -109,8 +109,8 @@ class Reader {
   static bool is_joint(const TiXmlElement& e) { return e.ValueStr() == "joint"; }
 
   [[noreturn]] void refuse_xacro(const TiXmlElement& at, std::string_view what) const {
-    refuse("line {}: \"{}\" is for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
-           at.Row(), what, source_);
+    refuse("line {}: \"{}\" is for xacro; run xacro {} > robot.urdf and give robot.urdf", at.Row(),
+           what, source_);
   }
   /// Refuses an element that xacro would replace; definitions, when nothing uses them any more, are
   /// inert.

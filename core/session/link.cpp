@@ -8,9 +8,9 @@
 #include <random>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/logging.h"
 #include "base/text.h"
-#include "base/time.h"
 
 namespace tachless::session {
 namespace {
@@ -296,7 +296,7 @@ void Link::leave() {
       throw Failure(ExitCode::protocol_violated, "the run is over, but {} has not finished: {}",
                     membership_->unfinished(),
                     lacking ? "ticks are missing there. If another process has acknowledged them, "
-                              "find it with `tachless watch`, or use a key (--key-file)"
+                              "find it with tachless watch, or use a key (--key-file)"
                             : "it has all ticks, but its disk may be too slow");
     }
     membership_->poll(now);

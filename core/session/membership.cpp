@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/text.h"
-#include "base/time.h"
 
 namespace tachless::session {
 namespace {
@@ -22,7 +22,7 @@ constexpr std::array all_roles = {Role::plant, Role::reference, Role::controller
 // Replies to newcomers are limited to one in this time.
 constexpr std::chrono::milliseconds shortest_reply_period{10};
 constexpr std::string_view beside_it =
-    "run beside it: with `tachless run --isolate`, or on another bus (--lcm-url)";
+    "to run beside it, add --isolate, or use another bus (--lcm-url)";
 
 bool is_over(ParticipantState state) {
   return state == ParticipantState::finished || state == ParticipantState::fault;

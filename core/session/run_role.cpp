@@ -42,7 +42,7 @@ void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& optio
 /// The other processes cannot know: to them the messages are only missing.
 void report_unsent(const std::optional<bus::UdpTransport>& bus) {
   if (!bus || bus->statistics().unsent == 0) return;
-  base::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
+  base::log_warning("{} messages could not be sent ({}); run tachless doctor for details",
                     bus->statistics().unsent, std::strerror(bus->statistics().refusal));
 }
 
@@ -58,19 +58,20 @@ void request_real_time(messages::Role role) {
   std::string missing;
   ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    missing += fmt::format("its memory locked ({}; `ulimit -l unlimited`)", std::strerror(errno));
+    missing += fmt::format("its memory locked ({}; ulimit -l unlimited)", std::strerror(errno));
   }
   sched_param parameters{};
   parameters.sched_priority = priorities.at(static_cast<std::size_t>(role));
   if (parameters.sched_priority > 0 &&
       ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) != 0) {
     missing +=
-        fmt::format("{}SCHED_FIFO priority {} ({}; `ulimit -r {}`)", missing.empty() ? "" : " and ",
+        fmt::format("{}SCHED_FIFO priority {} ({}; ulimit -r {})", missing.empty() ? "" : " and ",
                     parameters.sched_priority, std::strerror(errno), parameters.sched_priority);
   }
   if (missing.empty()) return;
   base::log_info(
-      "realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock unlimited` in "
+      "realtime without {}; to permit it permanently, add the lines * - rtprio 90 and * - memlock "
+      "unlimited in "
       "/etc/security/limits.d/realtime.conf, then log in again",
       missing);
 }

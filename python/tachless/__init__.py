@@ -251,6 +251,8 @@ def identify(*logs: Path, unknown: Union[str, Sequence[str]] = ("rotor", "viscou
     Raises:
         Error: a log that does not show them (code 2).
     """
+    if options.get("all"):  # the command refuses --unknown beside it
+        return _result("identify", [*logs, *_options(options)], {})
     names = [unknown] if isinstance(unknown, str) else list(unknown)
     return _result("identify", [*logs, *_options({"unknown": names, **options})], {})
 

@@ -14,6 +14,7 @@ namespace {
 
 constexpr int bar_width = 20;
 constexpr std::chrono::milliseconds rate_window{500};
+constexpr std::chrono::seconds elsewhere{30};  // between lines where no terminal is
 // A line that is too long for the terminal is cut, so that the next is where it is looked for.
 constexpr const char* keep_lines = "\033[?7l";
 constexpr const char* wrap_lines = "\033[?7h";
@@ -54,9 +55,14 @@ Screen::Screen(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1
 
 void Screen::show(std::string_view what) {
   if (quiet_) return;
-  std::cerr << (terminal_ ? fmt::format("{}{} …", erasing(), what) : fmt::format("{}\n", what))
-            << std::flush;
-  shown_ = terminal_ ? 1 : 0;
+  if (terminal_) {
+    std::cerr << fmt::format("{}{} …", erasing(), what) << std::flush;
+    shown_ = 1;
+  } else if (const auto now = Progress::Clock::now(); now >= next_) {
+    if (next_ != Progress::Clock::time_point{})
+      std::cerr << fmt::format("{}\n", what) << std::flush;
+    next_ = now + elsewhere;
+  }
 }
 
 void Screen::show(std::span<const Progress> all) {
@@ -71,7 +77,7 @@ void Screen::show(std::span<const Progress> all) {
     for (const Progress& each : all) {
       if (next_ != Progress::Clock::time_point{}) std::cerr << each.line() + "\n" << std::flush;
     }
-    next_ = now + std::chrono::seconds(5);
+    next_ = now + elsewhere;
   }
 }
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-/// How far runs and long computations are, in lines on stderr.
+/// Progress of runs and long computations, in lines on stderr.
 namespace tachless::cli {
 
 /// What a running loop looks like in one line, from the controller's heartbeats:
@@ -39,8 +39,8 @@ class Progress {
   std::optional<double> ticks_per_s_;
 };
 
-/// Lines that on a terminal the next ones replace and that go with this object, and other lines
-/// between.
+/// Lines of progress, and other lines between them. On a terminal each line of progress replaces
+/// the one before, and the last one is removed. Elsewhere at most one appears in 30 s.
 class Screen {
  public:
   /// @param quiet no progress
@@ -49,17 +49,17 @@ class Screen {
   Screen& operator=(const Screen&) = delete;
   ~Screen() { clear(); }
 
-  /// What a long computation is at.
+  /// Shows how far a long computation is.
   void show(std::string_view what);
-  /// Runs, a line for each: on a terminal ten times a second, elsewhere every 5 s.
+  /// Shows a line for each run: on a terminal ten times a second.
   void show(std::span<const Progress> all);
   void clear();
-  /// A line of the program `name`.
-  /// @param before what stands before it: of which robot's run it is
+  /// Prints a line of the program `name`.
+  /// @param before the robot, where there are several
   void pass_on(std::string_view before, std::string_view name, std::string_view line);
 
  private:
-  /// What removes from the terminal what is shown.
+  /// Returns the characters that remove the shown lines from the terminal.
   std::string erasing();
 
   bool quiet_;

@@ -209,6 +209,18 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
   return {};
 }
 
+/// Returns whether a user's program could not start: it ended before the run began, as a shell
+/// (126, 127) or an interpreter (1) ends without the program.
+bool could_not_start(const RunOptions& options, const Supervision& supervision) {
+  if (supervision.interrupted || supervision.begun || !supervision.culprit) return false;
+  const ProcessEnd& end = supervision.ends[*supervision.culprit];
+  const auto is_users = [&](messages::Role role) {
+    return end.name == messages::name(role) && !program_given(options, role).empty();
+  };
+  return (is_users(messages::Role::controller) || is_users(messages::Role::plant)) &&
+         end.signal == 0 && (end.exit_code == 1 || end.exit_code == 126 || end.exit_code == 127);
+}
+
 /// The other processes that ended because of the first cause, and what helps.
 std::vector<std::string> consequences(const Supervision& supervision, const PlannedRun& run) {
   const RunOptions& options = run.options;
@@ -227,7 +239,7 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
       run.scenario.loop.mode != scenario::Mode::realtime) {
     return lines;
   }
-  for (const auto& [subject, what, remedy] : examine_punctuality()) {
+  for (const auto& [subject, what, remedy, warns] : examine_punctuality()) {
     lines.push_back(fmt::format("{}: {}; type: {}", subject, what, *remedy));
   }
   return lines;
@@ -237,6 +249,7 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
 void conclude(OnTheBus& robot, const Supervision& supervision, const std::string& culprit,
               double wall_s, Conclusions& conclusions) {
   RunEnd end{exit_code(supervision), {}, robot.out->take_statistics()};
+  if (could_not_start(robot.options, supervision)) end.code = ExitCode::bad_usage;
   end.facts.wall_s = wall_s;
   end.facts.placement = robot.placement.words;
   if (supervision.interrupted) {
@@ -262,9 +275,9 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   if (isolated && common.watch) {
     throw base::bad_usage(
         "--watch: the run is in a private network, which a browser does not reach; run it without "
-        "--isolate, on a bus as `tachless doctor` wants it");
+        "--isolate, and check the bus with tachless doctor");
   }
-  // Last: a process whose memory is private cannot isolate itself.
+  // The key comes after the isolation: a process with private memory cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
   base::survive_broken_pipes();
   Screen screen(common.quiet);

@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "base/time.h"
+#include "base/clock.h"
 
 namespace tachless::live {
 

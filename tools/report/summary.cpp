@@ -185,7 +185,9 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
         text += fmt::format("  {} {} in {} ticks\n", joints.joint(i), what, counts[i]);
     }
   };
-  row_of_ticks(plant.saturated_ticks, "at its torque limit");
+  const bool has_rate_limit = summary.scenario.plant.drive.torque_rate_limit_Nm_per_s.has_value();
+  row_of_ticks(plant.saturated_ticks,
+               has_rate_limit ? "at its torque or rate limit" : "at its torque limit");
   row_of_ticks(plant.beyond_limit_ticks, "beyond its range or its speed");
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();

@@ -11,11 +11,11 @@
 #include <system_error>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/failure.h"
 #include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
-#include "base/time.h"
 #include "cli/run.h"
 #include "cli/verb.h"
 #include "logger/export.h"
@@ -121,7 +121,7 @@ struct Report {
   }
 
  private:
-  /// Where no name is given, a page replaces that of the same log and no other.
+  /// Returns the page's name. Without -o, the page replaces only the page of the same log.
   [[nodiscard]] fs::path page_path() const {
     std::error_code error;
     if (!out.empty()) {
@@ -180,7 +180,7 @@ struct Replay {
   }
 
  private:
-  /// What has to be set for the law that is asked for, in place of the recorded one.
+  /// Returns the settings that put the requested law in the place of the recorded one.
   [[nodiscard]] std::vector<std::string> changes(const logger::RunLog& recorded) const {
     std::vector<std::string> all;
     if (!law.empty()) all.push_back("controller.law=" + law);

@@ -65,6 +65,10 @@ struct Run : RunOptions {
     command.add_flag("--watch", watch,
                      "Show the run in a browser on this computer while it goes on");
     command
+        .add_flag_callback("--realtime",
+                           [] { throw base::bad_usage("--realtime: type --mode realtime"); })
+        ->group("");
+    command
         .add_flag_callback(
             "--visualize",
             [] { throw base::bad_usage("--visualize: the window is gone; type --watch"); })
