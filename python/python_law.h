@@ -30,7 +30,7 @@ Vector vector_of(const py::handle& object, int size, const std::string& what);
 /// `f(k, t, measurement, reference) -> torque`. Where it has a method `reset`, that is called
 /// before the first step, and whenever the memory has to begin anew (after a long gap in realtime).
 /// Turns an exception of the callable into a base::Failure, except KeyboardInterrupt on
-  /// `Interrupt::passed_on`.
+/// `Interrupt::passed_on`.
 /// Logs the position error where it measures the links. To be used and destroyed without the GIL.
 /// @param name as announced; the law measures what the scenario's controller.measurement says
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
