@@ -231,8 +231,8 @@ struct Spy {
     if (const auto problem = bus::check_network(url)) {
       refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));
     }
-    // Not Debian's own lcm-spy: it passes options that its Java does not know any more, and does
-    // not find the chart library.
+    // Debian's own lcm-spy passes options that its Java refuses, and does not find the chart
+    // library.
     base::become({find_java().string(), "-Djava.net.preferIPv4Stack=true", "-ea", "-cp",
                   class_path(), "lcm.spy.Spy", "-l", url.text()},
                  "as root, type: apt-get install default-jre");
