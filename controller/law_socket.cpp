@@ -197,13 +197,14 @@ class Program {
   Failure ended(std::int64_t tick) {
     const base::End end = this->end();
     const int code = end.exit_code;
-    const bool ours = code >= static_cast<int>(ExitCode::bad_usage) &&
-                      code <= static_cast<int>(ExitCode::protective_stop);
     // A shell ends with 126 or 127 and an interpreter with 1 if there is no such program.
-    const bool absent = code == 1 || code == 126 || code == 127;
-    const ExitCode program_failed = absent ? ExitCode::bad_usage : ExitCode::peer_lost;
+    const bool absent = tick == no_tick && (code == 1 || code == 126 || code == 127);
+    const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
+                      code <= static_cast<int>(ExitCode::protective_stop);
     const char* const remedy = end.well() ? "; does its main call run_controller?" : "";
-    return {ours ? static_cast<ExitCode>(code) : program_failed,
+    return {absent ? ExitCode::bad_usage
+            : ours ? static_cast<ExitCode>(code)
+                   : ExitCode::peer_lost,
             "--controller '{}': {} {}{}",
             command_,
             base::text(end),
