@@ -24,6 +24,7 @@
 #include "identify/identify.h"
 #include "logger/log_file.h"
 #include "scenario/scenario.h"
+#include "scenario/yaml_tree.h"
 #include "session/options.h"
 
 namespace tachless::cli {

@@ -227,7 +227,7 @@ struct Design {
   }
 
   [[nodiscard]] ExitCode run() const {
-    const scenario::Scenario scenario = load(of_program(input, overrides, law_program));
+    scenario::Scenario scenario = load(of_program(input, overrides, law_program));
     warn(scenario);
     require_scenario_writable(output, force);
     const linear::LawAnswers answers = law_answers(scenario, law_program);
