@@ -43,9 +43,6 @@ std::string shell_word(std::string_view name);
 std::vector<std::string_view> split(std::string_view text, char separator,
                                     std::size_t most = std::string_view::npos);
 
-/// The fields of a table's row: between commas, semicolons or white space.
-void split_row(std::string_view row, std::vector<std::string_view>& fields);
-
 /// The number that a text is, in C's form without a sign +; nothing where it is none.
 std::optional<double> number_in(std::string_view text);
 
