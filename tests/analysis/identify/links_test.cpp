@@ -110,7 +110,7 @@ TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
     const auto& each = found.parameters[static_cast<std::size_t>(offset + i)];
     EXPECT_NEAR(each.value, 0.1 * static_cast<double>(i), 0.05) << each.entry.name;
   }
-  const std::string said = commission::text(found, "arm");
+  const std::string said = text(found, "arm");
   EXPECT_THAT(said, HasSubstr("by least squares, as no controller is known"));
   EXPECT_THAT(said, HasSubstr("combinations are determined"));
 
