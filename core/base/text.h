@@ -43,9 +43,6 @@ std::string shell_word(std::string_view name);
 std::vector<std::string_view> split(std::string_view text, char separator,
                                     std::size_t most = std::string_view::npos);
 
-/// Splits a table's row into fields: between commas, semicolons or white space.
-void split_row(std::string_view row, std::vector<std::string_view>& fields);
-
 /// Parses a number in C's form without a sign +. Returns nothing if `text` is no number.
 std::optional<double> number_in(std::string_view text);
 
