@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -130,9 +131,17 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
   if (error) {
     throw base::bad_usage("{}: cannot be made: {}", directory.string(), error.message());
   }
+  // Shards may start together: each writes a file of its own, and the first link wins.
   if (!fs::exists(file)) {
-    base::UnfinishedFile(file, "name another directory with --out").write(json);
-  } else if (base::file_text(file) != json) {
+    const base::TemporaryDirectory own(directory);
+    const fs::path written = own.path() / "plan.json";
+    base::UnfinishedFile(written, "name another directory with --out").write(json);
+    if (::link(written.c_str(), file.c_str()) != 0 && errno != EEXIST) {
+      throw base::bad_usage("{}: cannot be written: {}; name another directory with --out",
+                            file.string(), std::generic_category().message(errno));
+    }
+  }
+  if (base::file_text(file) != json) {
     throw base::bad_usage(
         "{}: another sweep is in this directory; name another one with --out, or remove it",
         directory.string());
