@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <variant>
 
 namespace tachless::study {
@@ -173,13 +174,25 @@ struct Joint {
     const double first = swing(1);
     return first > 0 && before > growth * first;
   }
-  /// Returns true if the error of the reference's last period is that of the period before.
+  /// Returns true if the error of the reference's last period is that of the period before: in
+  /// each eighth of it, so that a swing of another frequency is not.
   [[nodiscard]] bool repeats(double period_s) const {
     if (period_s <= 0 || 2 * period_s > end) return false;
-    const Span now = span(error, end - period_s, end);
-    const Span before = span(error, end - 2 * period_s, end - period_s);
-    const double allowed = std::max(alike * now.extent(), noise + 2 * by_noise());
-    return std::abs(now.low - before.low) <= allowed && std::abs(now.high - before.high) <= allowed;
+    const double extent = span(error, end - period_s, end).extent();
+    // A curve's points are so far apart; a sine changes by up to pi extents in a period.
+    const double apart = end / (static_cast<double>(error.size()) / 2);
+    const double by_points = std::numbers::pi * apart / period_s;
+    const double allowed = std::max((alike + by_points) * extent, noise + 2 * by_noise());
+    constexpr int parts = 8;
+    for (int part = 0; part < parts; ++part) {
+      const double from = end - period_s * (1 - static_cast<double>(part) / parts);
+      const Span now = span(error, from, from + period_s / parts);
+      const Span before = span(error, from - period_s, from - period_s + period_s / parts);
+      if (std::abs(now.low - before.low) > allowed || std::abs(now.high - before.high) > allowed) {
+        return false;
+      }
+    }
+    return true;
   }
   /// Returns true if the reference makes the error, however large it is.
   [[nodiscard]] bool forced(const Context& context) const {

@@ -105,9 +105,13 @@ TEST(Verdict, TellsWhatTheMotionMakesFromWhatDecays) {
   EXPECT_EQ(lags.word(), "lags");
   EXPECT_THAT(text(lags, rotary), HasSubstr(" 20 % of its scale; the motion makes it"));
   // Where nothing is to move, its scale is the error itself.
-  const Verdict disturbed = verdict([](double t) { return five_hertz(t); }, still);
+  Yardsticks yardsticks;
+  yardsticks.disturbed = [](double from_s, double to_s) { return from_s < 2 && to_s > 1; };
+  const Verdict disturbed = judge(run({five_hertz}, still), yardsticks);
   EXPECT_EQ(disturbed.word(), "lags");
   EXPECT_THAT(text(disturbed, rotary), HasSubstr(" 100 % of its scale; a disturbance makes it"));
+  // Without a disturbance only the loop itself can make a swing at rest.
+  EXPECT_EQ(verdict(five_hertz, still).word(), "oscillates");
   EXPECT_EQ(verdict(decay(0.5, 0.7), still).word(), "lags");
 }
 
