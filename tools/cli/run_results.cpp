@@ -294,8 +294,7 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   if (recorded) summary.verdict = recorded->verdict;
   if (end.facts.fault && (end.code >= ExitCode::peer_lost ||  // perhaps stopped in the last ticks
                           summary.ticks() < run.scenario.loop.num_ticks)) {
-    summary.verdict.outcome =
-        end.code == ExitCode::interrupted ? study::Outcome::interrupted : study::Outcome::stopped;
+    summary.verdict.outcome = study::Outcome::stopped;
     summary.verdict.reason = *end.facts.fault;
   }
   const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);

@@ -171,7 +171,7 @@ struct Sweep {
     plan.num_joints = scenario.num_joints;
     plan.drawn = random;
     plan.seed = seed;
-    for (const std::string& text : vary) plan.axes.push_back(study::parse_axis(text, random > 0));
+    for (const std::string& text : vary) plan.add(study::parse_axis(text, random > 0));
     require_place(plan);
     for (const std::string& law : laws_of(scenario, laws)) add_law(scenario, law, plan);
     if (plan.laws.empty() && margin) {
