@@ -98,7 +98,7 @@ std::string friction_text(const scenario::Scenario& scenario) {
   return text;
 }
 
-/// A real robot goes without commands for no longer than its loop is proved to bear, and than any.
+/// Lowers loop.max_missed of a real robot to what its loop was found to bear.
 void bound_missed(PlannedRun& run) {
   const auto& missed = run.predicted.missed;
   if (!missed || missed->commands >= run.scenario.loop.max_missed) return;
@@ -106,9 +106,13 @@ void bound_missed(PlannedRun& run) {
   const std::string announced = run.scenario.controller.announced;  // in no file
   run.scenario = scenario::load_scenario(run.options.scenario, run.options.all_overrides());
   run.scenario.controller.announced = announced;
-  run.remarks.push_back({false, fmt::format("loop.max_missed is {}, as many commands in a row as "
-                                            "the loop is proved to bear",
-                                            missed->commands)});
+  run.remarks.push_back(
+      {false, missed->commands == 0
+                  ? std::string("loop.max_missed is 0: the loop was not found to bear a single "
+                                "missed command")
+                  : fmt::format("loop.max_missed is {}, as many commands in a row as the loop was "
+                                "found to bear (searched, not proved)",
+                                missed->commands)});
 }
 
 void judge(PlannedRun& run) {

@@ -48,8 +48,14 @@ std::string read_back(const PlannedRun& run, bool done, report::RunFacts& facts,
   const scenario::LoopSpec& loop = run.scenario.loop;
   const bool realtime = loop.mode == scenario::Mode::realtime;
   try {
-    recorded = report::read_recorded_run(facts.log_path, facts.run_id, lyapunov::certified_run,
-                                         done && realtime);
+    recorded = report::read_recorded_run(
+        facts.log_path, facts.run_id,
+        [&](const scenario::Scenario& scenario) {
+          return certify::no_region(run.predicted).empty()
+                     ? lyapunov::certified_run(scenario)
+                     : std::optional<lyapunov::CertifiedRun>();
+        },
+        done && realtime);
   } catch (const base::Failure& failure) {
     return failure.what();
   }
@@ -107,7 +113,10 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   if (const auto certified = start_of(recorded)) {
     outcome["start"] = certify::to_json(*certified);
     const auto& found = recorded->certified;
-    start = start_text(*certified, found ? found->provisos : std::vector<std::string>());
+    const std::string none = certify::no_region(run.predicted);
+    start = !none.empty()
+                ? "no region is certified: " + none
+                : start_text(*certified, found ? found->provisos : std::vector<std::string>());
     start = "  this start: " + start + "\n";
   }
   const std::string json = base::json_text(outcome, 2) + "\n";

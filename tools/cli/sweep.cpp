@@ -16,6 +16,7 @@
 #include "base/file_text.h"
 #include "base/json_text.h"
 #include "base/text.h"
+#include "certify/prediction.h"
 #include "lyapunov/stability_certificate.h"
 #include "report/sweep_page.h"
 
@@ -76,8 +77,10 @@ report::Outlines certified_starts(const study::SweepPlan& plan) {
   report::Outlines outlines;
   for (std::int64_t first = 0; first < plan.num_cases(); first += plan.cases_per_law()) {
     auto& outline = outlines.emplace_back();
-    for (const Eigen::Vector2d& at : lyapunov::certified_outline(
-             plan.scenario(plan.at(first)), *plan.axes[0].entry, *plan.axes[1].entry)) {
+    const scenario::Scenario scenario = plan.scenario(plan.at(first));
+    if (!certify::no_region(certify::analyse(scenario, linear::Effort::quick)).empty()) continue;
+    for (const Eigen::Vector2d& at :
+         lyapunov::certified_outline(scenario, *plan.axes[0].entry, *plan.axes[1].entry)) {
       outline.push_back({at[0], at[1]});
     }
   }

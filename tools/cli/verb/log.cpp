@@ -16,12 +16,12 @@
 #include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
+#include "certify/certify.h"
 #include "cli/run.h"
 #include "cli/verb.h"
 #include "logger/export.h"
 #include "logger/info.h"
 #include "logger/log_file.h"
-#include "lyapunov/stability_certificate.h"
 #include "replay/replay.h"
 #include "report/report.h"
 #include "robot/model.h"
@@ -112,7 +112,7 @@ struct Report {
     const fs::path page = page_path();
     std::vector<report::RecordedRun> runs;
     for (const fs::path& log : logs) {
-      runs.push_back(report::read_recorded_run(log, run_id, lyapunov::certified_run));
+      runs.push_back(report::read_recorded_run(log, run_id, certify::certified_run));
     }
     label(runs);
     report::write_report(runs, page);
