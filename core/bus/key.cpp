@@ -120,6 +120,13 @@ std::optional<Key> read_key_file(const std::filesystem::path& path) {
   return key;
 }
 
+std::int64_t random_number() {
+  require_sodium();
+  std::uint64_t number = 0;
+  randombytes_buf(&number, sizeof number);
+  return static_cast<std::int64_t>(number >> 1 | 1);
+}
+
 Digest::Digest(std::size_t size, const Key* key) : size_(size) {
   static_assert(sizeof(state_) == sizeof(crypto_generichash_state));
   if (key == nullptr) require_sodium();  // Key's constructor already called it

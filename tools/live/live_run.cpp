@@ -19,6 +19,8 @@
 namespace tachless::live {
 namespace {
 
+constexpr std::size_t most_events = 16;  // of a stretch
+
 /// A curve of each joint.
 using Curves = std::vector<study::Envelope>;
 
@@ -85,6 +87,14 @@ struct LiveRun::Run {
       joints[i].add(seconds(stamp), values[static_cast<Eigen::Index>(i)]);
     }
   }
+  /// Keeps the first events of a stretch and counts the others.
+  void note_event(std::string event) {
+    if (events.size() < most_events) {
+      events.push_back(std::move(event));
+    } else {
+      ++further_events;
+    }
+  }
   void note_positions(const messages::Stamp& stamp, const Vector& q, const Vector& theta) {
     note("q", stamp, q);
     note("theta", stamp, theta);
@@ -105,8 +115,8 @@ struct LiveRun::Run {
     note("q_ref", stamp, reference.q_ref);
     if (reference.gains == gains) return;
     gains = reference.gains;
-    events.push_back(fmt::format("gains from {:.4g} s: {}", seconds(stamp),
-                                 gains.empty() ? "the scenario's" : gains));
+    note_event(fmt::format("gains from {:.4g} s: {}", seconds(stamp),
+                           gains.empty() ? "the scenario's" : gains));
   }
   void on(const messages::Stamp& stamp, const messages::AnyMeasurement& any, std::int64_t /*ns*/) {
     if (truth) return;
@@ -133,7 +143,7 @@ struct LiveRun::Run {
     }
     if (is.fault == DriveFault::command_missed) ++missed;
     if (is.fault == DriveFault::protective_stop && fault != is.fault) {
-      events.push_back(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
+      note_event(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
     }
     fault = is.fault;
   }
@@ -144,7 +154,7 @@ struct LiveRun::Run {
     if (participant.state != messages::ParticipantState::fault || !known.empty()) return;
     known = fmt::format("{} at tick {}: {}", name(participant.role), stamp.tick,
                         base::printable(participant.fault));
-    events.push_back(known);
+    note_event(known);
   }
 
   /// Reads a message of that port's type, with the tag of a key or without.
@@ -195,7 +205,8 @@ struct LiveRun::Run {
   std::array<bool, max_joints> saturated{};
   std::array<std::string, messages::num_roles> faults;  ///< by role, as events
   std::string gains;                                    ///< of the newest reference
-  std::vector<std::string> events;
+  std::vector<std::string> events;                      ///< since the last stretch
+  std::int64_t further_events = 0;                      ///< since then, not kept
 };
 
 LiveRun::LiveRun() = default;
@@ -231,6 +242,9 @@ void LiveRun::take(const bus::Datagram& datagram) {
 std::string LiveRun::stretch() {
   if (!run_ || (run_->curves.empty() && run_->events.empty())) return {};
   Run& run = *run_;
+  if (const auto further = std::exchange(run.further_events, 0); further > 0) {
+    run.events.push_back(fmt::format("and {} more", further));
+  }
   std::string curves;
   for (const auto& [name, joints] : run.curves) {
     curves += fmt::format("{}{}:{}", curves.empty() ? "" : ",",

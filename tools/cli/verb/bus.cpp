@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "base/child.h"
@@ -148,10 +149,10 @@ struct Watch {
   [[nodiscard]] ExitCode run() const {
     const std::atomic<bool>& interrupted = base::catch_interruptions();
     const bus::LcmUrl url = session::parse_lcm_url(lcm_url);
+    if (web) return serve(url, interrupted);
     const auto transport = join(url);
     base::set_low_priority();
     transport->subscribe_all();
-    if (web) return serve(*transport, url, interrupted);
     live::BusMonitor monitor;
     const auto json_text = [&](int indent) {
       Json result = {{"lcm_url", url.text()}};
@@ -193,13 +194,20 @@ struct Watch {
     }
   }
 
-  /// The runs of all robots on the bus as pages.
-  [[nodiscard]] ExitCode serve(bus::UdpTransport& transport, const bus::LcmUrl& url,
-                               const std::atomic<bool>& interrupted) const {
-    live::LiveServer server(port);
-    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", server.url(), url.text())
+  /// Serves the runs of all robots on the bus as pages.
+  /// @throw base::Failure(check_said_no) if the process that serves them has ended
+  [[nodiscard]] ExitCode serve(const bus::LcmUrl& url, const std::atomic<bool>& interrupted) const {
+    constexpr std::chrono::milliseconds turn{50};
+    live::LiveView view(url, {}, port);
+    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", view.url(), url.text())
               << std::flush;
-    live::show_live(transport, server, end_after(Clock::now()), interrupted);
+    for (const auto end = end_after(Clock::now()); !interrupted && Clock::now() < end;) {
+      if (!view.running()) {
+        throw base::Failure(ExitCode::check_said_no,
+                            "the live page has ended; start `tachless watch --web` again");
+      }
+      std::this_thread::sleep_until(std::min(end, Clock::now() + turn));
+    }
     return ExitCode::done;
   }
 
