@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -58,32 +57,25 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
   std::error_code error;
   const fs::file_status status = fs::status(path_, error);
   if (fs::is_directory(status)) refuse("it is a directory");
-  name_ = path_;
-  if (fs::exists(status) && !fs::is_regular_file(status)) return;
-  const fs::path directory = path_.has_parent_path() ? path_.parent_path() : fs::path(".");
-  file_ = FileDescriptor(::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666));
-  if (file_.get() < 0) create_partial();
-  // Not by its name in the directory, which may come to mean another file.
-  name_ = fmt::format("/proc/self/fd/{}", file_.get());
-}
-
-void UnfinishedFile::create_partial() {
-  std::string unique = path_.string() + ".XXXXXX.partial";
-  file_ = FileDescriptor(mkostemps(unique.data(), std::strlen(".partial"), O_CLOEXEC));
-  if (file_.get() < 0) refuse(std::strerror(errno));
-  partial_ = unique;
-  const mode_t mask = umask(0);  // mkostemps gives the owner alone rights
-  umask(mask);
-  fchmod(file_.get(), 0666 & ~mask);
+  direct_ = fs::exists(status) && !fs::is_regular_file(status);
+  if (direct_) return;
+  partial_ = path_.string() + ".partial";
+  // Created here and by this process alone: what has the name already, a link to another file
+  // perhaps, is removed and not written through.
+  ::unlink(partial_.c_str());
+  const int created = ::open(partial_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  if (created < 0) refuse(std::strerror(errno));
+  ::close(created);
 }
 
 UnfinishedFile::~UnfinishedFile() {
-  if (!partial_.empty()) ::unlink(partial_.c_str());
+  std::error_code ignored;
+  if (!direct_) fs::remove(partial_, ignored);
 }
 
 void UnfinishedFile::write(std::string_view content) {
   errno = 0;
-  std::ofstream file(name_, std::ios::binary);
+  std::ofstream file(name(), std::ios::binary);
   file.write(content.data(), static_cast<std::streamsize>(content.size()));
   file.close();
   if (!file) refuse(std::strerror(errno));
@@ -91,19 +83,10 @@ void UnfinishedFile::write(std::string_view content) {
 }
 
 void UnfinishedFile::finish() {
-  if (file_.get() < 0) return;
-  for (int number = 0; partial_.empty(); ++number) {
-    const fs::path unique = fmt::format("{}.{}-{}.partial", path_.string(), getpid(), number);
-    if (linkat(AT_FDCWD, name_.c_str(), AT_FDCWD, unique.c_str(), AT_SYMLINK_FOLLOW) == 0) {
-      partial_ = unique;
-    } else if (errno != EEXIST) {
-      refuse(std::strerror(errno));
-    }
-  }
+  if (direct_) return;
   std::error_code error;
   fs::rename(partial_, path_, error);
   if (error) refuse(error.message());
-  partial_.clear();
 }
 
 void UnfinishedFile::refuse(std::string_view cause) const {

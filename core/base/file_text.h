@@ -6,8 +6,6 @@
 #include <string>
 #include <string_view>
 
-#include "base/file_descriptor.h"
-
 /// Files as a whole: what is in one, and one that is there when it is whole; a temporary directory.
 /// Knows no format.
 namespace tachless::base {
@@ -23,9 +21,9 @@ std::optional<std::string> file_text(const std::filesystem::path& path);
 /// @throw Failure(bad_usage) with the file's name and why it cannot be read
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
 
-/// A file that appears when it is complete. Until then, and if it never is, the earlier file stays.
-/// The content has no name before, where the file system allows that: a signal leaves nothing
-/// behind, and no link of somebody else is followed. A pipe or a terminal is written to directly.
+/// A file that is written under another name (X.partial) and renamed when it is complete: until
+/// then, and if it never is, the earlier file stays. The other name is created exclusively: no link
+/// that somebody has put there is followed. A pipe or a terminal is written to directly.
 class UnfinishedFile {
  public:
   /// @param remedy what to do when it cannot be written: "name another file with -o"
@@ -35,8 +33,8 @@ class UnfinishedFile {
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
   ~UnfinishedFile();
 
-  /// The name to write to, in this process alone.
-  [[nodiscard]] const std::filesystem::path& name() const { return name_; }
+  /// The name to write to.
+  [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : partial_; }
 
   /// Writes all of the content, and finishes. @throw as `finish`
   void write(std::string_view content);
@@ -49,13 +47,10 @@ class UnfinishedFile {
   [[noreturn]] void refuse(std::string_view cause) const;
 
  private:
-  void create_partial();
-
   std::filesystem::path path_;
-  std::filesystem::path name_;
-  std::filesystem::path partial_;  ///< name in the directory; empty: none yet
+  std::filesystem::path partial_;
   std::string remedy_;
-  FileDescriptor file_;  ///< -1: written to directly
+  bool direct_ = false;
 };
 
 /// A new empty directory, removed with the object.

@@ -17,10 +17,6 @@ const std::atomic<bool>& catch_interruptions();
 /// the usual one comes first, and does not take everything. Failure is harmless, and not reported.
 void set_low_priority();
 
-/// From now on signals that could be delivered to any thread are not delivered to this one, nor to
-/// those that it starts.
-void leave_signals_to_others();
-
 /// The CPUs that this process may use, in ascending order; never empty.
 std::vector<int> allowed_cpus();
 

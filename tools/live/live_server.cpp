@@ -122,8 +122,9 @@ std::string refusal(std::string_view status) {
 
 }  // namespace
 
-LiveServer::LiveServer(int port)
-    : listening_(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
+LiveServer::LiveServer(int port, std::chrono::milliseconds longest_asking)
+    : longest_asking_(longest_asking),
+      listening_(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
   const int on = 1;
   sockaddr_in own{};
   own.sin_family = AF_INET;
@@ -205,7 +206,9 @@ void LiveServer::accept_connections(Clock::time_point now) {
     // A browser that does not read holds this much memory of the kernel.
     const int buffer = 65536;
     setsockopt(socket.get(), SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer);
-    connections_.push_back({std::move(socket), now + longest_asking, {}, {}, 0, {}});
+    Connection& connection = connections_.emplace_back();
+    connection.socket = std::move(socket);
+    connection.deadline = now + longest_asking_;
   }
 }
 

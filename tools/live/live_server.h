@@ -27,14 +27,14 @@ class LiveServer {
   static constexpr std::size_t most_streams = 16;
   static constexpr std::size_t most_connections = most_streams + 8;
   static constexpr std::size_t longest_request = 8192;  ///< bytes of the request line and headers
-  static constexpr std::chrono::seconds longest_asking{1};      ///< until the request is whole
   static constexpr std::chrono::seconds longest_answering{10};  ///< until the answer is taken
   static constexpr std::size_t kept_stretches = 2400;           ///< a minute of 40 a second
   static constexpr std::size_t kept_bytes = 48'000'000;         ///< of the stretches of all robots
 
   /// Listens on `port`; 0 takes any free port.
+  /// @param longest_asking until a request must be whole
   /// @throw base::Failure(bad_usage) if the port is not available
-  explicit LiveServer(int port);
+  explicit LiveServer(int port, std::chrono::milliseconds longest_asking = std::chrono::seconds(1));
 
   [[nodiscard]] std::string url() const;
   /// Returns the listening socket.
@@ -78,6 +78,7 @@ class LiveServer {
   [[nodiscard]] bool load_stretch(Connection& connection);
   [[nodiscard]] Text page(const std::string& robot) const;
 
+  std::chrono::milliseconds longest_asking_;
   std::map<std::string, Robot> robots_;
   std::size_t bytes_ = 0;  ///< of all stretches
   base::FileDescriptor listening_;

@@ -109,7 +109,6 @@ void confine(pid_t parent, const LiveServer& server) {
   std::signal(SIGPIPE, SIG_IGN);
   close_others(server.descriptor());
   limit(RLIMIT_CORE, 0);
-  limit(RLIMIT_FSIZE, 0);
   limit(RLIMIT_NOFILE, most_descriptors);
 #ifndef __SANITIZE_ADDRESS__  // its own memory counts
   limit(RLIMIT_DATA, writable_memory() + most_new_memory);

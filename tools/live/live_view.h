@@ -13,7 +13,7 @@ namespace tachless::live {
 using RobotVisuals = std::map<std::string, report::Visuals>;
 
 /// The live pages of all robots on a bus, served by a child process of the least priority. The
-/// child has limits on memory, files and processes, so a browser or a flood cannot harm this
+/// child has limits on memory and files, so a browser or a flood cannot harm this
 /// process. It dies with this process.
 class LiveView {
  public:

@@ -111,12 +111,21 @@ TEST_F(TheLiveServer, GivesThePageBesideAsManyStreamsAsThereMayBe) {
 }
 
 TEST_F(TheLiveServer, RefusesMoreConnectionsThanItKeeps) {
+  LiveServer patient(0, std::chrono::hours(1));
   std::deque<Caller> slow;
-  for (std::size_t i = 0; i < LiveServer::most_connections; ++i)
-    slow.emplace_back(server).send("G");
-  Caller further(server);
+  for (std::size_t i = 0; i < LiveServer::most_connections; ++i) {
+    slow.emplace_back(patient).send("G");
+  }
+  Caller further(patient);
   EXPECT_THAT(further.received(), StartsWith("HTTP/1.1 503 "));
   EXPECT_TRUE(further.closed());
+}
+
+TEST_F(TheLiveServer, EndsAConnectionWhoseRequestIsNotWholeInTime) {
+  LiveServer impatient(0, std::chrono::milliseconds(0));
+  Caller slow(impatient);
+  slow.send("GET / HTTP/1.1\r\n");
+  EXPECT_TRUE(slow.closed());
 }
 
 TEST_F(TheLiveServer, GivesNoRanges) {
