@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <optional>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -11,6 +11,7 @@
 #include "base/json_text.h"
 #include "base/text.h"
 #include "bus/authenticated.h"
+#include "live/arrivals.h"
 #include "messages/measurements.h"
 #include "messages/truth/tick_record.h"
 #include "messages/truth/truth_wire.h"
@@ -37,31 +38,25 @@ std::string extremes(const Curves& joints) {
   return "[" + text + "]";
 }
 
-/// How regularly the ticks come, over about a second.
+/// Rate and jitter of the ticks in the newest second.
 class Regularity {
  public:
   void add(std::int64_t received_ns) {
-    if (count_ > 0 && received_ns >= last_ns_) {
-      const auto interval = static_cast<double>(received_ns - last_ns_);
-      sum_ += interval;
-      squares_ += interval * interval;
-      if (sum_ > 1e9) {
-        const double mean = sum_ / count_;
-        rate_hz = 1e9 / mean;
-        jitter_us = 1e-3 * std::sqrt(std::max(0.0, squares_ / count_ - mean * mean));
-        sum_ = squares_ = 0;
-        count_ = 0;
+    if (last_ns_ && received_ns >= *last_ns_) {
+      arrivals_.add(received_ns - *last_ns_);
+      if (arrivals_.total_ns() > 1e9) {
+        rate_hz = arrivals_.rate_hz().value_or(0);
+        jitter_us = arrivals_.jitter_us().value_or(0);
+        arrivals_ = {};
       }
     }
-    ++count_;
     last_ns_ = received_ns;
   }
   double rate_hz = 0, jitter_us = 0;
 
  private:
-  std::int64_t last_ns_ = 0;
-  double sum_ = 0, squares_ = 0;
-  double count_ = 0;
+  std::optional<std::int64_t> last_ns_;
+  Arrivals arrivals_;
 };
 
 }  // namespace

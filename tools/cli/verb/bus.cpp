@@ -44,7 +44,8 @@ using base::Clock;
 using base::ExitCode;
 using Json = nlohmann::ordered_json;
 
-/// @param summary of a run in realtime  @param loop what is predicted of it
+/// Compares the missed commands of a realtime run with those that the loop tolerates.
+/// @param summary of the run  @param loop prediction for it
 Finding judge_timing(const Json& summary, const certify::Prediction& loop,
                      const std::string& scenario) {
   const auto missed = summary.at("missed_commands").get<std::int64_t>();
@@ -54,11 +55,11 @@ Finding judge_timing(const Json& summary, const certify::Prediction& loop,
       "measurement",
       missed, summary.at("ticks").get<std::int64_t>(), row,
       summary.at("command_age_us").at("max").get<double>());
-  if (!loop.missed) return {"timing", seen + "; what the loop bears is not known"};
+  if (!loop.missed) return {"timing", seen + "; how many the loop tolerates is not known"};
   const std::string what = fmt::format("{}; {}", seen, certify::missed_text(*loop.missed));
   if (row <= loop.missed->commands) return {"timing", what};
   return {"timing", what,
-          fmt::format("tachless certify {} --full; softer gains bear more, real-time rights "
+          fmt::format("tachless certify {} --full; softer gains tolerate more, real-time rights "
                       "(docs/realtime.md) miss less",
                       scenario)};
 }
@@ -74,7 +75,7 @@ struct Doctor {
     CLI::Option* const given = session::with_installed_scenarios(command.add_option(
         "--scenario", scenario,
         "Run this scenario in realtime, in a private network, and compare the commands it misses "
-        "with those that its loop bears"));
+        "with those that its loop tolerates"));
     command.add_option("--seconds", seconds, "Length of that run")
         ->check(CLI::Range(1.0, 3600.0))
         ->capture_default_str()
@@ -100,7 +101,7 @@ struct Doctor {
   }
 
  private:
-  /// The four programs of the scenario on this machine against what its loop bears.
+  /// Runs the four programs of the scenario on this machine and judges their timing.
   [[nodiscard]] Finding timing() const {
     const certify::Prediction loop =
         certify::analyse(scenario::load_scenario(scenario, {}), linear::Effort::full);
@@ -243,7 +244,7 @@ struct Spy {
  private:
   [[noreturn]] static void refuse(const std::string& why) { throw base::bad_usage("spy: {}", why); }
 
-  /// The java of the search path that can open windows.
+  /// Returns the java of the search path, if it can open windows.
   static fs::path find_java() {
     const std::optional<fs::path> java = base::find_program("java");
     if (!java) refuse("there is no java; as root, type: apt-get install default-jre");

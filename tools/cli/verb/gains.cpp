@@ -32,10 +32,11 @@ using base::Failure;
 constexpr auto longest_wait = 5s;  // RUN_INFO comes once a second, and a machine may be busy
 constexpr auto send_again = 20ms;
 
-/// A robot's run as it goes on: what is needed to change its gains. Takes no part in it.
+/// A robot's run under way, as an observer of the bus sees it. It knows what a change of gains
+/// needs.
 class RunningRobot {
  public:
-  /// @param robot its name, in any case
+  /// @param robot name of the robot, in any case
   RunningRobot(const std::string& robot, const bus::LcmUrl& url, const std::optional<bus::Key>& key)
       : transport_(url),
         bus_(transport_, key),
@@ -52,7 +53,8 @@ class RunningRobot {
     }
   }
 
-  /// @throw base::Failure(peer_lost) when there is none
+  /// Waits until the run is known.
+  /// @throw base::Failure(peer_lost) if no run is heard
   void find() {
     const auto until = Clock::now() + longest_wait;
     while (newest_ < 0 && Clock::now() < until) receive(until);
@@ -91,7 +93,7 @@ class RunningRobot {
   }
 
  private:
-  /// Takes one message, if one comes.
+  /// Handles one message, if one comes before `until`.
   void receive(Clock::time_point until) {
     const auto datagram = bus_.receive(until);
     if (!datagram) return;
@@ -209,7 +211,7 @@ struct GainsVerb {
   }
 
  private:
-  /// The scenario of the run with the gains that are to be.
+  /// Returns the run's scenario with the new gains.
   [[nodiscard]] scenario::Scenario changed_scenario(const scenario::Scenario& recorded,
                                                     const std::string& in_force) const try {
     if (!recorded.controller.gains_may_change) {
