@@ -75,7 +75,7 @@ class LiveServer {
   [[nodiscard]] bool read_request(Connection& connection);
   void answer(Connection& connection);
   [[nodiscard]] bool write_answer(Connection& connection, base::Clock::time_point now);
-  [[nodiscard]] bool load_stretch(Connection& connection);
+  bool load_stretch(Connection& connection);
   [[nodiscard]] Text page(const std::string& robot) const;
 
   std::chrono::milliseconds longest_asking_;
