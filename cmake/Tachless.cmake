@@ -100,6 +100,8 @@ function(tachless_program name)
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS})
   tachless_compile_fast(${name} ${TACHLESS_HEADERS})
+  # All addresses are resolved at the start, then the table of them cannot be written.
+  target_link_options(${name} PRIVATE -Wl,-z,relro,-z,now)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 endfunction()
 

@@ -28,11 +28,13 @@ class Node {
         period_s_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1),
         num_joints_(scenario.num_joints),
+        scenario_digest_(scenario.digest),
         trajectory_(make_trajectory(scenario)),
         tick_port_(messages::port<messages::Tick>(scenario.robot.channel_prefix,
                                                   messages::layout(scenario.num_joints, false))),
         reference_port_(messages::port<messages::ReferencePoint>(
             scenario.robot.channel_prefix, messages::layout(scenario.num_joints, false))),
+        gains_ack_port_(messages::port<messages::GainAck>(scenario.robot.channel_prefix, {})),
         responder_(scenario.loop.num_ticks, reference_port_.codec.longest(),
                    scenario.loop.mode == scenario::Mode::realtime) {
     if (scenario.loop.mode == scenario::Mode::realtime) pace_.emplace(period_s_);
@@ -80,13 +82,16 @@ class Node {
     link_.statistics().ticks = responder_.newest() + 1;
   }
 
-  /// A change of the law's gains: counts when its sender has seen the last one. Recorded ones have
-  /// not.
+  /// Accepts a change of the law's gains and acknowledges it. Its sender must have analysed this
+  /// scenario and seen the last change, which no recording has. A repeated change is acknowledged
+  /// again.
   void on_gains(const bus::Datagram& datagram) {
     messages::Stamp stamp;
     messages::GainChange change;
     if (!link_.accept(gains_codec_, datagram, stamp, change)) return;
-    if (!scenario::read_gains(change.gains, num_joints_)) {
+    if (change.number == acknowledged_ && change.number != 0) return acknowledge();
+    if (change.scenario_digest != scenario_digest_ || change.number == 0 ||
+        !scenario::read_gains(change.gains, num_joints_)) {
       link_.accept(messages::Rejection::bad_value, stamp);
       return;
     }
@@ -95,7 +100,15 @@ class Node {
     if (newest < 0 || stamp.tick > newest) return link_.count(Verdict::not_asked);
     gains_ = std::move(change.gains);
     changed_at_ = newest + 1;
+    acknowledged_ = change.number;
     base::log_info("the law's gains from tick {} on: {}", changed_at_, gains_);
+    acknowledge();
+  }
+
+  void acknowledge() {
+    link_.transport().publish(
+        gains_ack_port_.channel,
+        gains_ack_port_.codec.encode({0, link_.run(), changed_at_}, {acknowledged_}));
   }
 
   void publish(std::span<const std::byte> reference) {
@@ -126,12 +139,15 @@ class Node {
   double period_s_;
   std::int64_t last_tick_;
   int num_joints_;
+  std::int64_t scenario_digest_;
   Trajectory trajectory_;
   messages::Port<messages::Tick> tick_port_;
   messages::Port<messages::ReferencePoint> reference_port_;
   messages::Codec<messages::GainChange> gains_codec_{messages::Layout{}};
-  std::string gains_;             ///< changed in this run; empty: the scenario's
-  std::int64_t changed_at_ = -1;  ///< the tick of the first reference with them
+  messages::Port<messages::GainAck> gains_ack_port_;
+  std::int64_t acknowledged_ = 0;  ///< number of the last change; 0: none
+  std::string gains_;              ///< changed in this run; empty: the scenario's
+  std::int64_t changed_at_ = -1;   ///< the tick of the first reference with them
   session::ReferenceResponder responder_;
   std::optional<session::Pace> pace_;  ///< in realtime
 };

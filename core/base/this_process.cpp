@@ -87,12 +87,6 @@ void set_low_priority() {
   [[maybe_unused]] const int refused = setpriority(PRIO_PROCESS, 0, 10);  // of this thread alone
 }
 
-void leave_signals_to_others() {
-  sigset_t all;
-  sigfillset(&all);
-  pthread_sigmask(SIG_BLOCK, &all, nullptr);
-}
-
 std::vector<int> allowed_cpus() {
   cpu_set_t set;
   CPU_ZERO(&set);

@@ -17,11 +17,7 @@ const std::atomic<bool>& catch_interruptions();
 /// is ignored.
 void set_low_priority();
 
-/// Blocks signals that could be delivered to any thread, in this thread and in those that it starts
-/// later.
-void leave_signals_to_others();
-
-/// Returns the CPUs that this process may use, in ascending order; never empty.
+/// The CPUs that this process may use, in ascending order; never empty.
 std::vector<int> allowed_cpus();
 
 /// Restricts this thread to these CPUs. Changes nothing if there are none.

@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
@@ -18,6 +19,7 @@
 #include <system_error>
 
 #include "base/file_descriptor.h"
+#include "bus/key.h"
 #include "bus/udp_transport.h"
 
 namespace tachless::bus {
@@ -90,10 +92,15 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
   UdpTransport receiver(here);
   const std::string channel = fmt::format("TACHLESS_NETWORK_CHECK_{}", ::getpid());
   receiver.subscribe(channel);
-  const auto payload = std::as_bytes(std::span(channel));
+  // Another program may send on this channel, too: only the random number counts.
+  const std::string probe = fmt::format("{} {}", channel, random_number());
+  const auto payload = std::as_bytes(std::span(probe));
   for (int i = 0; i < attempts; ++i) {
     sender.publish(channel, payload);
-    if (receiver.receive(base::Clock::now() + patience)) return std::nullopt;
+    const auto until = base::Clock::now() + patience;
+    while (const auto datagram = receiver.receive(until)) {
+      if (std::ranges::equal(datagram->payload, payload)) return std::nullopt;
+    }
   }
   const bool refused = sender.statistics().unsent > 0;
   return NetworkProblem{

@@ -11,6 +11,7 @@
 
 #include "base/child.h"
 #include "base/failure.h"
+#include "base/file_descriptor.h"
 #include "base/file_text.h"
 #include "base/text.h"
 
@@ -34,7 +35,7 @@ std::string run_xacro(const fs::path& file, const Arguments& arguments,
     }
     command.push_back(name + ":=" + value);
   }
-  base::Child child = base::start(command);
+  base::Child child = base::start(command, base::blocked_signals(), {}, urdf.get());
   const rlimit most{base::max_text_bytes + 1, base::max_text_bytes + 1};
   prlimit(child.pid, RLIMIT_FSIZE, &most, nullptr);
   constexpr std::size_t most_words = 400;

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <exception>
-#include <random>
 #include <vector>
 
 #include "base/clock.h"
 #include "base/logging.h"
 #include "base/text.h"
+#include "session/options.h"
 
 namespace tachless::session {
 namespace {
@@ -36,12 +36,6 @@ constexpr auto longest_sync = 60s;
 constexpr int last_announcements = 5;
 constexpr auto last_announcements_period = 5ms;
 
-std::int64_t random_instance() {
-  std::random_device device;
-  const std::uint64_t high = device();
-  return static_cast<std::int64_t>((high << 32 | device()) >> 1) | 1;
-}
-
 std::string host_name() {
   std::array<char, 256> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
@@ -50,13 +44,16 @@ std::string host_name() {
 Membership::Self self_of(const scenario::Scenario& scenario, const Link::Config& config) {
   Membership::Self self;
   self.who.role = config.role;
-  self.who.instance = config.instance != 0 ? config.instance : random_instance();
+  self.who.instance = config.instance != 0 ? config.instance : bus::random_number();
   self.who.scenario_digest = scenario.digest;
   self.who.pid = static_cast<std::int32_t>(getpid());
-  self.who.host = host_name();
-  self.who.scenario = scenario.name.substr(0, messages::max_participant_text);
-  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
-  if (config.role == Role::plant) self.run = config.run_id.value_or(since_1970 / 1us);
+  // A name may have characters that no message may have.
+  const auto text = [](const std::string& name) {
+    return base::printable(name).substr(0, messages::max_participant_text);
+  };
+  self.who.host = text(host_name());
+  self.who.scenario = text(scenario.name);
+  if (config.role == Role::plant) self.run = config.run_id.value_or(run_id_by_clock());
   if (config.wait_s > 0) self.wait_limit = base::nanoseconds_of(config.wait_s);
   self.give_up = base::nanoseconds_of(scenario.loop.give_up_s);
   self.counters_required = config.key.has_value();

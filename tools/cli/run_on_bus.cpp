@@ -277,7 +277,14 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
         "--watch: the run is in a private network, which a browser does not reach; run it without "
         "--isolate, and check the bus with tachless doctor");
   }
-  // The key comes after the isolation: a process with private memory cannot isolate itself.
+  // The page's process copies the memory of this one, so it starts before the key is read.
+  std::optional<live::LiveView> view;
+  if (common.watch) {
+    live::RobotVisuals visuals;
+    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
+    view.emplace(session::parse_lcm_url(common.lcm_url), visuals);
+  }
+  // Last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
   base::survive_broken_pipes();
   Screen screen(common.quiet);
@@ -294,12 +301,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
-  std::optional<live::LiveView> view;
-  if (common.watch) {
-    live::RobotVisuals visuals;
-    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
-    view.emplace(session::parse_lcm_url(common.lcm_url), std::move(visuals));
-  }
+  if (view) view->show();
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();

@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 #include <sys/resource.h>
 
-#include <chrono>
 #include <cstdlib>
 #include <memory>
 #include <stdexcept>
@@ -228,11 +227,7 @@ Progress PlannedRun::progress() const {
 
 std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path>& scenarios) {
   require_open_files(scenarios.size());
-  if (options.run_id == 0) {
-    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
-                         std::chrono::system_clock::now().time_since_epoch())
-                         .count();
-  }
+  if (options.run_id == 0) options.run_id = session::run_id_by_clock();
   std::vector<PlannedRun> runs;
   for (const fs::path& path : scenarios) {
     options.scenario = path;

@@ -153,7 +153,8 @@ std::string submit_to_slurm(const study::Sweep& sweep, int tasks, const std::str
   return fmt::format(
       "job {}: {} tasks, {} runs; job {} merges them into {}/results.csv\n"
       "  tachless sweep {} --status\n",
-      array, tasks, sweep.plan().num_cases(), merge, directory, sweep.directory().string());
+      array, tasks, sweep.plan().num_cases(), merge, directory,
+      base::shell_word(sweep.directory().string()));
 }
 
 std::string slurm_status(const study::Sweep& sweep) {
@@ -168,7 +169,7 @@ std::string slurm_status(const study::Sweep& sweep) {
     for (const std::string& line :
          base::run({"squeue", "--noheader", "--jobs", job, "--format=task %K: %T on %N %r"})
              .lines) {
-      text += "  " + line + "\n";
+      text += "  " + base::printable(line) + "\n";
     }
   }
   return fmt::format("{}: {} of {} runs finished\n{}", sweep.directory().string(), finished,

@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "base/child.h"
@@ -105,7 +106,7 @@ struct Doctor {
   }
 
  private:
-  /// The four programs of the scenario on this machine against what its loop bears.
+  /// Runs the four programs of the scenario on this machine and judges their timing.
   [[nodiscard]] Finding timing() const {
     const certify::Prediction loop =
         certify::analyse(scenario::load_scenario(scenario, {}), linear::Effort::full);
@@ -154,10 +155,10 @@ struct Watch {
   [[nodiscard]] ExitCode run() const {
     const std::atomic<bool>& interrupted = base::catch_interruptions();
     const bus::LcmUrl url = session::parse_lcm_url(lcm_url);
+    if (web) return serve(url, interrupted);
     const auto transport = join(url);
     base::set_low_priority();
     transport->subscribe_all();
-    if (web) return serve(*transport, url, interrupted);
     live::BusMonitor monitor;
     const auto json_text = [&](int indent) {
       Json result = {{"lcm_url", url.text()}};
@@ -199,13 +200,20 @@ struct Watch {
     }
   }
 
-  /// The runs of all robots on the bus as pages.
-  [[nodiscard]] ExitCode serve(bus::UdpTransport& transport, const bus::LcmUrl& url,
-                               const std::atomic<bool>& interrupted) const {
-    live::LiveServer server(port);
-    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", server.url(), url.text())
+  /// Serves the runs of all robots on the bus as pages.
+  /// @throw base::Failure(check_said_no) if the process that serves them has ended
+  [[nodiscard]] ExitCode serve(const bus::LcmUrl& url, const std::atomic<bool>& interrupted) const {
+    constexpr std::chrono::milliseconds turn{50};
+    live::LiveView view(url, {}, port);
+    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", view.url(), url.text())
               << std::flush;
-    live::show_live(transport, server, end_after(Clock::now()), interrupted);
+    for (const auto end = end_after(Clock::now()); !interrupted && Clock::now() < end;) {
+      if (!view.running()) {
+        throw base::Failure(ExitCode::check_said_no,
+                            "the live page has ended; start `tachless watch --web` again");
+      }
+      std::this_thread::sleep_until(std::min(end, Clock::now() + turn));
+    }
     return ExitCode::done;
   }
 
@@ -241,7 +249,7 @@ struct Spy {
  private:
   [[noreturn]] static void refuse(const std::string& why) { throw base::bad_usage("spy: {}", why); }
 
-  /// The java of the search path that can open windows.
+  /// Returns the java of the search path, if it can open windows.
   static fs::path find_java() {
     const std::optional<fs::path> java = base::find_program("java");
     if (!java) refuse("there is no java; as root, type: apt-get install default-jre");

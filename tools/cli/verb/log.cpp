@@ -88,7 +88,8 @@ struct Export {
     logger::RunLog opened = logger::RunLog::open(log, run_id);
     const logger::ExportResult result = logger::export_run(opened, out, force);
     // Standard output has the table.
-    (out == "-" ? std::cerr : std::cout) << out.string() << ": " << result.text() << "\n";
+    (out == "-" ? std::cerr : std::cout)
+        << base::printable(out.string()) << ": " << result.text() << "\n";
     return ExitCode::done;
   }
 };
