@@ -1,10 +1,10 @@
 #include "plant/disturbances.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "base/elementary.h"
 #include "robot/kinematics.h"
 
 namespace tachless::plant {
@@ -55,10 +55,10 @@ void Disturbances::add(double time_s, const Vector& q, Vector& tau) const {
       case DisturbanceShape::constant:
         break;
       case DisturbanceShape::pulse:
-        value = std::sin(pi * since_s / (*spec.end_s - spec.start_s));
+        value = base::sin(pi * since_s / (*spec.end_s - spec.start_s));
         break;
       case DisturbanceShape::sinusoid:
-        value = std::sin(2 * pi * spec.frequency_hz * since_s + spec.phase_rad);
+        value = base::sin(2 * pi * spec.frequency_hz * since_s + spec.phase_rad);
         break;
     }
     if (source.joint >= 0) {

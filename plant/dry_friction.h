@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "robot/cholesky.h"
 
@@ -48,7 +49,7 @@ class DryFriction {
     const Index n = rhs.size();
     for (Index i = 0; i < coulomb_.size(); ++i) {
       const double x = v[i] / stribeck_[i];
-      rhs[i] -= direction_[i] * (coulomb_[i] + (held_[i] - coulomb_[i]) * std::exp(-x * x));
+      rhs[i] -= direction_[i] * (coulomb_[i] + (held_[i] - coulomb_[i]) * base::exp(-x * x));
     }
     const bool some = sticks();
     if (some) {

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <type_traits>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 
 namespace tachless::robot {
@@ -62,14 +62,12 @@ constexpr Jet2 chain(const Jet2& x, double f, double df, double ddf) {
 }
 
 inline void sin_cos(const Jet2& x, Jet2& s, Jet2& c) {
-  const double sv = std::sin(x.value), cv = std::cos(x.value);
+  double sv = 0, cv = 0;
+  base::sin_cos(x.value, sv, cv);
   s = chain(x, sv, cv, -sv);
   c = chain(x, cv, -sv, -cv);
 }
-inline void sin_cos(double x, double& s, double& c) {
-  s = std::sin(x);
-  c = std::cos(x);
-}
+using base::sin_cos;
 
 }  // namespace tachless::robot
 

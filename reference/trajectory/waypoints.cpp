@@ -80,7 +80,8 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
     for (const int order : {3, 4}) {
       // The difference "from the left minus from the right" must vanish.
       const double sign = (at_end ? 1 : -1) * (mirrored && order == 3 ? -1 : 1);
-      const double weight = sign / std::pow(ratio, order);
+      const double cubed = ratio * ratio * ratio;
+      const double weight = sign / (order == 3 ? cubed : cubed * ratio);
       const auto response = [&](double q0, double v0, double a0, double q1, double v1, double a1) {
         return weight * derivative(piece(i, num_pieces, q0, v0 * ratio, a0 * ratio * ratio, q1,
                                          v1 * ratio, a1 * ratio * ratio),
