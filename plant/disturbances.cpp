@@ -25,7 +25,7 @@ Disturbances::Disturbances(const std::vector<DisturbanceSpec>& specs, double per
 }
 
 double Disturbances::next_jump(double from_s, double until_s) const {
-  // Start and end are sums of decimals as ticks are: what is nearer than that is the same.
+  // Start, end and ticks are rounded decimals: times nearer than this are the same.
   const double same_s = 1e-9 * period_s_;
   double next_s = until_s;
   for (const Source& source : sources_) {

@@ -69,7 +69,7 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
   const std::size_t num_pieces = time_s.size() - 1;
   std::vector<Block> blocks(num_pieces - 1);
   for (Block& block : blocks) block.right = Eigen::Matrix2Xd::Zero(2, position.rows());
-  // What piece `i` says about jerk and snap at its beginning or at its end, of block `k`.
+  // Adds to block `k` the part of piece `i` in jerk and snap at its beginning or end.
   const auto add_end = [&](std::size_t i, std::size_t k, bool at_end) {
     Block& block = blocks[k];
     const double ratio = (time_s[i + 1] - time_s[i]) / scale;
