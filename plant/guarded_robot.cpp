@@ -290,9 +290,10 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
     if (stopped_ || withheld(scenario_.plant, tick)) {
       driver_.rest(end_s);
     } else {
-      driver_.hold(emulated() ? drive_.applied().tau
-                              : scenario_.robot.joint_signs.cwiseProduct(drive_.sent()),
-                   end_s);
+      const Vector tau = emulated()
+                             ? drive_.applied().tau
+                             : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
+      driver_.hold(tau, end_s);
     }
   } catch (const Failure&) {
     throw;
