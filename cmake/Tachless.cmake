@@ -9,7 +9,8 @@ set(TACHLESS_LIBDIR ${CMAKE_INSTALL_LIBDIR}/tachless)
 add_library(tachless_options INTERFACE)
 target_link_libraries(tachless_options INTERFACE fmt::fmt)
 target_include_directories(tachless_options INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
-# Contraction to fused multiply-add would make machines round differently.
+# Without contraction, and with the functions of core/base/elementary.h in place of libm's, results do not depend on the
+# processor: every amd64 machine writes and replays the same bits.
 target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -ffp-contract=off)
 if(NOT TACHLESS_UNITY)  # in a batch a local name may equal one of another source
   target_compile_options(tachless_options INTERFACE -Wshadow)

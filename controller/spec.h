@@ -7,6 +7,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "base/schema.h"
 
@@ -61,7 +62,7 @@ struct FrictionSpec {
   }
   [[nodiscard]] Vector torque(const Vector& v_ref) const {
     return viscous.cwiseProduct(v_ref) +
-           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).array().tanh().matrix());
+           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).unaryExpr(&base::tanh));
   }
 
   static constexpr std::tuple keys{

@@ -155,6 +155,9 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
     require_sound(tick);
     apply_conventions();
     if (!stopped_) require_time(before, tick);
+    if (scenario_.robot.compensates != scenario::Compensates::nothing) {
+      drive_.set_added(robot::gravity_torque(*scenario_.model, state_.q));
+    }
   }
   if (driver_.measures_velocity()) {
     speed_ = state_.v;
@@ -211,14 +214,6 @@ void GuardedRobot::apply_conventions() {
   for (auto* velocities : {&state_.v, &state_.thetadot}) {
     if (velocities->size() != 0) *velocities = robot.joint_signs.cwiseProduct(*velocities);
   }
-}
-
-Vector GuardedRobot::to_be_sent(const Vector& tau) const {
-  Vector sent = tau;
-  if (scenario_.robot.compensates != scenario::Compensates::nothing) {
-    sent -= robot::gravity_torque(*scenario_.model, state_.q);
-  }
-  return scenario_.robot.joint_signs.cwiseProduct(sent);
 }
 
 void GuardedRobot::measure_speed(Clock::time_point asked) {
@@ -295,8 +290,10 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
     if (stopped_ || withheld(scenario_.plant, tick)) {
       driver_.rest(end_s);
     } else {
-      const Vector& tau = drive_.applied().tau;
-      driver_.hold(emulated() ? tau : to_be_sent(tau), end_s);
+      const Vector tau = emulated()
+                             ? drive_.applied().tau
+                             : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
+      driver_.hold(tau, end_s);
     }
   } catch (const Failure&) {
     throw;

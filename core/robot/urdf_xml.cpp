@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <tinyxml.h>
 #include <urdf_model/pose.h>
+#include "base/elementary.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -503,9 +504,13 @@ void refuse_urdf(const std::string& source, const std::string& problem) {
 }
 
 Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy) {
-  urdf::Rotation r;
-  r.setFromRPY(rpy[0], rpy[1], rpy[2]);
-  return Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
+  double s[3], c[3];  // of half the angles
+  for (int i = 0; i < 3; ++i) base::sin_cos(rpy[i] / 2, s[i], c[i]);
+  return Eigen::Quaterniond(
+             c[0] * c[1] * c[2] + s[0] * s[1] * s[2], s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+             c[0] * s[1] * c[2] + s[0] * c[1] * s[2], c[0] * c[1] * s[2] - s[0] * s[1] * c[2])
+      .normalized()
+      .toRotationMatrix();
 }
 
 std::string urdf_mechanics(const std::string& text, const std::string& source) {

@@ -19,6 +19,30 @@ TorqueCommand command(double first, double second) { return {Eigen::Vector2d(fir
 
 Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
 
+TEST(Drive, LimitsTheChangeOfTheTorqueThatIsSentWhereTheArmAddsOne) {
+  const Vector ten = Vector::Constant(1, 10);
+  Drive d(10 * ten, 0, ten / 10, ten);
+  d.set_added(ten);  // the arm holds itself: nothing is sent at first
+  d.accept({ten});
+  EXPECT_EQ(d.sent()[0], 0);
+  d.end_tick();
+  // Gravity and the command rise by 5 alike: nothing changes in what is sent.
+  d.set_added(Vector::Constant(1, 15));
+  d.accept({Vector::Constant(1, 15)});
+  EXPECT_EQ(d.applied().tau[0], 15);
+  EXPECT_FALSE(d.applied().saturated[0]);
+  d.end_tick();
+  // The command stays, gravity rises: what is sent would fall by 5, and falls by 1.
+  d.set_added(Vector::Constant(1, 20));
+  d.accept({Vector::Constant(1, 15)});
+  EXPECT_EQ(d.sent()[0], -1);
+  EXPECT_EQ(d.applied().tau[0], 19);
+  EXPECT_TRUE(d.applied().saturated[0]);
+  d.stop();
+  d.set_added(ten);
+  EXPECT_EQ(d.applied().tau[0], 0);
+}
+
 TEST(Drive, HoldsTheInitialTorqueUntilTheFirstCommandActs) {
   Drive held(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
   for (int tick = 0; tick < 2; ++tick) {

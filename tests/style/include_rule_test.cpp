@@ -71,7 +71,9 @@ const std::vector<Rule> rules = {
      {"Eigen/"}},
     {"plant/spec.h", {"schema/"}, {}},
     {"plant/spec.h", {"plant/spec.h", "schema/", "robot/quantities.h"}, {}},
-    {"plant/simbody_multibody.cpp", {"plant/multibody.h"}, {"Eigen/", "SimTKsimbody.h"}},
+    {"plant/simbody_multibody.cpp",
+     {"plant/multibody.h", "base/elementary.h"},
+     {"Eigen/", "SimTKsimbody.h"}},
 
     {"reference/",
      {"reference/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
