@@ -77,24 +77,24 @@ class Membership {
   [[nodiscard]] const std::optional<base::Failure>& failure() const { return failure_; }
 
   /// The roster is known, and (plant) confirmed by all: the run may start.
-  [[nodiscard]] bool joined() const { return joined_; }
+  [[nodiscard]] bool has_joined() const { return joined_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
   /// The instances of the four that the run began with; zeros before joining.
   [[nodiscard]] const messages::PerRole& roster() const { return roster_; }
 
   /// The first message of the run has been sent or accepted. No effect when running already.
   /// @throw std::logic_error before joining.
-  void started(Time now) { act(MembershipEvent::run_started, now); }
-  [[nodiscard]] bool running() const { return state_ == messages::ParticipantState::running; }
+  void on_started(Time now) { act(MembershipEvent::run_started, now); }
+  [[nodiscard]] bool is_running() const { return state_ == messages::ParticipantState::running; }
   /// Newest tick handled, and (controller) the norm of its position error, for the announcement.
-  void progressed(std::int64_t tick, double error_norm) {
+  void on_progress(std::int64_t tick, double error_norm) {
     tick_ = tick;
     error_norm_ = error_norm;
   }
   /// All ticks of this process are there: only from now on others' ends count.
-  void complete() { complete_ = true; }
+  void on_all_ticks_done() { complete_ = true; }
   /// Lockstep plant: digest of every TRUTH of the run, for the others to compare.
-  void published(std::int64_t truth_digest) {
+  void set_truth_digest(std::int64_t truth_digest) {
     announcement_.participant.truth_digest = truth_digest;
   }
   /// The plant's digest of them, announced when it has finished; 0 before.
@@ -103,19 +103,19 @@ class Membership {
     return plant != nullptr ? plant->participant.truth_digest : 0;
   }
   /// This process's part is done.
-  void finished(Time now) { act(MembershipEvent::part_finished, now); }
+  void on_finished(Time now) { act(MembershipEvent::part_finished, now); }
   /// This process ends with a fault.
-  void failed(const base::Failure& failure, Time now) {
+  void on_failed(const base::Failure& failure, Time now) {
     act(MembershipEvent::failure, now, failure);
   }
   /// This process will end with a fault, but has to bring the robot to rest first: the fault is
   /// announced with the present state, which ends nobody else's part yet.
-  void stopping(const base::Failure& failure, Time now);
+  void on_stopping(const base::Failure& failure, Time now);
 
   /// The run's plant has announced that it has finished.
-  [[nodiscard]] bool plant_finished() const { return done_[index(messages::Role::plant)]; }
+  [[nodiscard]] bool has_plant_finished() const { return done_[index(messages::Role::plant)]; }
   /// The three others have.
-  [[nodiscard]] bool all_finished() const {
+  [[nodiscard]] bool have_all_finished() const {
     return std::ranges::count(done_, true) == messages::num_roles - 1;
   }
   /// Which of the others have not, in words.
@@ -123,7 +123,7 @@ class Membership {
   /// Whether one of those has not handled the newest tick of this process.
   [[nodiscard]] bool others_lack_ticks() const;
   /// The plant has acknowledged an announcement in which this process had finished.
-  [[nodiscard]] bool finish_acknowledged() const;
+  [[nodiscard]] bool is_finish_acknowledged() const;
 
   /// Roles of which no process is known.
   [[nodiscard]] std::vector<std::string_view> missing() const;

@@ -108,19 +108,19 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   }
   const FourThreads elsewhere(scenario);  // for its log's path
   Replay replay(role, heard);
-  session::Link link(
+  session::Session session(
       scenario, replay,
       {.role = role, .run_id = {}, .wait_s = 60, .interrupted = nullptr, .instance = 0});
   try {
     switch (role) {
       case Role::reference:
-        reference::run_node(scenario, link);
+        reference::run_node(scenario, session);
         break;
       case Role::controller:
-        controller::run_node(scenario, controller::scenario_law(scenario), link);
+        controller::run_node(scenario, controller::scenario_law(scenario), session);
         break;
       case Role::logger:
-        logger::run_node(scenario, link, elsewhere.log_path());
+        logger::run_node(scenario, session, elsewhere.log_path());
         break;
       case Role::plant:
         FAIL();
@@ -128,7 +128,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   } catch (const base::Failure& failure) {
     EXPECT_EQ(std::string(failure.what()), "all replayed");
   }
-  EXPECT_EQ(link.statistics().ticks, scenario.loop.num_ticks);
+  EXPECT_EQ(session.statistics().ticks, scenario.loop.num_ticks);
   EXPECT_EQ(replay.counted(), std::optional<std::size_t>(0));
 }
 

@@ -1,9 +1,6 @@
 #pragma once
 
-#include <fmt/core.h>
-
 #include <atomic>
-#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -20,6 +17,7 @@
 #include "messages/messages.h"
 #include "messages/wire.h"
 #include "scenario/scenario.h"
+#include "session/key_check.h"
 #include "session/membership.h"
 #include "session/message_ring.h"
 #include "session/peers.h"
@@ -27,61 +25,13 @@
 
 namespace tachless::session {
 
-/// Notices, while a process waits for the others, that it is on a bus with another key than theirs
-/// (or that only one side has one): announcements come, and none of them verifies. Verifies nothing
-/// itself.
-class KeyCheck {
- public:
-  using Time = base::Clock::time_point;
-
-  KeyCheck(messages::Role own_role, bool has_key) : own_role_(own_role), has_key_(has_key) {}
-
-  /// An announcement that verified: the keys agree.
-  void accepted() { accepted_ = true; }
-
-  /// One that did not, though it is an announcement.
-  void foreign(const bus::Stranger& stranger, Time now) {
-    if (num_foreign_++ > 0) return;
-    since_ = now;
-    const std::string_view own = messages::name(own_role_);
-    std::string difference = fmt::format("has no key, this {} has one", own);
-    if (stranger.tagged) {
-      difference = has_key_ ? fmt::format("has another key than this {}", own)
-                            : fmt::format("has a key, this {} has none", own);
-    }
-    first_ = fmt::format("{} {}", session::describe(stranger.who, stranger.sender), difference);
-  }
-
-  /// For those who wait, after what they wait for: the first foreign one; empty if none has come.
-  [[nodiscard]] std::string hint() const {
-    return first_.empty() ? "" : "; " + first_ + " (--key-file)";
-  }
-
-  /// @throw Failure(protocol_violated) when only foreign ones have come for 1.5 s.
-  void poll(Time now) const {
-    // No announcement that verifies among so many for so long: the keys differ.
-    if (accepted_ || num_foreign_ < 5 || now - since_ < std::chrono::milliseconds(1500)) return;
-    throw base::Failure(base::ExitCode::protocol_violated,
-                        "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)",
-                        first_);
-  }
-
- private:
-  messages::Role own_role_;
-  bool has_key_;
-  bool accepted_ = false;
-  int num_foreign_ = 0;
-  std::string first_;  ///< the first foreign one, in words
-  Time since_;
-};
-
 /// One process's part in a run, with the loop that waits for messages: `on` for each channel,
 /// `join`, `run_until_finished`, then `leave`. Carries out over a transport what
 /// session::Membership decides: sends and decodes announcements, authenticates the bus if there is
 /// a key, names missing processes to the user. A datagram is an announcement or goes to the handler
 /// of its channel, which has it `accept`ed and passes to `count` what became of it. Knows no
 /// message but the announcements, and no tick.
-class Link {
+class Session {
  public:
   using Time = base::Clock::time_point;
   using Handler = std::function<void(const bus::Datagram&)>;
@@ -97,9 +47,9 @@ class Link {
   };
 
   /// Subscribes to the participants' channel.
-  Link(const scenario::Scenario& scenario, bus::Transport& transport, const Config& config);
-  Link(const Link&) = delete;
-  Link& operator=(const Link&) = delete;
+  Session(const scenario::Scenario& scenario, bus::Transport& transport, const Config& config);
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
 
   /// What is known of the four.
   session::Membership& membership() { return *membership_; }
@@ -131,7 +81,7 @@ class Link {
   /// the wait.
   void join(const messages::LawInfo& law, const Handler& other);
   /// The first message of the run has been sent or accepted.
-  void started(Time now);
+  void note_started(Time now);
 
   /// To be called at the latest at `next_poll`: announcements, faults, silence, interruption.
   /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
@@ -176,8 +126,8 @@ class Link {
   void count(session::Verdict verdict);
 
   /// Newest tick handled, and (controller) the norm of its position error.
-  void progressed(std::int64_t tick, double error_norm = 0) {
-    membership_->progressed(tick, error_norm);
+  void note_progress(std::int64_t tick, double error_norm = 0) {
+    membership_->on_progress(tick, error_norm);
   }
   /// This process's part is done. The plant waits until the others have finished too, for the time
   /// to give up at most while they lack ticks, then for a minute; the others until all have and the
@@ -188,10 +138,10 @@ class Link {
 
   /// This process will end with `failure`, and announces it, but first has to bring the robot to
   /// rest.
-  void stopping(const base::Failure& failure, Time now);
+  void announce_stop(const base::Failure& failure, Time now);
   /// This process ends with `failure`: announces it now, though it still has to conclude, and
   /// returns the announcement; valid until the next one.
-  std::span<const std::byte> ending(const base::Failure& failure);
+  std::span<const std::byte> announce_end(const base::Failure& failure);
   /// The announcement alone, if it is due: for a process that is ending.
   void announce_if_due(Time now) {
     if (now >= next_poll()) announce(now);
