@@ -77,7 +77,7 @@ PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::Dr
 }
 
 void PlantLoop::note_completed(std::int64_t tick) {
-  session_.progressed(tick);
+  session_.note_progress(tick);
   session_.statistics().ticks = tick + 1;
 }
 

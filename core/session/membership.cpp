@@ -108,7 +108,7 @@ Event Membership::event_of_roster(const messages::Participant& peer) const {
   if (peer.role != Role::plant || !names_roster(peer)) return Event::peer;
   // Before the run begins the plant may choose anew.
   const bool with_self =
-      running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
+      is_running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
   return with_self ? Event::roster : Event::other_roster;
 }
 

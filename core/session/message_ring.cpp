@@ -4,7 +4,7 @@
 #include <random>
 #include <stdexcept>
 #include <string>
-#include
+
 #include "base/fnv.h"
 
 namespace tachless::session {

@@ -1,7 +1,7 @@
 #include "session/peers.h"
 
 #include <fmt/core.h>
-#include
+
 #include <algorithm>
 #include <tuple>
 
