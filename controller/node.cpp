@@ -31,7 +31,6 @@ struct Input : messages::Port<Value> {
     messages::Stamp stamp;
     Value value;
   };
-  Message newest;  ///< decoded last
   std::vector<Message> kept = std::vector<Message>(session::MessageRing::depth);
 
   explicit Input(messages::Port<Value> port) : messages::Port<Value>(std::move(port)) {}
@@ -84,10 +83,8 @@ class Node {
     const auto& [asked, measurement] = measurement_.at(tick);
     const messages::Stamp stamp{asked.utime, session_.run(), tick};
     const Outcome outcome = law_->step(tick, measurement, reference_.at(tick).value);
-    command_bytes_ = command_.codec.encode(stamp, outcome.command);
-    session_.transport().publish(command_.channel, command_bytes_);
-    state_bytes_ = state_.codec.encode(stamp, outcome.signals);
-    session_.transport().publish(state_.channel, state_bytes_);
+    command_bytes_ = session_.publish(command_, stamp, outcome.command);
+    state_bytes_ = session_.publish(state_, stamp, outcome.signals);
 
     // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
     const auto& signals = outcome.signals;
@@ -112,14 +109,12 @@ class Node {
  private:
   template <class Value>
   void receive(Input<Value>& input, Role from) {
-    session_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
-      auto& newest = input.newest;
-      if (!session_.accept(input.codec, datagram, newest.stamp, newest.value)) return;
-      const std::int64_t tick = newest.stamp.tick;
-      const Verdict verdict = judge(from, tick, datagram);
-      session_.count(verdict, from, datagram, tick);
-      if (verdict == Verdict::fresh) input.at(tick) = newest;
-      act(from, tick, verdict);
+    session_.on(input, [this, &input, from](const messages::Stamp& stamp, const Value& value,
+                                            const bus::Datagram& datagram) {
+      const Verdict verdict = judge(from, stamp.tick, datagram);
+      session_.count(verdict, from, datagram, stamp.tick);
+      if (verdict == Verdict::fresh) input.at(stamp.tick) = {stamp, value};
+      act(from, stamp.tick, verdict);
     });
   }
 };
@@ -153,8 +148,8 @@ class LockstepNode final : public Node {
       compute(responder_.next());
       responder_.on_computed(command_bytes_, state_bytes_);
     } else if (action_ == Action::repeat) {
-      session_.transport().publish(command_.channel, responder_.command(tick));
-      session_.transport().publish(state_.channel, responder_.state(tick));
+      session_.publish(command_.channel, responder_.command(tick));
+      session_.publish(state_.channel, responder_.state(tick));
       session_.statistics().resends += 2;
     }
   }

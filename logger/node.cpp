@@ -62,7 +62,7 @@ class Recorder {
       : scenario_(scenario),
         session_(session),
         file_(log_path),
-        ack_channel_(messages::channel<messages::LogAck>(scenario.robot.channel_prefix)),
+        ack_port_(messages::port<messages::LogAck>(scenario.robot.channel_prefix, {})),
         info_channel_(messages::channel<messages::RunInfo>(scenario.robot.channel_prefix)) {
     session_.on_announcement([this](const bus::Datagram& datagram) {
       keep_fault(datagram);
@@ -131,8 +131,7 @@ class Recorder {
     ++session_.statistics().logger().log.events;
   }
   void acknowledge(std::int64_t tick, std::uint64_t missing) {
-    session_.transport().publish(
-        ack_channel_, ack_codec_.encode({0, session_.run(), tick}, messages::LogAck{missing}));
+    session_.publish(ack_port_, {0, session_.run(), tick}, messages::LogAck{missing});
   }
 
   const scenario::Scenario& scenario_;
@@ -166,7 +165,7 @@ class Recorder {
   void repeat_info(Clock::time_point now) {
     if (info_.empty() || now < next_info_) return;
     next_info_ = now + 1s;
-    session_.transport().publish(info_channel_, info_);
+    session_.publish(info_channel_, info_);
   }
 
   /// The first announcement of a fault after which this process has to end is the cause.
@@ -203,10 +202,10 @@ class Recorder {
     }
   }
 
-  std::string ack_channel_, info_channel_;
+  messages::Port<messages::LogAck> ack_port_;
+  std::string info_channel_;
   std::vector<std::byte> info_;    ///< RUN_INFO; empty until it is in the log
   Clock::time_point next_info_{};  ///< when it is published next
-  messages::Codec<messages::LogAck> ack_codec_{messages::Layout{}};
   messages::Codec<messages::Participant> participant_codec_{messages::Layout{}};
   messages::LawInfo law_;         ///< the controller's
   bool whole_ = false;            ///< every tick is on the disk

@@ -35,8 +35,10 @@ class LockstepLoop : PlantLoop {
       : PlantLoop(scenario, session),
         ack_port_(messages::port<messages::LogAck>(prefix_, layout_)),
         tick_master_(tick_master_config(scenario)) {
-    session_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
-    session_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
+    session_.on(
+        command_port_, [this](const auto&... message) { on_command(message...); },
+        [this](auto rejection, const auto& datagram) { require_finite(rejection, datagram); });
+    session_.on(ack_port_, [this](const auto&... message) { on_ack(message...); });
   }
 
   void run() {
@@ -65,29 +67,26 @@ class LockstepLoop : PlantLoop {
     sent_->put(k, tick_kind, request.tick);
   }
 
-  void on_command(const bus::Datagram& datagram) {
-    messages::Stamp stamp;
-    if (!accept_command(datagram, stamp)) return;
+  void on_command(const messages::Stamp& stamp, const messages::TorqueCommand& command,
+                  const bus::Datagram& datagram) {
     const Verdict verdict = tick_master_.on_command(stamp.tick, datagram.payload, Clock::now());
     session_.count(verdict, Role::controller, datagram, stamp.tick);
     if (verdict != Verdict::fresh) return;
     session_.statistics().plant().round_trip_us.add(tick_master_.round_trip());
-    end_tick();
+    end_tick(command);
   }
 
-  void on_ack(const bus::Datagram& datagram) {
-    messages::Stamp stamp;
-    messages::LogAck ack;
-    if (!session_.accept(ack_port_.codec, datagram, stamp, ack)) return;
+  void on_ack(const messages::Stamp& stamp, const messages::LogAck& ack,
+              const bus::Datagram& datagram) {
     if (!session_.is_from(Role::logger, datagram.sender)) {
       return session_.statistics().rejected.add(session::Discard::other_sender);
     }
     session_.count(tick_master_.on_ack(stamp.tick, ack.missing, Clock::now()));
   }
 
-  void end_tick() {
+  void end_tick(const messages::TorqueCommand& command) {
     const std::int64_t k = tick_master_.next_tick();
-    robot_.accept(command_);
+    robot_.accept(command);
     const Bytes truth = publish_truth(k, messages::truth::DriveFault::none);
     sent_->put(k, truth_kind, truth);
     truth_digest_.add(truth);
@@ -101,11 +100,11 @@ class LockstepLoop : PlantLoop {
     std::int64_t& resends = session_.statistics().resends;
     while (const auto repeat = tick_master_.next_repeat(now)) {
       const std::int64_t k = repeat->tick;
-      session_.transport().publish(tick_port_.channel, sent_->bytes(k, tick_kind));
-      session_.transport().publish(measurement_port_->channel, sent_->bytes(k, measurement_kind));
+      session_.publish(tick_port_.channel, sent_->bytes(k, tick_kind));
+      session_.publish(measurement_port_->channel, sent_->bytes(k, measurement_kind));
       resends += 2;
       if (repeat->what == Repeated::all) {
-        session_.transport().publish(truth_port_.channel, sent_->bytes(k, truth_kind));
+        session_.publish(truth_port_.channel, sent_->bytes(k, truth_kind));
         ++resends;
       }
     }

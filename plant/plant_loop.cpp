@@ -39,8 +39,8 @@ void PlantLoop::prepare() {
   measurement_port_.emplace(messages::Port<messages::AnyMeasurement>{
       messages::channel(prefix_, law.measurement), {law.measurement, layout_}});
   base::log_detail("the law measures {}", law.measurement);
-  session_.transport().publish(messages::channel<messages::RunInfo>(prefix_),
-                               session::run_info(scenario_, session_.run(), law));
+  session_.publish(messages::channel<messages::RunInfo>(prefix_),
+                   session::run_info(scenario_, session_.run(), law));
 }
 
 messages::Stamp PlantLoop::stamp(std::int64_t tick) const {
@@ -52,12 +52,12 @@ PlantLoop::Request PlantLoop::publish_request(const messages::Stamp& tick_stamp)
   const std::int64_t k = tick_stamp.tick;
   robot_.read(k);
   Request request;
-  request.measurement = measurement_port_->codec.encode(stamp(k), robot_.measure(k));
+  const messages::AnyMeasurement& measurement = robot_.measure(k);
   request.sent = base::Clock::now();
-  // First: the command waits for it.
-  session_.transport().publish(measurement_port_->channel, request.measurement);
-  request.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
-  session_.transport().publish(tick_port_.channel, request.tick);
+  // The command waits for the measurement, which is published first.
+  request.measurement = session_.publish(*measurement_port_, stamp(k), measurement);
+  request.tick = session_.publish(tick_port_, tick_stamp,
+                                  messages::Tick{.last = k + 1 == scenario_.loop.num_ticks});
   return request;
 }
 
@@ -71,9 +71,7 @@ PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::Dr
     statistics.beyond_limit_ticks[joint] += robot_.beyond_limit()[joint] ? 1 : 0;
   }
   if (!messages::all_finite(truth)) throw not_finite(tick);
-  const Bytes bytes = truth_port_.codec.encode(stamp(tick), truth);
-  session_.transport().publish(truth_port_.channel, bytes);
-  return bytes;
+  return session_.publish(truth_port_, stamp(tick), truth);
 }
 
 void PlantLoop::note_completed(std::int64_t tick) {
@@ -81,21 +79,16 @@ void PlantLoop::note_completed(std::int64_t tick) {
   session_.statistics().ticks = tick + 1;
 }
 
-bool PlantLoop::accept_command(const bus::Datagram& datagram, messages::Stamp& stamp) {
-  const messages::Rejection rejection =
-      command_port_.codec.decode(datagram.payload, stamp, command_);
-  if (rejection == messages::Rejection::non_finite) {
-    const messages::Stamp heard = messages::stamp_of(datagram.payload);
-    if (heard.run == session_.run() &&
-        session_.is_from(messages::Role::controller, datagram.sender)) {
-      session_.statistics().rejected.add(rejection);
-      throw Failure(ExitCode::protective_stop,
-                    "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
-                    "or the controller is broken; shorten loop.period_s or soften the gains",
-                    session_.describe(messages::Role::controller), heard.tick);
-    }
-  }
-  return session_.accept(rejection, stamp);
+void PlantLoop::require_finite(messages::Rejection rejection, const bus::Datagram& command) const {
+  if (rejection != messages::Rejection::non_finite) return;
+  const messages::Stamp stamp = messages::stamp_of(command.payload);
+  if (stamp.run != session_.run()) return;
+  if (!session_.is_from(messages::Role::controller, command.sender)) return;
+  session_.statistics().rejected.add(rejection);
+  throw Failure(ExitCode::protective_stop,
+                "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
+                "or the controller is broken; shorten loop.period_s or soften the gains",
+                session_.describe(messages::Role::controller), stamp.tick);
 }
 
 void run_node(const scenario::Scenario& scenario, session::Session& session) {

@@ -52,10 +52,10 @@ class PlantLoop {
   /// Announces and counts the tick as over.
   void note_completed(std::int64_t tick);
 
-  /// Whether the message is a command of this run; counts it if not. It is `command_` then.
-  /// @throw base::Failure(protective_stop) when this run's controller commands a torque that
-  /// is not finite. (Anybody else's is dropped.)
-  bool accept_command(const bus::Datagram& datagram, messages::Stamp& stamp);
+  /// Inspects a decoded command before it is accepted or dropped.
+  /// @throw base::Failure(protective_stop) if this run's controller commands a torque that is not
+  /// finite
+  void require_finite(messages::Rejection rejection, const bus::Datagram& command) const;
 
   const scenario::Scenario& scenario_;
   session::Session& session_;
@@ -66,7 +66,6 @@ class PlantLoop {
   messages::Port<messages::TorqueCommand> command_port_;
   messages::Port<messages::truth::PlantTruth> truth_port_;
   std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
-  messages::TorqueCommand command_;
 };
 
 /// In simulation time: the plant advances only with the command for this tick. Joins, runs all

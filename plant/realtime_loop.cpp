@@ -39,7 +39,12 @@ class RealtimeLoop : PlantLoop {
  public:
   RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver)
       : PlantLoop(scenario, session, driver), commands_(scenario.loop.max_missed) {
-    session_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
+    session_.on(
+        command_port_, [this](const auto&... message) { on_command(message...); },
+        [this](auto rejection, const auto& datagram) {
+          if (tick_ < 0) refuse_early(datagram);
+          require_finite(rejection, datagram);
+        });
   }
 
   void run() {
@@ -194,10 +199,8 @@ class RealtimeLoop : PlantLoop {
     }
   }
 
-  void on_command(const bus::Datagram& datagram) {
-    if (tick_ < 0) return refuse_early(datagram);
-    messages::Stamp stamp;
-    if (!accept_command(datagram, stamp)) return;
+  void on_command(const messages::Stamp& stamp, const messages::TorqueCommand& command,
+                  const bus::Datagram& datagram) {
     session::PlantStatistics& statistics = session_.statistics().plant();
     const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload);
     if (verdict == Verdict::too_old) {
@@ -207,7 +210,7 @@ class RealtimeLoop : PlantLoop {
     session_.count(verdict, Role::controller, datagram, stamp.tick);
     if (verdict != Verdict::fresh) return;
     statistics.command_age_us.add(Clock::now() - asked_);
-    robot_.accept(command_);
+    robot_.accept(command);
     if (scenario_.loop.command_delay == 0) act(DriveFault::none);
   }
 
@@ -258,8 +261,7 @@ class RealtimeLoop : PlantLoop {
       const std::int64_t end = std::min(scenario_.loop.num_ticks, tick_ + 1 + most);
       for (++tick_; tick_ < end; ++tick_) {
         while (!robot_.is_clock() && Clock::now() < deadline(tick_)) {
-          if (const auto datagram = session_.transport().receive(deadline(tick_)))
-            session_.handle(*datagram);
+          session_.attend(std::min(deadline(tick_), session_.next_poll()));
           session_.announce_if_due(Clock::now());
         }
         session_.announce_if_due(Clock::now());  // behind time too

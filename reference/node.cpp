@@ -33,18 +33,17 @@ class Node {
                                                   messages::layout(scenario.num_joints, false))),
         reference_port_(messages::port<messages::ReferencePoint>(
             scenario.robot.channel_prefix, messages::layout(scenario.num_joints, false))),
+        gains_port_(messages::port<messages::GainChange>(scenario.robot.channel_prefix, {})),
         responder_(scenario.loop.num_ticks, reference_port_.codec.longest(),
                    scenario.loop.mode == scenario::Mode::realtime) {
     if (scenario.loop.mode == scenario::Mode::realtime) pace_.emplace(period_s_);
     if (scenario.controller.gains_may_change) {
-      session_.on(messages::channel<messages::GainChange>(scenario.robot.channel_prefix),
-                  [this](const bus::Datagram& datagram) { on_gains(datagram); });
+      session_.on(gains_port_, [this](const messages::Stamp& stamp, messages::GainChange& change,
+                                      const bus::Datagram&) { on_gains(stamp, change); });
     }
-    session_.on(tick_port_.channel, [this](const bus::Datagram& datagram) {
-      messages::Stamp stamp;
-      messages::Tick tick;
-      if (session_.accept(tick_port_.codec, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
-    });
+    session_.on(tick_port_,
+                [this](const messages::Stamp& stamp, const messages::Tick&,
+                       const bus::Datagram& datagram) { on_tick(stamp.tick, datagram); });
   }
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
@@ -70,7 +69,7 @@ class Node {
     if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
     session_.note_started(Clock::now());
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
-      publish(responder_.kept(k));
+      session_.publish(reference_port_.channel, responder_.kept(k));
       ++session_.statistics().resends;
     }
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
@@ -80,12 +79,9 @@ class Node {
     session_.statistics().ticks = responder_.newest() + 1;
   }
 
-  /// A change of the law's gains: counts when its sender has seen the last one. Recorded ones have
-  /// not.
-  void on_gains(const bus::Datagram& datagram) {
-    messages::Stamp stamp;
-    messages::GainChange change;
-    if (!session_.accept(gains_codec_, datagram, stamp, change)) return;
+  /// Takes a change of the law's gains if its sender has seen the last change. The sender of a
+  /// recorded message has not.
+  void on_gains(const messages::Stamp& stamp, messages::GainChange& change) {
     if (!scenario::read_gains(change.gains, num_joints_)) {
       session_.accept(messages::Rejection::bad_value, stamp);
       return;
@@ -96,10 +92,6 @@ class Node {
     gains_ = std::move(change.gains);
     changed_at_ = newest + 1;
     base::log_info("the law's gains from tick {} on: {}", changed_at_, gains_);
-  }
-
-  void publish(std::span<const std::byte> reference) {
-    session_.transport().publish(reference_port_.channel, reference);
   }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
@@ -116,8 +108,7 @@ class Node {
           time_s, k);
     }
     const messages::Stamp stamp{std::llround(time_s * 1e6), session_.run(), k};
-    const auto bytes = reference_port_.codec.encode(stamp, reference);
-    publish(bytes);
+    const auto bytes = session_.publish(reference_port_, stamp, reference);
     session_.statistics().work_us.add(Clock::now() - begin);
     return bytes;
   }
@@ -129,7 +120,7 @@ class Node {
   Trajectory trajectory_;
   messages::Port<messages::Tick> tick_port_;
   messages::Port<messages::ReferencePoint> reference_port_;
-  messages::Codec<messages::GainChange> gains_codec_{messages::Layout{}};
+  messages::Port<messages::GainChange> gains_port_;
   std::string gains_;             ///< changed in this run; empty: the scenario's
   std::int64_t changed_at_ = -1;  ///< the tick of the first reference with them
   session::ReferenceResponder responder_;

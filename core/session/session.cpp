@@ -71,11 +71,11 @@ Session::Session(const scenario::Scenario& scenario, bus::Transport& transport,
       statistics_(config.role),
       interrupted_(config.interrupted),
       channel_(messages::channel<messages::Participant>(scenario.robot.channel_prefix)),
+      channel_number_(transport_.subscribe(channel_)),
       self_(self_of(scenario, config)),
       codec_(messages::Layout{}),
       key_check_(config.role, config.key.has_value()) {
   membership_.emplace(self_, Clock::now());
-  transport_.subscribe(channel_);
 }
 
 void Session::guard(const std::function<void()>& main) {
@@ -114,9 +114,10 @@ void Session::throw_if_interrupted() const {
 }
 
 void Session::on(const std::string& channel, Handler handler) {
-  transport_.subscribe(channel);
+  const auto number = static_cast<std::size_t>(transport_.subscribe(channel));
   base::log_detail("receives {}", channel);
-  handlers_.emplace_back(channel, std::move(handler));
+  if (handlers_.size() <= number) handlers_.resize(number + 1);
+  handlers_[number] = std::move(handler);
 }
 
 void Session::join(const messages::LawInfo& law, const Handler& other) {
@@ -172,7 +173,7 @@ void Session::attend_until(const std::function<bool()>& done) {
   while (!done()) {
     const Time now = Clock::now();
     poll(now);
-    handle_until(now + attending_period, done);
+    attend(now + attending_period, done);
   }
 }
 
@@ -190,11 +191,8 @@ bool Session::receive(Time deadline) {
   const Handled handled = handle(*datagram);
   if (handled == Handled::believed && announcement_handler_) announcement_handler_(*datagram);
   if (handled != Handled::no) return true;
-  for (const auto& [channel, handler] : handlers_) {
-    if (channel != datagram->channel) continue;
-    handler(*datagram);
-    break;
-  }
+  const auto number = static_cast<std::size_t>(datagram->channel_number);
+  if (number < handlers_.size() && handlers_[number]) handlers_[number](*datagram);
   return true;
 }
 
@@ -225,7 +223,7 @@ void Session::count(Verdict verdict, Role from, const bus::Datagram& datagram, s
 }
 
 Session::Handled Session::handle(const bus::Datagram& datagram) {
-  if (datagram.channel != channel_) return Handled::no;
+  if (datagram.channel_number != channel_number_) return Handled::no;
   const messages::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
   if (rejection != messages::Rejection::none) {
     statistics_.rejected.add(rejection);
@@ -272,7 +270,7 @@ void Session::announce_repeatedly() {
   const auto until = Clock::now() + (membership_->has_joined() ? 0ms : Membership::simultaneous);
   for (int i = 0; i < last_announcements || Clock::now() < until; ++i) {
     announce(Clock::now());
-    handle_until(Clock::now() + last_announcements_period, [] { return false; });
+    attend(Clock::now() + last_announcements_period);
   }
 }
 
@@ -302,13 +300,13 @@ void Session::leave() {
     }
     membership_->poll(now);
     announce(now);
-    handle_until(now + leaving_period, over);
+    attend(now + leaving_period, over);
   }
   announce_repeatedly();
   if (membership_->failure()) throw Failure(*membership_->failure());
 }
 
-void Session::handle_until(Time deadline, const std::function<bool()>& over) {
+void Session::attend(Time deadline, const std::function<bool()>& over) {
   while (!over() && Clock::now() < deadline) {
     if (const auto datagram = transport_.receive(deadline)) handle(*datagram);
   }

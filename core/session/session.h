@@ -60,13 +60,42 @@ class Session {
   }
   Statistics& statistics() { return statistics_; }
 
-  /// For the node's own messages.
-  bus::Transport& transport() { return transport_; }
   /// Channel of the announcements.
   [[nodiscard]] const std::string& channel() const { return channel_; }
-  /// Subscribes to `channel`; its messages go to `handler` from now on, by `receive` and
-  /// `run_until` alone.
+
+  /// Publishes bytes that a codec has made.
+  void publish(std::string_view channel, std::span<const std::byte> bytes) {
+    transport_.publish(channel, bytes);
+  }
+  /// Encodes a value and publishes it.
+  /// @return the bytes, which are valid until the port encodes again
+  template <class Value>
+  std::span<const std::byte> publish(messages::Port<Value>& port, const messages::Stamp& stamp,
+                                     const Value& value) {
+    const auto bytes = port.codec.encode(stamp, value);
+    publish(port.channel, bytes);
+    return bytes;
+  }
+
+  /// Subscribes to `channel`; `receive` and `run_until` pass its messages to `handler`.
   void on(const std::string& channel, Handler handler);
+  /// Subscribes to the channel of `port`, which outlives this. Each message that `accept` lets
+  /// pass goes to `on_value(stamp, value, datagram)`; others are counted.
+  /// @param inspect sees each message first, as `inspect(rejection, datagram)`, and may throw
+  template <class Value, class OnValue, class Inspect>
+  void on(const messages::Port<Value>& port, OnValue on_value, Inspect inspect) {
+    on(port.channel,
+       [this, &port, on_value = std::move(on_value), inspect = std::move(inspect),
+        stamp = messages::Stamp(), value = Value()](const bus::Datagram& datagram) mutable {
+         const auto rejection = port.codec.decode(datagram.payload, stamp, value);
+         inspect(rejection, datagram);
+         if (accept(rejection, stamp)) on_value(std::as_const(stamp), value, datagram);
+       });
+  }
+  template <class Value, class OnValue>
+  void on(const messages::Port<Value>& port, OnValue on_value) {
+    on(port, std::move(on_value), [](messages::Rejection, const bus::Datagram&) {});
+  }
   /// Announcements that are a member's own (session::Membership::handle) go to `handler`, too,
   /// after they have been handled.
   void on_announcement(Handler handler) { announcement_handler_ = std::move(handler); }
@@ -100,6 +129,9 @@ class Session {
   void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
   /// Handles one datagram, if one comes before the deadline. @return whether one did
   bool receive(Time deadline);
+  /// Handles the announcements that come before the deadline, or until it is `over`.
+  void attend(
+      Time deadline, const std::function<bool()>& over = [] { return false; });
 
   enum class Handled {
     no,        ///< another channel
@@ -109,14 +141,7 @@ class Session {
   /// Handles the datagram if it is on the announcements' channel.
   Handled handle(const bus::Datagram& datagram);
 
-  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and `value`
-  /// as they are or (another run's) as they came.
-  template <class Value>
-  bool accept(const messages::Codec<Value>& codec, const bus::Datagram& datagram,
-              messages::Stamp& stamp, Value& value) {
-    return accept(codec.decode(datagram.payload, stamp, value), stamp);
-  }
-  /// The same for a message that has been decoded already.
+  /// Returns whether a decoded message is sound and of this run; counts it if not.
   bool accept(messages::Rejection rejection, const messages::Stamp& stamp);
   /// Counts what became of a message for `tick`.
   /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
@@ -164,8 +189,6 @@ class Session {
   void throw_if_interrupted() const;
   std::span<const std::byte> announce(Time now);
   void announce_repeatedly();
-  /// Or until it is `over`.
-  void handle_until(Time deadline, const std::function<bool()>& over);
   void name_missing(Time now);
 
   bus::Authenticated transport_;
@@ -173,9 +196,10 @@ class Session {
   const std::atomic<bool>* interrupted_;
   Time started_at_;
   Handler announcement_handler_;
-  // A deque: a handler may add another one while it runs.
-  std::deque<std::pair<std::string, Handler>> handlers_;
+  /// By the channel's number. A deque, since a handler may add another one while it runs.
+  std::deque<Handler> handlers_;
   std::string channel_;
+  int channel_number_;  ///< of `channel_`
   session::Membership::Self self_;
   std::optional<session::Membership> membership_;
   messages::Codec<messages::Participant> codec_;

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "bus/subscriptions.h"
 #include "messages/truth/truth_wire.h"
 #include "messages/wire.h"
 #include "plant/node.h"
@@ -81,7 +82,7 @@ class Peers : public bus::Transport {
     messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender), at});
   }
 
-  void subscribe(const std::string& /*channel*/) override {}
+  int subscribe(const std::string& channel) override { return channels_.add(channel); }
 
   /// What the bus does to the plant's announcement of a fault.
   std::function<void()> on_fault = [] {};
@@ -134,7 +135,10 @@ class Peers : public bus::Transport {
     if (!any || messages_.front().at > base::Clock::now()) return std::nullopt;
     current_ = std::move(messages_.front());
     messages_.pop_front();
-    return bus::Datagram{current_.channel, current_.payload, current_.sender};
+    return bus::Datagram{.channel = current_.channel,
+                         .payload = current_.payload,
+                         .sender = current_.sender,
+                         .channel_number = channels_.find(current_.channel)};
   }
 
  private:
@@ -170,6 +174,7 @@ class Peers : public bus::Transport {
   messages::Codec<messages::truth::PlantTruth> truths_{layout_};
   std::list<session::Membership> members_;
   std::list<Message> messages_;
+  bus::Subscriptions channels_;
   Message current_;
 };
 
