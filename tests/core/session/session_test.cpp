@@ -38,7 +38,7 @@ messages::Participant the_plant() {
 
 /// What `check` throws at `at`, after `number` announcements at `start`; empty when nothing.
 std::string complaint(KeyCheck check, bool tagged, int number, Time at) {
-  for (int i = 0; i < number; ++i) check.foreign({tagged, the_plant(), "10.0.0.2:4123"}, start);
+  for (int i = 0; i < number; ++i) check.on_foreign({tagged, the_plant(), "10.0.0.2:4123"}, start);
   try {
     check.poll(at);
   } catch (const base::Failure& failure) {
@@ -69,15 +69,15 @@ TEST(KeyCheck, NeedsFiveAnnouncementsAndOneAndAHalfSeconds) {
 
 TEST(KeyCheck, IsContentOnceAnAnnouncementHasVerified) {
   KeyCheck check(messages::Role::controller, true);
-  check.accepted();
+  check.on_verified();
   EXPECT_EQ(complaint(check, true, 100, start + 1h), "");
 }
 
 TEST(KeyCheck, HintsAtAForeignOneAlsoWhenOthersHaveVerified) {
   KeyCheck check(messages::Role::controller, true);
   EXPECT_EQ(check.hint(), "");
-  check.accepted();
-  check.foreign({true, the_plant(), "10.0.0.2:4123"}, start);
+  check.on_verified();
+  check.on_foreign({true, the_plant(), "10.0.0.2:4123"}, start);
   EXPECT_EQ(check.hint(),
             "; the plant (process 42 on arm-1, 10.0.0.2:4123) has another key than this controller "
             "(--key-file)");
