@@ -42,7 +42,7 @@ session::LawInput input_of(Role from) {
   return from == Role::plant ? session::measurement_input : session::reference_input;
 }
 
-/// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
+/// Base of both modes: receives the law's inputs, steps the law over a tick, publishes command
 /// and state. Does not know which tick is due.
 class Node {
  public:
@@ -65,9 +65,9 @@ class Node {
     receive(reference_, Role::reference);
   }
 
-  /// What becomes of a sound message of this run, before it is counted and kept.
+  /// Judges a sound message of this run, before it is counted and kept.
   virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
-  /// Does what follows from it.
+  /// Acts on the judged message.
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
 
   void join() {

@@ -51,7 +51,7 @@ messages::Role role_of(Slot slot) {
   }
 }
 
-/// What recording has in common in both modes: joins, checks every message of the run before it
+/// Base of the recorders of both modes: joins, checks every message of the run before it
 /// goes on, writes RUN_INFO before the first of them, closes the log in every case. The log of a
 /// run that has failed ends with the announcement of the fault that ended it: a member's, or this
 /// process's own. Does not know which message is due.
@@ -113,14 +113,15 @@ class Recorder {
   virtual void on_participant(const bus::Datagram& /*datagram*/) {}
   /// A message has been handled: writes and acknowledges what is due.
   virtual void after_message() = 0;
-  /// Whether every tick has come, or is never to come.
+  /// Returns whether every tick has come, or is never to come.
   [[nodiscard]] virtual bool is_complete(Clock::time_point now) const = 0;
   /// The plant has finished, or (not `well`) the run has failed: records what still comes.
   virtual void conclude(bool well) = 0;
   /// The time of an event that belongs to no tick.
   [[nodiscard]] virtual std::int64_t utime() const = 0;
 
-  /// As Session::count; but once the run has failed a conflict is no news: what comes is recorded.
+  /// Counts as Session::count does. Once the run has failed, a conflict is recorded and throws
+  /// nothing.
   void count(Verdict verdict, messages::Role from, const bus::Datagram& datagram,
              std::int64_t tick) {
     if (concluding_) return session_.count(verdict);
@@ -179,8 +180,8 @@ class Recorder {
     }
   }
 
-  /// What has arrived already still belongs into the log, and in realtime how the robot is brought
-  /// to rest, for which the plant has to know.
+  /// Records the messages that have arrived already. In realtime it also records how the robot is
+  /// brought to rest; the plant has to know of the failure for that.
   void save_the_rest(const base::Failure& cause) {
     try {
       const auto own = session_.announce_end(cause);

@@ -26,7 +26,7 @@ class TickTally {
 
   explicit TickTally(std::int64_t num_ticks);
 
-  /// Whether the message is to be recorded (`fresh`), or what else it is.
+  /// Returns whether the message is to be recorded (`fresh`), or why not.
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
   /// The run is over; `last` is its last tick.

@@ -17,8 +17,8 @@
 
 namespace tachless::plant {
 
-/// What the plant's two loops have in common: the robot, and the messages about it. Does not know
-/// when a tick begins.
+/// Base of the plant's two loops: the robot, and the messages about it. It does not know when a
+/// tick begins.
 class PlantLoop {
  protected:
   using Time = base::Clock::time_point;

@@ -10,7 +10,7 @@
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
-/// What a scenario means for the plant: the true robot, and how it is emulated.
+/// From a scenario to the plant: the true robot, and its emulation.
 namespace tachless::plant {
 
 /// The true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints, and the

@@ -41,7 +41,7 @@ std::optional<LogWindow::Ack> LogWindow::take_ack() {
                    (is_all_written() && written_ > acked_.tick);
   if (!due) return std::nullopt;
   Ack ack{written_, 0};
-  // What belongs to the newest two ticks is probably on its way, unless the plant asks again.
+  // Messages of the newest two ticks are probably on their way, unless the plant asks again.
   const std::int64_t last = asked_again_ ? newest_ : newest_ - 2;
   for (std::int64_t tick = written_ + 1; tick <= std::min(last, written_ + 64); ++tick) {
     if (!is_complete(tick)) ack.missing |= std::uint64_t{1} << (tick - written_ - 1);

@@ -14,9 +14,9 @@ namespace tachless::session {
 using messages::num_slots;
 using messages::Slot;
 
-/// The logger's side: collects the six messages of each tick in any order of arrival, gives
-/// complete ticks in order, and decides when to acknowledge and what to report as missing. Writes
-/// nothing.
+/// The logger's side of the tick protocol. It collects the six messages of each tick in any order
+/// of arrival and gives complete ticks in order. It decides when to acknowledge, and which ticks to
+/// report as missing. It writes nothing.
 class LogWindow {
  public:
   struct Ack {
@@ -26,22 +26,22 @@ class LogWindow {
   /// Most ticks between two acknowledgements.
   static constexpr std::int64_t ack_interval = 16;
 
-  /// `longest`: of each slot's message [bytes].
+  /// @param longest message of each slot [bytes]
   LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest)
       : num_ticks_(num_ticks), ring_(longest) {}
 
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// The tick to be written next, when all its six messages are there.
+  /// Returns the tick to be written next, if all its six messages are there.
   [[nodiscard]] std::optional<std::int64_t> complete_tick() const;
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, Slot slot) const;
-  /// `complete_tick()` is in the log.
+  /// Takes note that `complete_tick()` is in the log.
   void on_written();
 
-  /// The acknowledgement to send now, if one is due. Call after writing the complete ticks.
+  /// Returns the acknowledgement to send now, if one is due. Call it after writing complete ticks.
   std::optional<Ack> take_ack();
 
-  /// Whether the run's last tick is in the log.
+  /// Returns whether the run's last tick is in the log.
   [[nodiscard]] bool is_all_written() const { return written_ == num_ticks_ - 1; }
 
  private:
@@ -49,9 +49,9 @@ class LogWindow {
 
   std::int64_t num_ticks_;
   MessageRing ring_;
-  std::int64_t written_ = -1;       ///< last tick in the log without a gap
-  std::int64_t newest_ = -1;        ///< of which a message other than the reference was received
-  Ack acked_;                       ///< the last one taken
+  std::int64_t written_ = -1;  ///< last tick in the log without a gap
+  std::int64_t newest_ = -1;   ///< newest tick with a received message other than the reference
+  Ack acked_;                  ///< the last one taken
   std::int64_t newest_acked_ = -1;  ///< newest_ at that time
   bool asked_again_ = false;  ///< the plant has repeated a message: it lacks an acknowledgement
   bool filled_late_ = false;  ///< a gap has been filled since

@@ -5,12 +5,12 @@
 #include <span>
 #include <vector>
 
-/// The tick protocol as pure state machines: events in, actions out, time passed in as a value.
-/// They neither send nor receive, know no message type, and compute no message. docs/protocol.md
-/// describes the protocol as a whole.
+/// The tick protocol as pure state machines: events go in, actions come out, time is a value. The
+/// state machines neither send nor receive, and know no message type. docs/protocol.md describes
+/// the protocol as a whole.
 namespace tachless::session {
 
-/// What was done with one message.
+/// Outcome of one received message.
 enum class Verdict {
   fresh,        ///< taken
   repeated,     ///< the same bytes as before
@@ -19,12 +19,12 @@ enum class Verdict {
   conflicting,  ///< other bytes than before for the same tick: two processes have one role
 };
 
-/// Tells messages apart within one process: seeded at random, so that no other process can choose a
-/// second message with the digest of the first.
+/// Returns a digest that tells messages apart within one process. Its seed is random: no other
+/// process can choose a second message with the digest of the first.
 std::uint64_t digest_of(std::span<const std::byte> bytes);
 
-/// The messages of the last `depth` ticks, a fixed number of kinds per tick, each kept once: its
-/// bytes, or a digest of them where a copy has only to be recognised. Preallocated.
+/// The messages of the last `depth` ticks, with a fixed number of kinds per tick. Each message is
+/// kept once: its bytes, or a digest where a copy has only to be recognised. Preallocated.
 class MessageRing {
  public:
   /// More than the window (TickMaster::Config) plus one tick, by which the reference is ahead.
@@ -36,14 +36,15 @@ class MessageRing {
   /// `capacities`: longest message of each kind [bytes], or digest_only.
   explicit MessageRing(std::span<const std::size_t> capacities);
 
-  /// Keeps a message. A tick newer than all before drops the tick `depth` earlier.
+  /// Keeps a message. A tick that is newer than all before drops the tick `depth` earlier.
   /// @return fresh, repeated, conflicting or too_old; only `fresh` changes what is kept.
   /// @throw std::logic_error on a negative tick or a message longer than its kind's capacity.
   Verdict put(std::int64_t tick, int kind, std::span<const std::byte> bytes);
 
   [[nodiscard]] bool has(std::int64_t tick, int kind) const { return find(tick, kind) != nullptr; }
 
-  /// Empty of a kind that is kept as a digest. @throw std::logic_error when there is none.
+  /// Returns the kept bytes; none of a kind that is kept as a digest.
+  /// @throw std::logic_error if no message of that tick is kept
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, int kind) const;
 
  private:

@@ -14,7 +14,7 @@
 
 namespace tachless::session {
 
-/// Of the role in a messages::PerRole.
+/// Returns the index of the role in a messages::PerRole.
 constexpr std::size_t index(messages::Role role) { return static_cast<std::size_t>(role); }
 
 /// The processes whose announcements one process has received, and which of them have proven that
@@ -44,20 +44,22 @@ class Peers {
     std::optional<Time> lived{};  ///< the newest moment after which it has proven to have lived
   };
 
-  /// @param counters_required what has no counter is not believed
+  /// @param counters_required an announcement without a counter is not believed
   Peers(messages::Role own_role, std::int64_t own_instance, bool counters_required)
       : own_role_(own_role), own_instance_(own_instance), counters_required_(counters_required) {}
 
-  /// The instance that has the role in this process's run; 0: not known yet. Is not forgotten.
+  /// Returns the instance that has the role in this process's run; 0: not known yet. A holder is
+  /// not forgotten.
   [[nodiscard]] std::int64_t holder(messages::Role role) const { return holders_[index(role)]; }
   void set_holder(messages::Role role, std::int64_t instance) { holders_[index(role)] = instance; }
 
-  /// Whether it is newer than what its sender has announced before: else it is a copy. A process
-  /// keeps the role with which it has proven to be there, and counts or does not: another process
-  /// sent what changes it.
+  /// Returns whether an announcement is newer than all of its sender's before; if not, it is a
+  /// copy. A process keeps the role with which it has proven to be there, and keeps counting or not
+  /// counting. An announcement that changes either was sent by another process.
   [[nodiscard]] bool is_new(const messages::Participant& who) const;
-  /// When the announcement was sent that `who` answers; nothing if none of the last was. Now for
-  /// one without a counter, where that is believed.
+  /// Returns when this process sent the announcement that `who` answers; nothing if `who` answers
+  /// none of the last ones. Returns now for an announcement without a counter, where such
+  /// announcements are believed.
   [[nodiscard]] std::optional<Time> answered(const messages::Participant& who, Time now) const;
 
   struct Remembered {
@@ -68,10 +70,10 @@ class Peers {
   /// @return the peer, and whether it was not known, or not proven, before
   Remembered remember(const messages::Stamp& stamp, const messages::Participant& who,
                       std::string_view sender, std::optional<Time> lived, Time now);
-  /// Unless it is a holder.
+  /// Forgets the process, unless it is a holder.
   void forget(std::int64_t instance);
   void forget_silent(Time now);
-  /// This process was suspended for so long: that counts as no other's silence.
+  /// Does not count the time for which this process was suspended as the silence of others.
   void excuse(std::chrono::nanoseconds suspended);
 
   /// Sets the next counter and, per role, the process being acknowledged: holders, or those that
@@ -79,7 +81,7 @@ class Peers {
   /// @param holders_only this process is over: only the run's members still have to believe it
   void fill_acknowledgements(messages::Participant& mine, bool holders_only, Time now);
 
-  /// Those that have proven to be there, and the holders among them only where there is one.
+  /// Returns the process of a role that has proven to be there: the role's holder, if there is one.
   [[nodiscard]] const Peer* find(messages::Role role) const;
   [[nodiscard]] const std::vector<Peer>& all() const { return peers_; }
 

@@ -9,10 +9,10 @@
 #include "base/clock.h"
 #include "session/message_ring.h"
 
-/// What the processes do with the messages of a tick: the reference in both modes, the controller
-/// and the plant in each. In lockstep every request is answered once, in order, and the reply is
-/// kept for a request that comes again (the plant's side: tick_master.h). In realtime no message is
-/// repeated or waited for.
+/// The processes' sides of the tick protocol: the reference in both modes, the controller and the
+/// plant in each. In lockstep every request is answered once, in order. The reply is kept for a
+/// request that comes again (the plant's side: tick_master.h). In realtime no process repeats a
+/// message or waits for one.
 namespace tachless::session {
 
 /// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
@@ -81,9 +81,9 @@ class CommandResponder {
 
   /// Tick whose command is the next to be computed.
   [[nodiscard]] std::int64_t next() const { return next_; }
-  /// Whether the run's last tick is computed.
+  /// Returns whether the run's last tick is computed.
   [[nodiscard]] bool is_all_computed() const { return next_ == num_ticks_; }
-  /// Whether both its inputs are there.
+  /// Returns whether both inputs of that tick are there.
   [[nodiscard]] bool is_ready() const;
 
   /// The replies of tick `next()`.
@@ -111,11 +111,11 @@ class Pace {
 
   explicit Pace(double period_s) : period_s_(period_s) {}
 
-  /// Whether `tick` can have begun by `now`.
+  /// Returns whether `tick` can have begun by `now`.
   bool possible(std::int64_t tick, base::Clock::time_point now);
 
-  /// Whether no tick is to come: the last of the run is the `newest` received or, for its message
-  /// may be lost, it is time for it to have begun.
+  /// Returns whether no tick is to come: the run's last tick is the `newest` received, or it must
+  /// have begun by now, since its message may be lost.
   [[nodiscard]] bool over(std::int64_t newest, std::int64_t last,
                           base::Clock::time_point now) const;
 
@@ -168,7 +168,7 @@ class MissedCommandMonitor {
   /// A command of this run. `fresh`: the first of the present tick; `too_old`: of a tick that is
   /// over; `not_asked`: of a tick that has not begun.
   Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes);
-  /// Whether this tick's command was received.
+  /// Returns whether this tick's command was received.
   [[nodiscard]] bool is_commanded() const { return commanded_; }
 
   /// The tick is over.
@@ -177,7 +177,8 @@ class MissedCommandMonitor {
   [[nodiscard]] std::int64_t missed() const { return missed_; }  ///< ticks without a command
   [[nodiscard]] std::int64_t missed_in_a_row() const { return in_a_row_; }  ///< at present
   [[nodiscard]] std::int64_t longest_miss() const { return longest_; }      ///< most in a row
-  /// More than `max_missed` in a row: the protective stop is due.
+  /// Returns whether more than `max_missed` commands in a row were missed: the protective stop is
+  /// due.
   [[nodiscard]] bool has_missed_too_many() const { return in_a_row_ > max_missed_; }
 
  private:

@@ -27,10 +27,11 @@ constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;
 constexpr auto leaving_period = 20ms;
 constexpr auto longest_leaving = 1s;
-constexpr auto attending_period = 1ms;  // most that what is waited for is noticed late
-// What the logger may take at the end beyond the time to give up: it records what is on its way.
+constexpr auto attending_period = 1ms;  // longest delay in noticing that the wait is over
+// Most time that the logger may take at the end beyond the time to give up, to record messages that
+// are on their way.
 constexpr auto longest_conclusion = 2s;
-// What a busy disk may take until it has the log.
+// Most time that a busy disk may take to store the log.
 constexpr auto longest_sync = 60s;
 // Final announcements are not acknowledged, so several are sent, spaced out: loss is bursty.
 constexpr int last_announcements = 5;

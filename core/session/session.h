@@ -51,7 +51,7 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// What is known of the four.
+  /// Returns the state of the four processes.
   session::Membership& membership() { return *membership_; }
   [[nodiscard]] std::int64_t run() const { return membership_->run(); }
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
@@ -124,7 +124,7 @@ class Session {
   void run_until(const std::function<bool()>& done, const Turn& turn = {});
   /// The same with announcements alone: for a process that has all messages of its run.
   void attend_until(const std::function<bool()>& done);
-  /// As `run_until`, until the plant has finished.
+  /// Polls and handles messages until the plant has finished.
   /// @param all_there whether all ticks of this process are; before that no end is believed
   void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
   /// Handles one datagram, if one comes before the deadline. @return whether one did
@@ -172,11 +172,11 @@ class Session {
     if (now >= next_poll()) announce(now);
   }
 
-  /// Which of these roles have been silent for a second, in words; all of them, if none has.
+  /// Describes the roles that have been silent for a second; all of these roles, if none has.
   [[nodiscard]] std::string silent_among(std::initializer_list<messages::Role> roles) const;
-  /// Whether a message may be the role's holder's: on a bus with a key it is one of the four's,
-  /// from wherever it comes (their announcements may have been passed on by others); without one it
-  /// is when it comes from the holder's address.
+  /// Returns whether a message may come from the role's holder. On a bus with a key, any address
+  /// may be the holder's, since others may have passed on its announcements. Without a key, the
+  /// message has to come from the holder's address.
   [[nodiscard]] bool is_from(messages::Role role, std::string_view sender) const {
     return transport_.has_key() || membership_->is_from(role, sender);
   }

@@ -121,7 +121,7 @@ void TickMaster::remember_missing(std::uint64_t missing, Time now) {
   missing_ = missing;
   if (completed_after < 64) missing_ &= (std::uint64_t{1} << completed_after) - 1;
   pending_ = 0;
-  // What was sent a moment ago may still be on its way.
+  // A message that was sent a moment ago may still be on its way.
   const auto settled = config_.first_timeout / 2;
   for (std::uint64_t rest = missing_; rest != 0; rest &= rest - 1) {
     const std::int64_t late = acknowledged_ + 1 + std::countr_zero(rest);

@@ -48,7 +48,7 @@ class TickMaster {
   /// @throw std::logic_error when the window is larger than what the other roles keep.
   explicit TickMaster(const Config& config);
 
-  /// Whether tick `next_tick()` may begin.
+  /// Returns whether tick `next_tick()` may begin.
   [[nodiscard]] bool may_begin() const;
   [[nodiscard]] std::int64_t next_tick() const { return next_tick_; }
 
@@ -68,20 +68,21 @@ class TickMaster {
   Verdict on_ack(std::int64_t tick, std::uint64_t missing, Time now);
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
-  /// What to repeat now; call until it returns nothing, and again by `deadline` or 0.1 s later. If
-  /// this process was suspended meanwhile, that time does not count as lack of progress.
+  /// Returns the next message to repeat now. Call it until it returns nothing, and again by
+  /// `deadline` or 0.1 s later. Time for which this process was suspended does not count as lack of
+  /// progress.
   std::optional<Repeat> next_repeat(Time now);
 
   /// When to call `next_repeat` and `has_given_up` again if no message is received.
   [[nodiscard]] Time deadline() const;
 
   [[nodiscard]] Waiting waiting() const;
-  /// Whether `Config::give_up` has passed without progress.
+  /// Returns whether `Config::give_up` has passed without progress.
   [[nodiscard]] bool has_given_up(Time now) const;
-  /// Whether a message of the logger was received since the last progress: then another is lost.
+  /// Returns whether the logger was heard since the last progress; another peer is lost then.
   [[nodiscard]] bool has_heard_logger() const { return logger_heard_; }
 
-  /// All ticks are completed and acknowledged.
+  /// Returns whether all ticks are completed and acknowledged.
   [[nodiscard]] bool is_finished() const;
 
  private:
