@@ -35,6 +35,11 @@ struct Input : messages::Port<Value> {
 
   explicit Input(messages::Port<Value> port) : messages::Port<Value>(std::move(port)) {}
 
+  void keep(const messages::Stamp& stamp, const Value& value) {
+    Message& message = at(stamp.tick);
+    message.stamp = stamp;
+    message.value = value;
+  }
   Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
 };
 
@@ -113,7 +118,7 @@ class Node {
                                             const bus::Datagram& datagram) {
       const Verdict verdict = judge(from, stamp.tick, datagram);
       session_.count(verdict, from, datagram, stamp.tick);
-      if (verdict == Verdict::fresh) input.at(stamp.tick) = {stamp, value};
+      if (verdict == Verdict::fresh) input.keep(stamp, value);
       act(from, stamp.tick, verdict);
     });
   }

@@ -37,7 +37,7 @@ class Drive {
   /// @throw std::logic_error if a delay is not in 0 to `max_delay_ticks` or a limit is not
   /// positive.
   Drive(const DriveSpec& spec, int command_delay, double period_s, const Vector& initial)
-      : limit_(spec.torque_limit_Nm.value_or(Vector::Constant(initial.size(), infinity))),
+      : limit_(spec.torque_limit_Nm.value_or(Vector(Vector::Constant(initial.size(), infinity)))),
         num_slots_(static_cast<std::size_t>(command_delay + spec.command_age_jitter_ticks) + 1),
         jitter_(spec.command_age_jitter_ticks),
         seed_(spec.seed) {
