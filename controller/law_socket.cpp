@@ -31,7 +31,7 @@ constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages
 constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
 
-/// Of the four messages of a tick.
+/// Codecs of the four messages of a tick.
 struct Codecs {
   messages::Codec<messages::AnyMeasurement> measurement;
   messages::Codec<messages::ReferencePoint> reference;

@@ -21,17 +21,17 @@ enum class Discretisation {
   backward_euler,
   zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
 };
-/// As scenarios have them.
+/// Returns the names in scenarios.
 constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
   return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
 }
 
-/// Where the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)` begins.
+/// Initial state w of the filter `wdot = A (e - w)`, `nu = B (e - w)`.
 enum class FilterStart {
   at_error,  ///< w(0) = e(0), hence nu(0) = 0
   zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
 };
-/// As scenarios have them.
+/// Returns the names in scenarios.
 constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
   return {"at_error", "zero"};
 }

@@ -30,28 +30,28 @@ struct AppliedTorque {
 /// on. An arm that adds a torque itself is sent the rest.
 class Drive {
  public:
-  /// @param limit [N m; N if prismatic], positive, `Model::unlimited` for none.
-  /// @param change possible from one tick to the next [N m; N]; empty: any.
-  /// @param initial torque; empty: zero.
+  /// @param spec its limits, jitter and seed are used
+  /// @param command_delay [ticks]
+  /// @param period_s one tick [s]
+  /// @param initial torque of each joint until the first command acts [N m; N if prismatic]
   /// @throw std::logic_error if a delay is not in 0 to `max_delay_ticks` or a limit is not
   /// positive.
-  Drive(const Vector& limit, int command_delay, const Vector& change = {},
-        const Vector& initial = {}, int jitter = 0, std::uint64_t seed = 1)
-      : limit_(limit),
-        change_(change),
-        num_slots_(static_cast<std::size_t>(command_delay + jitter) + 1),
-        jitter_(jitter),
-        seed_(seed) {
-    if (std::min(command_delay, jitter) < 0 || std::max(command_delay, jitter) > max_delay_ticks) {
+  Drive(const DriveSpec& spec, int command_delay, double period_s, const Vector& initial)
+      : limit_(spec.torque_limit_Nm.value_or(Vector(Vector::Constant(initial.size(), infinity)))),
+        num_slots_(static_cast<std::size_t>(command_delay + spec.command_age_jitter_ticks) + 1),
+        jitter_(spec.command_age_jitter_ticks),
+        seed_(spec.seed) {
+    if (spec.torque_rate_limit_Nm_per_s) change_ = *spec.torque_rate_limit_Nm_per_s * period_s;
+    if (std::min(command_delay, jitter_) < 0 ||
+        std::max(command_delay, jitter_) > max_delay_ticks) {
       throw std::logic_error("plant::Drive: command_delay is out of range");
     }
-    if (!(limit.array() > 0).all() || !(change.array() > 0).all()) {
+    if (!(limit_.array() > 0).all() || !(change_.array() > 0).all()) {
       throw std::logic_error("plant::Drive: torque limits must be positive");
     }
-    applied_.tau = Vector::Zero(limit.size());
-    if (initial.size() > 0) applied_.tau = initial.cwiseMin(limit).cwiseMax(-limit);
+    applied_.tau = initial.cwiseMin(limit_).cwiseMax(-limit_);
     initial_ = before_ = applied_.tau;
-    added_ = Vector::Zero(limit.size());
+    added_ = Vector::Zero(limit_.size());
     accepted_.fill(applied_);
   }
 
@@ -119,7 +119,8 @@ class Drive {
     }
   }
 
-  Vector limit_, change_;
+  Vector limit_;           ///< [N m; N if prismatic]
+  Vector change_;          ///< that is possible from one tick to the next [N m; N]; empty: any
   std::size_t num_slots_;  ///< command_delay + jitter + 1
   int jitter_;
   std::uint64_t seed_;

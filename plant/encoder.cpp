@@ -52,13 +52,13 @@ double standard_uniform(std::uint64_t seed, std::int64_t tick) {
   return uniform(random[0], random[1]);
 }
 
-Encoder::Encoder(const scenario::Scenario& scenario, const robot::Model& model)
-    : eccentricity_(scenario.plant.encoder.eccentricity_rad),
-      phase_(scenario.plant.encoder.eccentricity_phase_rad),
-      count_(scenario::encoder_count(scenario, model)),
-      position_noise_(scenario.plant.encoder.noise_std_rad),
-      velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
-      seed_(scenario.plant.encoder.seed) {
+Encoder::Encoder(const EncoderSpec& spec, const Vector& count, const robot::Model& model)
+    : eccentricity_(spec.eccentricity_rad),
+      phase_(spec.eccentricity_phase_rad),
+      count_(count),
+      position_noise_(spec.noise_std_rad),
+      velocity_noise_(spec.velocity_noise_std_rad_per_s),
+      seed_(spec.seed) {
   for (Eigen::Index i = 0; i < eccentricity_.size(); ++i) {
     const bool slides =
         model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::prismatic;

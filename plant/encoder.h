@@ -4,13 +4,13 @@
 
 #include "messages/measurements.h"
 #include "plant/arm_state.h"
+#include "plant/spec.h"
 #include "robot/model.h"
-#include "scenario/scenario.h"
 
 namespace tachless::plant {
 
 /// The position encoders of all joints (and the tachometers, for laws that measure velocity):
-/// true state in, measurement out. A measurement is a function of (scenario, state, tick) alone. A
+/// true state in, measurement out. A measurement is a function of (spec, state, tick) alone. A
 /// counter-based generator draws the noise from seed, tick, joint and channel: a repeated tick
 /// repeats its noise, and no channel shifts another's.
 ///
@@ -19,8 +19,9 @@ namespace tachless::plant {
 /// counts over its URDF range. Velocity: noise only.
 class Encoder {
  public:
-  /// @throw base::Failure(bad_usage) when a prismatic joint has a resolution but no range.
-  Encoder(const scenario::Scenario& scenario, const robot::Model& model);
+  /// @param count width of one count of each joint (scenario::encoder_count) [rad; m if prismatic];
+  /// 0: ideal
+  Encoder(const EncoderSpec& spec, const Vector& count, const robot::Model& model);
 
   /// Returns the measurement of tick `tick`. Precondition: `scenario::require_encoders` passes.
   template <class Measurement>

@@ -16,7 +16,7 @@
 #include "in_process/in_process_loop.h"
 #include "logger/log_file.h"
 #include "logger/table.h"
-#include "plant/run_messages.h"
+#include "plant/truth_of.h"
 #include "python/python_law.h"
 #include "robot/dynamics.h"
 #include "robot/kinematics.h"

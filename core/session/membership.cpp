@@ -108,7 +108,7 @@ Event Membership::event_of_roster(const messages::Participant& peer) const {
   if (peer.role != Role::plant || !names_roster(peer)) return Event::peer;
   // Before the run begins the plant may choose anew.
   const bool with_self =
-      running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
+      is_running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
   return with_self ? Event::roster : Event::other_roster;
 }
 
@@ -301,7 +301,7 @@ void Membership::poll(Time now) {
   }
 }
 
-void Membership::stopping(const Failure& failure, Time now) {
+void Membership::on_stopping(const Failure& failure, Time now) {
   if (!stopping_) stopping_ = failure;
   announce_at_ = now;
 }
@@ -321,7 +321,7 @@ bool Membership::others_lack_ticks() const {
   });
 }
 
-bool Membership::finish_acknowledged() const {
+bool Membership::is_finish_acknowledged() const {
   const Peer* plant = peers_.find(Role::plant);
   if (plant == nullptr || end_counter_ == 0) return false;
   const std::size_t own = index(own_role());

@@ -76,9 +76,9 @@ void request_real_time(messages::Role role) {
       missing);
 }
 
-Link::Config link_config(messages::Role role, const ProcessOptions& options,
-                         const std::atomic<bool>& interrupted) {
-  Link::Config config;
+Session::Config session_config(messages::Role role, const ProcessOptions& options,
+                               const std::atomic<bool>& interrupted) {
+  Session::Config config;
   config.role = role;
   config.run_id = options.run_id;
   config.wait_s = options.wait_s;
@@ -96,21 +96,21 @@ ExitCode run_role(messages::Role role, const ProcessOptions& options, const Role
   const std::atomic<bool>& interrupted = base::catch_interruptions();
   base::survive_file_size_limit();
   std::optional<bus::UdpTransport> bus;
-  std::optional<Link> link;
+  std::optional<Session> session;
   Statistics early(role);  // of a process that does not get as far as a session
-  const auto statistics = [&]() -> Statistics& { return link ? link->statistics() : early; };
+  const auto statistics = [&]() -> Statistics& { return session ? session->statistics() : early; };
   const auto report = [&] {
     report_unsent(bus);
-    if (link) statistics().rejected.add(Discard::unauthenticated, link->unauthenticated());
+    if (session) statistics().rejected.add(Discard::unauthenticated, session->unauthenticated());
     if (!options.stats_path.empty()) write_statistics(statistics(), options.stats_path);
   };
   try {
     const scenario::Scenario scenario =
         scenario::load_scenario(find_scenario(options.scenario_path), options.overrides);
     open_bus(bus, options, role, scenario);
-    link.emplace(scenario, *bus, link_config(role, options, interrupted));
+    session.emplace(scenario, *bus, session_config(role, options, interrupted));
     if (scenario.loop.mode == scenario::Mode::realtime) request_real_time(role);
-    link->guard([&] { main(scenario, *link); });
+    session->guard([&] { main(scenario, *session); });
   } catch (const std::exception&) {
     const Failure failure = base::current_failure();
     statistics().exit_code = failure.code();

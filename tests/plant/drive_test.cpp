@@ -17,7 +17,17 @@ using messages::TorqueCommand;
 
 TorqueCommand command(double first, double second) { return {Eigen::Vector2d(first, second)}; }
 
-Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
+/// @param change that is possible from one tick to the next; empty: any
+Drive drive(const Vector& limit, int delay, const Vector& change = {},
+            const Vector& initial = Eigen::Vector2d(0, 0), int jitter = 0, std::uint64_t seed = 1) {
+  DriveSpec spec;
+  spec.torque_limit_Nm = limit;
+  if (change.size() > 0) spec.torque_rate_limit_Nm_per_s = change;
+  spec.command_age_jitter_ticks = jitter;
+  spec.seed = seed;
+  return Drive(spec, delay, 1, initial);
+}
+Drive drive(int delay) { return drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
 
 TEST(Drive, LimitsTheChangeOfTheTorqueThatIsSentWhereTheArmAddsOne) {
   const Vector ten = Vector::Constant(1, 10);
@@ -44,7 +54,7 @@ TEST(Drive, LimitsTheChangeOfTheTorqueThatIsSentWhereTheArmAddsOne) {
 }
 
 TEST(Drive, HoldsTheInitialTorqueUntilTheFirstCommandActs) {
-  Drive held(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
+  Drive held = drive(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
   for (int tick = 0; tick < 2; ++tick) {
     held.accept({Eigen::Vector2d(1, 2)});
     EXPECT_EQ(held.applied().tau, Eigen::Vector2d(4, -3)) << "limited as any torque";
@@ -73,7 +83,7 @@ TEST(Drive, AppliesEachCommandAfterItsDelayAndHoldsTheLastWhenOneIsMissed) {
 
 TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
   for (const int delay : {0, 1, 3}) {
-    Drive d(Eigen::Vector2d(10, robot::Model::unlimited), delay, Eigen::Vector2d(2, 1e9));
+    Drive d = drive(Eigen::Vector2d(10, robot::Model::unlimited), delay, Eigen::Vector2d(2, 1e9));
     for (int k = 0; k < 20; ++k) {
       d.accept(command(k < 10 ? 7 : -12, 5));
       const int since = k - delay;
@@ -95,7 +105,7 @@ TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
 TEST(Drive, TakesCommandsOfAnyAgeUpToTheJitterEachAsOftenBySeed) {
   constexpr int delay = 2, jitter = 3, ticks = 4000;
   const auto ages = [](std::uint64_t seed) {
-    Drive d(Eigen::Vector2d(1e9, 1e9), delay, {}, {}, jitter, seed);
+    Drive d = drive(Eigen::Vector2d(1e9, 1e9), delay, {}, Eigen::Vector2d(0, 0), jitter, seed);
     std::vector<int> all;
     for (int k = 0; k < ticks; ++k) {
       const double before = d.applied().tau[0];
@@ -152,10 +162,10 @@ TEST(Drive, GivesNoTorqueOnceStopped) {
 }
 
 TEST(Drive, RefusesWhatMakesNoSense) {
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 0), 0), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 17), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), -1), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 0, Eigen::Vector2d(1, 0)), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 0), 0), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 1), 17), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 1), -1), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 1), 0, Eigen::Vector2d(1, 0)), std::logic_error);
   Drive d = drive(0);
   EXPECT_THROW(d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
 }

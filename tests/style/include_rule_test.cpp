@@ -121,7 +121,7 @@ const std::vector<Rule> rules = {
     {"study/sweep.cpp", {"study/", "process/", "diagnostics/"}, {}, true},
     {"study/sweep_plan.cpp", {"study/", "experiment/", "diagnostics/"}, {"nlohmann/"}},
     {"study/in_process_log.cpp",
-     {"study/", "controller/registry.h", "node/run_info.h", "plant/run_messages.h", "bus/wire.h",
+     {"study/", "controller/registry.h", "node/run_info.h", "plant/truth_of.h", "bus/wire.h",
       "bus/truth/", "loop/"},
      {}},
 
@@ -173,8 +173,8 @@ const std::vector<Rule> rules = {
      true},
 
     {"python/",
-     {"python/", "controller/", "experiment/", "logger/", "plant/run_messages.h", "study/",
-      "robot/", "loop/", "diagnostics/"},
+     {"python/", "controller/", "experiment/", "logger/", "plant/truth_of.h", "study/", "robot/",
+      "loop/", "diagnostics/"},
      {"pybind11/", "Eigen/"}},
     {"python/linear.cpp",
      {"python/", "certificate/scenario_loop.h", "controller/registry.h", "experiment/"},

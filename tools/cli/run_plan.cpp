@@ -54,8 +54,8 @@ scenario::Scenario checked_scenario(const RunOptions& options) {
   reference::make_trajectory(scenario);
   if (options.law_program.empty()) controller::scenario_law(scenario);
   const robot::Model model = plant::plant_model(scenario);
-  plant::initial_state(scenario, model);
-  plant::make_drive(scenario, model);
+  plant::initial_state(scenario.plant, scenario.robot.flexible, model);
+  plant::make_drive(scenario.plant, scenario.loop, model);
   require_fitting_mode(options, scenario);
   return scenario;
 }

@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "controller/law/estimated_velocity.h"
+#include "controller/law/rivals/estimated_velocity.h"
 
 namespace tachless::controller::law {
 

@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "base/elementary.h"
-#include "controller/law/estimated_velocity.h"
+#include "controller/law/rivals/estimated_velocity.h"
 
 namespace tachless::controller::law {
 
