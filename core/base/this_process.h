@@ -35,6 +35,14 @@ void survive_file_size_limit();
 /// From now on a write to a pipe without a reader fails, instead of ending the process.
 void survive_broken_pipes();
 
+/// Opens /dev/null as each of stdin, stdout and stderr that is closed, so that no other file gets
+/// its number. For the start of a `main`.
+void open_standard_streams();
+
+/// Sends stdout and stderr to /dev/null from now on, each that cannot be written within a second:
+/// nobody reads the pipe, or the terminal is stopped.
+void give_up_blocked_output();
+
 /// From now on this process leaves no core dump, and other processes of its user can neither trace
 /// it nor read its memory. Programs that it starts are not concerned.
 /// @throw std::system_error when the system refuses
