@@ -94,7 +94,7 @@ class Program {
     // The shell moves its stdin, the socket, out of the reach of what reads there.
     child_ = base::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
                           "sh", scenario.source, "--serve", "3"},
-                         base::blocked_signals(), {}, other.get());
+                         {.input = other.get()});
     socket_ = LawSocket(std::move(own));
   }
   Program(const Program&) = delete;

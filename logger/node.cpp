@@ -97,8 +97,8 @@ class Recorder {
       file_.sync([this](const auto& done) { session_.attend_until(done); });
       whole_ = true;
       session_.leave();
-    } catch (const base::Failure& failure) {
-      save_the_rest(failure);
+    } catch (const std::exception&) {
+      save_the_rest(base::current_failure());
       throw;
     }
     file_.close();

@@ -8,6 +8,7 @@
 #include <utility>
 #include <variant>
 
+#include "base/child.h"
 #include "base/logging.h"
 #include "base/text.h"
 #include "plant/plant_model.h"
@@ -121,6 +122,7 @@ void GuardedRobot::start() {
   }
   if (scenario_.plant.dry_run) return;
   started_ = true;
+  if (!emulated()) base::give_notice(base::Notice::robot_starts);
   driver_.start();
 }
 
@@ -323,6 +325,7 @@ void GuardedRobot::try_to_stop() noexcept {
   try {
     driver_.stop();
     driver_stopped_ = true;
+    if (!emulated()) base::give_notice(base::Notice::robot_stopped);
   } catch (...) {
     ++failed_stops_;
     try {

@@ -31,6 +31,14 @@ void survive_file_size_limit();
 /// Lets a write to a pipe without a reader fail instead of ending the process.
 void survive_broken_pipes();
 
+/// Opens /dev/null as each of stdin, stdout and stderr that is closed, so that no other file gets
+/// its number. For the start of a `main`.
+void open_standard_streams();
+
+/// Sends stdout and stderr to /dev/null from now on, each that cannot be written within a second:
+/// nobody reads the pipe, or the terminal is stopped.
+void give_up_blocked_output();
+
 /// Forbids core dumps of this process, and forbids other processes of its user to trace it or to
 /// read its memory. Programs that it starts are not affected.
 /// @throw std::system_error if the system refuses

@@ -203,6 +203,7 @@ std::optional<ProcessOptions> parse_process_options(Role role, int argc, const c
 
 int run_process(Role role, int argc, const char* const* argv,
                 const std::function<ExitCode(const ProcessOptions&)>& run) {
+  base::open_standard_streams();
   base::start_logging(program_name(role), base::Verbosity::normal);
   try {
     const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);

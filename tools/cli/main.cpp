@@ -104,6 +104,7 @@ base::ExitCode run(std::vector<const char*> words) {
 
 int main(int argc, char** argv) {
   using namespace tachless;
+  base::open_standard_streams();
   base::start_logging("tachless", base::Verbosity::normal);
   base::survive_file_size_limit();
   try {

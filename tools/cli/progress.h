@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/file_descriptor.h"
+
 /// Progress of runs and long computations, in lines on stderr.
 namespace tachless::cli {
 
@@ -39,6 +41,27 @@ class Progress {
   std::optional<double> ticks_per_s_;
 };
 
+/// Text to stderr that never waits for a reader who is slow: what does not fit into the pipe or the
+/// terminal stays in a bounded buffer, and what does not fit there is dropped and counted.
+class LaggingOutput {
+ public:
+  explicit LaggingOutput(int descriptor);
+  LaggingOutput(const LaggingOutput&) = delete;
+  LaggingOutput& operator=(const LaggingOutput&) = delete;
+  /// Writes the rest, and waits for its reader.
+  ~LaggingOutput();
+
+  void put(std::string_view text);
+  /// Writes what is possible now. @return whether something is left
+  bool flush();
+
+ private:
+  int descriptor_;
+  base::FileDescriptor own_;  ///< the same file, opened without waiting; -1: it cannot be
+  std::string waiting_;
+  std::int64_t dropped_ = 0;  ///< texts
+};
+
 /// Lines of progress, and other lines between them. On a terminal each line of progress replaces
 /// the one before, and the last one is removed. Elsewhere at most one appears in 30 s.
 class Screen {
@@ -62,6 +85,7 @@ class Screen {
   /// Returns the characters that remove the shown lines from the terminal.
   std::string erasing();
 
+  LaggingOutput out_;
   bool quiet_;
   bool terminal_;
   std::size_t shown_ = 0;  ///< lines on the terminal

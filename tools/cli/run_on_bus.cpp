@@ -146,6 +146,8 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
     if (role == messages::Role::logger) command.insert(command.end(), {"--out-log", log});
     all.push_back(
         {std::string(messages::name(role)), std::move(command), robot.placement.cpus_of(role)});
+    all.back().relayed = robot.run.scenario.loop.mode == scenario::Mode::realtime;
+    all.back().drives_robot = role == messages::Role::plant && !options.plant_program.empty();
   }
   return all;
 }
@@ -200,6 +202,10 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
         std::ranges::find(statistics, role, &session::Statistics::role) != statistics.end()) {
       continue;
     }
+    if (supervision.begun) {
+      return fmt::format("--{} '{}': ended during the run, and without a word; see its code",
+                         messages::name(role), program);
+    }
     return fmt::format("--{} '{}': ended without having taken part; has it a main that calls {}?",
                        messages::name(role), program,
                        role == messages::Role::plant
@@ -230,6 +236,13 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
       if (!end.well()) lines.push_back(options.named(describe(end)));
     }
   }
+  for (const ProcessEnd& end : supervision.ends) {
+    if (end.dropped_bytes + end.hidden_lines == 0) continue;
+    lines.push_back(options.named(
+        fmt::format("{}: {} bytes of its output were dropped and {} lines were not shown, because "
+                    "it writes faster than they are read",
+                    end.name, end.dropped_bytes, end.hidden_lines)));
+  }
   const std::string others = others_that_failed(supervision);
   if (!supervision.interrupted && !others.empty()) {
     lines.push_back(options.named(fmt::format("because of it ended: {}{}", others,
@@ -252,6 +265,11 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
   if (could_not_start(robot.options, supervision)) end.code = ExitCode::bad_usage;
   end.facts.wall_s = wall_s;
   end.facts.placement = robot.placement.words;
+  for (const ProcessEnd& each : supervision.ends) {
+    end.facts.dropped_output_bytes += each.dropped_bytes;
+    end.facts.hidden_output_lines += each.hidden_lines;
+    if (each.robot_started) end.facts.robot_stopped = each.robot_stopped;
+  }
   if (supervision.interrupted) {
     end.facts.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
   } else if (supervision.culprit) {
@@ -305,6 +323,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  if (std::ranges::any_of(ends, &Supervision::interrupted)) base::give_up_blocked_output();
   screen.clear();
   std::vector<std::size_t> order(ends.size());
   std::iota(order.begin(), order.end(), 0);

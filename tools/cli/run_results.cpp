@@ -294,8 +294,8 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   }
   if (end.facts.fault) {
     base::log_error(options.named(*end.facts.fault));
-    for (const std::string& line : end.consequences) base::log_info(line);
   }
+  for (const std::string& line : end.consequences) base::log_info(line);
   report::RunSummary summary{
       recorded ? recorded->scenario : run.scenario, end.facts,
       recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};
