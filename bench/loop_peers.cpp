@@ -1,4 +1,4 @@
-// What a loop of four processes costs without this project: the six datagrams of a tick, of the
+// Measures the cost of a loop of four processes without this project: the six datagrams of a tick, of the
 // same sizes and with the same plant, between four processes that check, repeat and record nothing.
 //   loop_peers SCENARIO MECHANICS TICKS [CPU CPU]
 // One socket each with a kernel filter on the first byte, blocking recv. CPU: of plant, reference
@@ -98,7 +98,9 @@ class Peer {
   /// Jumps of 20 rad/s^2 at every joint. @return ticks per second
   double plant(std::int64_t ticks) {
     const robot::Model model = plant::plant_model(scenario_);
-    plant::Arm arm = plant::make_arm(scenario_, model, plant::initial_state(scenario_, model));
+    plant::Arm arm =
+        plant::make_arm(scenario_.plant, scenario_.robot.flexible, model,
+                        plant::initial_state(scenario_.plant, scenario_.robot.flexible, model));
     const Vector jump = 10 * robot::mass_matrix(model, arm.state().q).diagonal();
     auto begun = Clock::now();
     for (std::int64_t k = 0; k < ticks + warm_up; ++k) {

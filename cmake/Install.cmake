@@ -1,4 +1,4 @@
-# What is installed beside programs and libraries (cmake/Tachless.cmake). The programs look for their
+# Installs the files beside programs and libraries (cmake/Tachless.cmake). The programs look for their
 # files from where they are, in ../share/tachless (core/base/this_process.h): the build directory is laid
 # out the same, by links to the tree.
 set(shared share/tachless)

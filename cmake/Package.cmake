@@ -43,7 +43,7 @@ set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "robot joints tracked from positions alone
 Velocity-free control of rigid and flexible-joint robots, as four processes
 on a message bus: a simulated robot, a trajectory generator, a controller
 and a logger; with certificates, studies, reports and replay.")
-# What the programs call or read, beside the libraries that they are linked with.
+# Packages that the programs call or read, beside the libraries that they are linked with.
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libjs-dygraphs, libjs-three")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS
   "iproute2, xdg-utils, default-jre, liblcm-java, libjchart2d-java")
@@ -55,7 +55,7 @@ real robots in the place of those of tachless; with an example of each.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION}), libeigen3-dev, libfmt-dev, \
 libspdlog-dev, libyaml-cpp-dev, nlohmann-json3-dev, libtinyxml-dev, libsimbody-dev, libsodium-dev")
 # For the undocumented libraries and examples/iiwa.
-set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "libnlopt-dev, coinor-libclp-dev, libcpp-httplib-dev, liblcm-dev, liblcm-bin")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "libnlopt-dev, coinor-libclp-dev, liblcm-dev, liblcm-bin")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tachless)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "robot joints tracked from positions alone, from Python

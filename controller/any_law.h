@@ -23,7 +23,7 @@ base::Failure not_finite(std::string_view law, const Vector& tau, std::int64_t t
 /// Why gains that a reference brought are not used.
 base::Failure gains_refused(std::string_view gains, std::string_view problem);
 
-/// What one step of a law gave; valid until its next one.
+/// Result of one step of a law; valid until the next step.
 struct Outcome {
   const messages::TorqueCommand& command;
   const messages::LawSignals& signals;
@@ -56,7 +56,7 @@ class AnyLaw {
   [[nodiscard]] virtual std::string_view name() const = 0;
   /// Suffix of the channel that it is fed from.
   [[nodiscard]] virtual std::string_view measurement() const = 0;
-  /// What it logs, in the rows of `Outcome::signals`.
+  /// Returns the logged signals, in the rows of `Outcome::signals`.
   [[nodiscard]] virtual std::span<const messages::Signal> signals() const = 0;
 
   /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.

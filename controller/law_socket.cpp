@@ -15,8 +15,8 @@
 #include <utility>
 
 #include "base/child.h"
+#include "base/clock.h"
 #include "base/logging.h"
-#include "base/time.h"
 #include "scenario/gains.h"
 #include "session/run_info.h"
 
@@ -31,7 +31,7 @@ constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages
 constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
 
-/// Of the four messages of a tick.
+/// Codecs of the four messages of a tick.
 struct Codecs {
   messages::Codec<messages::AnyMeasurement> measurement;
   messages::Codec<messages::ReferencePoint> reference;
@@ -94,7 +94,7 @@ class Program {
     // The shell moves its stdin, the socket, out of the reach of what reads there.
     child_ = base::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
                           "sh", scenario.source, "--serve", "3"},
-                         base::blocked_signals(), {}, other.get());
+                         {.input = other.get()});
     socket_ = LawSocket(std::move(own));
   }
   Program(const Program&) = delete;
@@ -197,10 +197,14 @@ class Program {
   Failure ended(std::int64_t tick) {
     const base::End end = this->end();
     const int code = end.exit_code;
+    // A shell ends with 126 or 127 and an interpreter with 1 if there is no such program.
+    const bool absent = tick == no_tick && (code == 1 || code == 126 || code == 127);
     const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
                       code <= static_cast<int>(ExitCode::protective_stop);
     const char* const remedy = end.well() ? "; does its main call run_controller?" : "";
-    return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
+    return {absent ? ExitCode::bad_usage
+            : ours ? static_cast<ExitCode>(code)
+                   : ExitCode::peer_lost,
             "--controller '{}': {} {}{}",
             command_,
             base::text(end),

@@ -26,13 +26,13 @@ class LawSocket {
   [[nodiscard]] int descriptor() const { return socket_.get(); }
   void close() { socket_ = base::FileDescriptor(); }
 
-  /// Whether the other end is still there.
+  /// Sends a message. @return whether the other end is still there
   bool send(std::span<const std::byte> message);
 
   /// Waits for a message, which is valid until the next call; empty when the other end is closed.
   std::span<const std::byte> receive();
 
-  /// Whether a message has come that is one of `Value`.
+  /// Waits for a message. @return whether it is one of `Value`
   template <class Value>
   bool receive(const messages::Codec<Value>& codec, messages::Stamp& stamp, Value& value) {
     const auto message = receive();
@@ -66,7 +66,7 @@ class LawProgram {
   /// @throw base::Failure as `external_law`
   LawProgram(const scenario::Scenario& scenario, const std::string& command);
 
-  /// What the law calls itself.
+  /// Returns the name that the law announces.
   [[nodiscard]] const std::string& law() const { return info_.law; }
 
   /// Its torques [N m] for these measurements, tick by tick from 0 of a run at that period that
@@ -86,7 +86,7 @@ class LawProgram {
   std::exception_ptr failure_;
 };
 
-/// What starts `command` with further arguments in a shell.
+/// Returns the words that start `command` with further arguments in a shell.
 std::vector<std::string> shell_command(const std::string& command,
                                        const std::vector<std::string>& arguments);
 

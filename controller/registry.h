@@ -33,7 +33,7 @@ struct Parameter {
   std::string_view described_default{};  ///< what stands in for it, where the law decides
 };
 
-/// What is known of a law by its name alone; all of it follows from what the law declares.
+/// Declarations of a law, found by its name.
 struct LawFacts {
   std::string_view name;
   std::string_view measurement{};               ///< suffix of the channel that it is fed from
@@ -67,7 +67,7 @@ std::map<std::string, Vector> tuned_by_name(const law::Tuning& tuning) {
   return all;
 }
 
-/// What follows from a law's declarations, of laws that are not in the registry too.
+/// Returns the facts that a law declares; it need not be in the registry.
 template <class L>
 LawFacts facts_of() {
   using Gains = typename L::Gains;
@@ -100,11 +100,12 @@ const std::vector<LawFacts>& laws();
 
 std::vector<std::string_view> law_names();
 
-/// Of the law of another program too, of which nothing is known but that.
+/// Returns the facts of a law; `external` is accepted too.
 /// @throw base::Failure(bad_usage) naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
 
-/// The scenario's. @throw base::Failure(bad_usage), with the key's place, as that
+/// Returns the facts of the law that the scenario names.
+/// @throw base::Failure(bad_usage) with the key's place
 const LawFacts& law_facts(const scenario::Scenario& scenario);
 
 /// The names of the law's parameters, in its order.
@@ -205,7 +206,7 @@ ScenarioLaw law_over_run(const scenario::Scenario& scenario, const LawFacts& law
       law_settings(scenario).feedforward_lead_s, std::move(retuned));
 }
 
-/// What the law's controller announces of it.
+/// Returns the announcement of the law by its controller.
 messages::LawInfo law_info(const AnyLaw& law);
 
 /// The layout of the messages of a run under this law.

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "base/schema.h"
 
@@ -20,17 +21,17 @@ enum class Discretisation {
   backward_euler,
   zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
 };
-/// Returns the names that scenarios use.
+/// Returns the names in scenarios.
 constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
   return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
 }
 
-/// Start of the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)`.
+/// Initial state w of the filter `wdot = A (e - w)`, `nu = B (e - w)`.
 enum class FilterStart {
   at_error,  ///< w(0) = e(0), hence nu(0) = 0
   zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
 };
-/// Returns the names that scenarios use.
+/// Returns the names in scenarios.
 constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
   return {"at_error", "zero"};
 }
@@ -61,7 +62,7 @@ struct FrictionSpec {
   }
   [[nodiscard]] Vector torque(const Vector& v_ref) const {
     return viscous.cwiseProduct(v_ref) +
-           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).array().tanh().matrix());
+           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).unaryExpr(&base::tanh));
   }
 
   static constexpr std::tuple keys{

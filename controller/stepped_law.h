@@ -44,8 +44,8 @@ SteppedLaw stepped_law(const scenario::Scenario& scenario,
 using LyapunovFunction =
     std::function<double(const law::LoopState&, const messages::ReferencePoint&)>;
 
-/// That of the scenario's law, with the model that the law is given (a payload unknown to it is
-/// not in M). Empty when the law declares none.
+/// Returns the Lyapunov function of the scenario's law, with the model that the law is given (a
+/// payload unknown to it is not in M). Empty when the law declares none.
 /// @param weights of its cross terms, where it has some: those of `lyapunov::certified_run`
 /// @throw base::Failure(bad_usage) when the law cannot be made of the scenario.
 LyapunovFunction lyapunov_function(const scenario::Scenario& scenario,

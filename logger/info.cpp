@@ -215,6 +215,17 @@ std::string no_log_text(const std::filesystem::path& path) {
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   const std::string name = path.string();
+  if (text.empty()) return fmt::format("{}: the file is empty; name an LCM log", name);
+  constexpr std::string_view event_begins = "\xED\xA1\xDA\x01";  // LCM's word of synchronisation
+  if (text.starts_with(event_begins)) {
+    return fmt::format(
+        "{}: an LCM log that ends in its first message; name a log that was written to its end",
+        name);
+  }
+  if (text.starts_with("\x01\xDA\xA1\xED")) {
+    return fmt::format(
+        "{}: an LCM log in the wrong byte order; write its headers in network byte order", name);
+  }
   if (text.find("<robot") != std::string::npos) {
     return fmt::format("{}: this is a robot description: tachless robot {}", name,
                        base::shell_word(name));
@@ -342,7 +353,7 @@ json read_info(const std::filesystem::path& path) {
   }
   info["size_bytes"] = std::filesystem::file_size(path);
   tally.write_to(info);
-  if (info["messages"] == 0 && info["size_bytes"] != 0) {
+  if (info["messages"] == 0) {
     throw base::bad_usage(no_log_text(path));
   }
   const bool has_run_info = std::ranges::any_of(info["channels"], [](const json& each) {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <variant>
 
+#include "base/child.h"
 #include "base/logging.h"
 #include "base/text.h"
 #include "plant/plant_model.h"
@@ -28,20 +29,18 @@ std::string when(std::int64_t tick) {
 /// By more than rounding.
 bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
 
-/// A real robot's readings have noise, latency and resolution already.
-scenario::Scenario with_ideal_encoders(scenario::Scenario scenario) {
-  const EncoderSide side = scenario.plant.encoder.side;
-  scenario.plant.encoder = {};
-  scenario.plant.encoder.side = side;
-  return scenario;
+/// Returns the drives of a real robot. Unless the scenario gives plant.initial.torque, they start
+/// with the torque that holds the robot, since its brakes open under that torque.
+Drive real_drive(const scenario::Scenario& scenario) {
+  Spec plant = scenario.plant;
+  if (!scenario.gives("plant.initial.torque")) plant.initial.torque = InitialTorque::hold;
+  plant.drive.command_age_jitter_ticks = 0;
+  return make_drive(plant, scenario.loop, unloaded_model(scenario));
 }
 
-/// Its brakes open under a torque: unless the scenario says otherwise, that which holds it.
-Drive first_holding(scenario::Scenario scenario) {
-  if (!scenario.gives("plant.initial.torque")) scenario.plant.initial.torque = InitialTorque::hold;
-  scenario.plant.payload = {};  // the emulator's
-  scenario.plant.drive.command_age_jitter_ticks = 0;
-  return make_drive(scenario, plant_model(scenario));
+/// Returns ideal encoders: a real robot's readings have noise, latency and resolution already.
+Encoder ideal_encoder(const robot::Model& model) {
+  return {{}, Vector::Zero(model.num_joints), model};
 }
 
 }  // namespace
@@ -61,10 +60,16 @@ Failure not_finite(std::int64_t tick) {
 GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver)
     : scenario_(scenario),
       model_(plant_model(scenario)),
-      emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
+      emulator_(driver == nullptr
+                    ? std::make_unique<EmulatedRobot>(scenario.plant, scenario.robot.flexible,
+                                                      scenario.loop.period_s, model_)
+                    : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
-      drive_(driver == nullptr ? make_drive(scenario, model_) : first_holding(scenario)),
-      encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
+      drive_(driver == nullptr ? make_drive(scenario.plant, scenario.loop, model_)
+                               : real_drive(scenario)),
+      encoder_(emulated() ? Encoder(scenario.plant.encoder,
+                                    scenario::encoder_count(scenario, model_), model_)
+                          : ideal_encoder(model_)),
       speed_(Vector::Zero(model_.num_joints)),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
@@ -117,11 +122,12 @@ void GuardedRobot::start() {
   }
   if (scenario_.plant.dry_run) return;
   started_ = true;
+  if (!emulated()) base::give_notice(base::Notice::robot_starts);
   driver_.start();
 }
 
 void GuardedRobot::require_start() const {
-  const Vector begin = initial_state(scenario_, model_).q;
+  const Vector begin = initial_state(scenario_.plant, scenario_.robot.flexible, model_).q;
   for (Eigen::Index i = 0; i < begin.size(); ++i) {
     if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
     throw scenario_.complaint(
@@ -155,6 +161,9 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
     require_sound(tick);
     apply_conventions();
     if (!stopped_) require_time(before, tick);
+    if (scenario_.robot.compensates != scenario::Compensates::nothing) {
+      drive_.set_added(robot::gravity_torque(*scenario_.model, state_.q));
+    }
   }
   if (driver_.measures_velocity()) {
     speed_ = state_.v;
@@ -211,14 +220,6 @@ void GuardedRobot::apply_conventions() {
   for (auto* velocities : {&state_.v, &state_.thetadot}) {
     if (velocities->size() != 0) *velocities = robot.joint_signs.cwiseProduct(*velocities);
   }
-}
-
-Vector GuardedRobot::to_be_sent(const Vector& tau) const {
-  Vector sent = tau;
-  if (scenario_.robot.compensates != scenario::Compensates::nothing) {
-    sent -= robot::gravity_torque(*scenario_.model, state_.q);
-  }
-  return scenario_.robot.joint_signs.cwiseProduct(sent);
 }
 
 void GuardedRobot::measure_speed(Clock::time_point asked) {
@@ -295,8 +296,10 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
     if (stopped_ || withheld(scenario_.plant, tick)) {
       driver_.rest(end_s);
     } else {
-      const Vector& tau = drive_.applied().tau;
-      driver_.hold(emulated() ? tau : to_be_sent(tau), end_s);
+      const Vector tau = emulated()
+                             ? drive_.applied().tau
+                             : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
+      driver_.hold(tau, end_s);
     }
   } catch (const Failure&) {
     throw;
@@ -322,6 +325,7 @@ void GuardedRobot::try_to_stop() noexcept {
   try {
     driver_.stop();
     driver_stopped_ = true;
+    if (!emulated()) base::give_notice(base::Notice::robot_stopped);
   } catch (...) {
     ++failed_stops_;
     try {

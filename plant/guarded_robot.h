@@ -101,14 +101,12 @@ class GuardedRobot {
   void require_period();
   /// `state_`, as the driver read it, in the scenario's coordinates.
   void apply_conventions();
-  /// What a driver is given for the torque `tau` on the joints, by the scenario's conventions.
-  [[nodiscard]] Vector to_be_sent(const Vector& tau) const;
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
   /// @throw base::Failure(protective_stop): time went back, or stood still while it moved
   void require_time(const ArmState& before, std::int64_t tick) const;
-  /// `speed_` of a robot that does not measure it: the mean over `speed_window_s` and more, by the
-  /// robot's own time or from before the first reading to now: never more than it was.
+  /// Sets `speed_` of a robot that does not measure it: the mean over at least `speed_window_s`, by
+  /// the robot's clock if it has one, else by this computer's. The mean never overestimates.
   /// @param asked the time before `state_` was read
   void measure_speed(base::Clock::time_point asked);
   void watch_limits(std::int64_t tick);

@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/failure.h"
 #include "base/text.h"
-#include "base/time.h"
 #include "messages/wire.h"
 #include "plant/node.h"
 #include "plant/plant_loop.h"
@@ -37,17 +37,22 @@ double milliseconds(std::chrono::nanoseconds duration) {
 
 class RealtimeLoop : PlantLoop {
  public:
-  RealtimeLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver)
-      : PlantLoop(scenario, link, driver), commands_(scenario.loop.max_missed) {
-    link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
+  RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver)
+      : PlantLoop(scenario, session, driver), commands_(scenario.loop.max_missed) {
+    session_.on(
+        command_port_, [this](const auto&... message) { on_command(message...); },
+        [this](auto rejection, const auto& datagram) {
+          if (tick_ < 0) refuse_early(datagram);
+          require_finite(rejection, datagram);
+        });
   }
 
   void run() {
-    link_.join({}, [this](const bus::Datagram& datagram) {
+    session_.join({}, [this](const bus::Datagram& datagram) {
       if (datagram.channel == command_port_.channel) refuse_early(datagram);
     });
     prepare();
-    link_.started(Clock::now());
+    session_.note_started(Clock::now());
     try {
       robot_.start();
       start();
@@ -65,7 +70,7 @@ class RealtimeLoop : PlantLoop {
     }
     robot_.stop();
     robot_.require_stopped();
-    link_.leave();
+    session_.leave();
     judge_deadlines();
   }
 
@@ -84,12 +89,12 @@ class RealtimeLoop : PlantLoop {
 
   /// The run and its log are whole, whatever this says about its real time.
   void judge_deadlines() {
-    const auto missed = link_.statistics().plant().missed_deadlines;
+    const auto missed = session_.statistics().plant().missed_deadlines;
     const double share =
         static_cast<double>(missed) / static_cast<double>(scenario_.loop.num_ticks);
     if (share <= scenario_.loop.max_missed_share) return;
-    link_.statistics().exit_code = ExitCode::check_said_no;
-    link_.statistics().fault = fmt::format(
+    session_.statistics().exit_code = ExitCode::check_said_no;
+    session_.statistics().fault = fmt::format(
         "{} of {} deadlines were missed ({:.3g} %), more than loop.max_missed_share ({}) allows: "
         "this machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; "
         "type: tachless doctor; or lengthen loop.period_s",
@@ -113,7 +118,7 @@ class RealtimeLoop : PlantLoop {
   void start() {
     start_ = Clock::now() + (robot_.is_clock() ? 0ms : lead_in);
     commanded_at_ = start_;
-    while (Clock::now() < start_) link_.receive(start_);
+    while (Clock::now() < start_) session_.receive(start_);
   }
 
   void begin_tick() {
@@ -138,7 +143,7 @@ class RealtimeLoop : PlantLoop {
           std::isfinite(of_robot_s) ? of_robot_s : std::chrono::duration<double>(passed).count();
       missed = tick_ > 0 && gap_s > 1.5 * period_s;
     }
-    session::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = session_.statistics().plant();
     statistics.wake_up_jitter_us.add(late);
     if (commands_.missed_in_a_row() == 0) longest_delay_ = 0ns;
     longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
@@ -165,7 +170,7 @@ class RealtimeLoop : PlantLoop {
     if (fault != DriveFault::protective_stop && !robot_.emulated()) require_recent_torque(now);
     if (fault == DriveFault::none) commanded_at_ = now;
     const auto took = robot_.advance(tick_);
-    if (!robot_.is_clock()) link_.statistics().work_us.add(took);
+    if (!robot_.is_clock()) session_.statistics().work_us.add(took);
   }
 
   void require_recent_torque(Time now) const {
@@ -183,47 +188,45 @@ class RealtimeLoop : PlantLoop {
   }
 
   void receive_until(Time deadline) {
-    link_.poll(Clock::now());
+    session_.poll(Clock::now());
     while (Clock::now() < deadline) {
-      link_.receive(std::min(deadline, link_.next_poll()));
+      session_.receive(std::min(deadline, session_.next_poll()));
       const auto now = Clock::now();
-      if (now < deadline) link_.poll(now);
+      if (now < deadline) session_.poll(now);
     }
     // What was there in time and is not read yet counts.
-    for (int i = 0; i < most_at_once && link_.receive(Time()); ++i) {
+    for (int i = 0; i < most_at_once && session_.receive(Time()); ++i) {
     }
   }
 
-  void on_command(const bus::Datagram& datagram) {
-    if (tick_ < 0) return refuse_early(datagram);
-    messages::Stamp stamp;
-    if (!accept_command(datagram, stamp)) return;
-    session::PlantStatistics& statistics = link_.statistics().plant();
+  void on_command(const messages::Stamp& stamp, const messages::TorqueCommand& command,
+                  const bus::Datagram& datagram) {
+    session::PlantStatistics& statistics = session_.statistics().plant();
     const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload);
     if (verdict == Verdict::too_old) {
       ++statistics.late_commands;
       return;
     }
-    link_.count(verdict, Role::controller, datagram, stamp.tick);
+    session_.count(verdict, Role::controller, datagram, stamp.tick);
     if (verdict != Verdict::fresh) return;
     statistics.command_age_us.add(Clock::now() - asked_);
-    robot_.accept(command_);
+    robot_.accept(command);
     if (scenario_.loop.command_delay == 0) act(DriveFault::none);
   }
 
   void end_tick() {
     commands_.end();
-    held_ = !commands_.commanded();
+    held_ = !commands_.is_commanded();
     if (!acted_) act(DriveFault::command_missed);
     robot_.end_tick();
     begun_ = false;
     acted_ = false;
 
-    session::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = session_.statistics().plant();
     statistics.missed_commands = commands_.missed();
     statistics.longest_command_miss = commands_.longest_miss();
-    completed(tick_);
-    if (!commands_.too_many()) return;
+    note_completed(tick_);
+    if (!commands_.has_missed_too_many()) return;
     // The others are not to blame if the plant itself was late.
     const std::string remedy =
         longest_delay_ <= nanoseconds_of(scenario_.loop.period_s)
@@ -243,14 +246,14 @@ class RealtimeLoop : PlantLoop {
   [[nodiscard]] std::string what_is_missing() const {
     return fmt::format("{} commands in a row did not come in time from {}",
                        commands_.missed_in_a_row(),
-                       link_.silent_among({Role::controller, Role::reference}));
+                       session_.silent_among({Role::controller, Role::reference}));
   }
 
   /// Announces the failure, and measures the robot, which is stopped already, until it stands
   /// still.
   void come_to_rest(const Failure& failure) {
     try {
-      link_.stopping(failure, Clock::now());
+      session_.announce_stop(failure, Clock::now());
       if (tick_ < 0) return;  // it has not begun
       if (begun_ && !acted_) act(DriveFault::protective_stop);
       const auto most = static_cast<std::int64_t>(
@@ -258,14 +261,13 @@ class RealtimeLoop : PlantLoop {
       const std::int64_t end = std::min(scenario_.loop.num_ticks, tick_ + 1 + most);
       for (++tick_; tick_ < end; ++tick_) {
         while (!robot_.is_clock() && Clock::now() < deadline(tick_)) {
-          if (const auto datagram = link_.transport().receive(deadline(tick_)))
-            link_.handle(*datagram);
-          link_.announce_if_due(Clock::now());
+          session_.attend(std::min(deadline(tick_), session_.next_poll()));
+          session_.announce_if_due(Clock::now());
         }
-        link_.announce_if_due(Clock::now());  // behind time too
+        session_.announce_if_due(Clock::now());  // behind time too
         ask(Clock::now());
         act(DriveFault::protective_stop);
-        completed(tick_);
+        note_completed(tick_);
         if (robot_.at_rest()) break;
       }
     } catch (...) {
@@ -290,8 +292,9 @@ class RealtimeLoop : PlantLoop {
 
 }  // namespace
 
-void run_realtime(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver) {
-  RealtimeLoop(scenario, link, driver).run();
+void run_realtime(const scenario::Scenario& scenario, session::Session& session,
+                  RobotDriver* driver) {
+  RealtimeLoop(scenario, session, driver).run();
 }
 
 }  // namespace tachless::plant

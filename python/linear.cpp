@@ -25,7 +25,7 @@ void add(Names& names, const std::string& what, const Names& joints, const Names
   }
 }
 
-/// Of the `size` entries of the state of `linear::CutLoop`.
+/// Names the `size` entries of the state of `linear::CutLoop`.
 Names states_of(const scenario::Scenario& scenario, Eigen::Index size, int delay) {
   const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
   Names names;

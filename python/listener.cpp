@@ -11,7 +11,6 @@
 #include "base/clock.h"
 #include "base/failure.h"
 #include "base/json_text.h"
-#include "base/time.h"
 #include "bus/udp_transport.h"
 #include "live/bus_monitor.h"
 #include "python/python_law.h"

@@ -16,7 +16,7 @@
 #include "in_process/in_process_loop.h"
 #include "logger/log_file.h"
 #include "logger/table.h"
-#include "plant/run_messages.h"
+#include "plant/truth_of.h"
 #include "python/python_law.h"
 #include "robot/dynamics.h"
 #include "robot/kinematics.h"
@@ -256,6 +256,12 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
   return run;
 }
 
+/// Raises TypeError. `__new__` of a class whose objects only the library makes: an object without a
+/// value would end the interpreter.
+[[noreturn]] void refuse_new(const py::args& /*given*/, const py::kwargs& /*given*/) {
+  throw py::type_error("objects of this class come from the functions of tachless");
+}
+
 void declare_run(py::module_& module) {
   py::class_<Run>(
       module, "Run",
@@ -263,6 +269,7 @@ void declare_run(py::module_& module) {
 
 A quantity that a tick lacks (lost in realtime) is NaN. names lists the quantities:
 true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was measured, ..._measured.)")
+      .def_static("__new__", &refuse_new)
       .def_property_readonly("names", &Run::names, "The quantities of this run.")
       .def_readonly("joints", &Run::joints, "Names of the joints, in the order of the columns.")
       .def_readonly("scenario", &Run::scenario, "Name of the scenario.")
@@ -329,11 +336,13 @@ PYBIND11_MODULE(_tachless, module) {
     }
   });
   py::class_<Measurement>(module, "Measurement")
+      .def_static("__new__", &refuse_new)
       .def_readonly("q", &Measurement::q)
       .def_readonly("v", &Measurement::v)
       .def_readonly("theta", &Measurement::theta)
       .def_readonly("thetadot", &Measurement::thetadot);
   py::class_<Reference>(module, "Reference")
+      .def_static("__new__", &refuse_new)
       .def_readonly("q", &Reference::q)
       .def_readonly("v", &Reference::v)
       .def_readonly("a", &Reference::a)

@@ -12,7 +12,7 @@ namespace tachless::python {
 
 namespace py = pybind11;
 
-/// What the callable is given; its own, so it may keep them.
+/// Copies that the callable is given; it may keep them.
 struct Measurement {
   py::object q, v, theta, thetadot;  ///< None: not measured
 };
@@ -29,7 +29,8 @@ Vector vector_of(const py::handle& object, int size, const std::string& what);
 
 /// `f(k, t, measurement, reference) -> torque`. Where it has a method `reset`, that is called
 /// before the first step, and whenever the memory has to begin anew (after a long gap in realtime).
-/// What it raises is a base::Failure; on `Interrupt::passed_on`, KeyboardInterrupt is not.
+/// Turns an exception of the callable into a base::Failure, except KeyboardInterrupt on
+/// `Interrupt::passed_on`.
 /// Logs the position error where it measures the links. To be used and destroyed without the GIL.
 /// @param name as announced; the law measures what the scenario's controller.measurement says
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,

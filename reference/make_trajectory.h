@@ -11,7 +11,7 @@
 /// From what a scenario asks for to the reference at a time. Does not read the scenario's file.
 namespace tachless::reference {
 
-/// What a robot is to follow: pure, t -> reference, C4 for t >= 0.
+/// Motion that a robot is to follow: a pure function of time, C4 for t >= 0.
 class Trajectory {
  public:
   /// @throw std::invalid_argument, one line, when the spec makes no sense.
@@ -54,14 +54,13 @@ class Motion {
   bool repeats = false;  ///< within the run
 
   [[nodiscard]] bool moves() const { return end_s > begin_s; }
-  /// The time after that share of it, 0 … 1: even in time, but that no piece between waypoints has
-  /// less than about a quarter of the mean.
+  /// Maps a share in [0, 1] to time; short segments get at least a quarter of the mean share.
   [[nodiscard]] double at(double share) const;
-  /// As many, the first and the last included, increasing; one where it does not move. Even in
-  /// `at`, but irregular where even ones may lie at the same phase of each period.
+  /// Returns `count` increasing sample times including both ends, jittered for periodic motion to
+  /// avoid aliasing; one time if nothing moves.
   [[nodiscard]] std::vector<double> instants(int count) const;
-  /// 50 for each period of the fastest sinusoid, so that it is between two beyond both by 0.2 % of
-  /// its amplitude, and 4 for each piece between waypoints.
+  /// Returns 50 sample times a period of the fastest sinusoid (peaks are missed by at most 0.2 %),
+  /// and 4 for each segment between waypoints.
   [[nodiscard]] std::vector<double> closely(int at_least = 2000, int at_most = 200000) const;
 
  private:

@@ -12,7 +12,7 @@
 /// here. The scenario's keys, their documentation and the node follow.
 namespace tachless::reference {
 
-/// What a scenario asks for.
+/// The scenario's `reference` map.
 using Spec = std::variant<trajectory::Hold, trajectory::Sinusoid, trajectory::MultiSine,
                           trajectory::PointToPoint, trajectory::Waypoints, trajectory::MotionFile>;
 

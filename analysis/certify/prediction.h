@@ -11,10 +11,10 @@
 #include "linear/sampled_limit.h"
 #include "linear/scenario_loop.h"
 
-/// What is predicted of a scenario's sampled loop: of its linearisation about rest at postures of
-/// the reference, the worst of them searched, and along the reference where it moves. It covers no
-/// large errors, saturation or quantisation. `certify`, `design`, `run` and the report all take
-/// their numbers from here.
+/// Prediction of a scenario's sampled loop by its linearisation: about rest at postures of the
+/// reference, the worst of which is searched, and along the reference where it moves. It does not
+/// cover large errors, saturation or quantisation. `certify`, `design`, `run` and the report all
+/// take their numbers from here.
 namespace tachless::certify {
 
 /// Postures of the reference from the worst of which on a worse one is searched.
@@ -25,14 +25,19 @@ struct Prediction {
   std::string not_counted;  ///< what of the emulated arm is in none of the numbers; empty: all is
   controller::law::Settings settings;
 
-  /// The errors of the linearised loop decay at the scenario's period: over the motion, and at rest
-  /// where a motion that does not repeat ends. A posture on the way may be unstable at rest:
-  /// eigenvalues at frozen postures are neither necessary nor sufficient for a moving reference.
+  /// The errors of the linearised loop decay at the scenario's period: over a motion that repeats
+  /// or that the run cuts off, and at rest at the end of any other. A posture on the way may be
+  /// unstable at rest: eigenvalues at frozen postures are neither necessary nor sufficient for a
+  /// moving reference.
   bool stable = false;
-  /// Per period: the root of the spectral radius of the product of the one-period maps over the
-  /// motion, or where it is larger the radius at rest at its end; of a law known by its answers
-  /// the largest at rest at the postures of the reference.
+  /// Spectral radius per period. A motion that repeats: the root of that of the product of its
+  /// one-period maps. A motion that ends in the run: at rest at its end. A motion that is cut off:
+  /// the larger of both. A law known by its answers: the largest at rest at the reference's
+  /// postures.
   double radius = 0;
+  /// Factor by which errors grow over a motion that ends in the run, before they decay: the
+  /// spectral radius of the product of its one-period maps; 0 where that is not above 1.
+  double growth = 0;
   Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
   /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
   std::optional<double> limit_s;
@@ -71,6 +76,10 @@ Eigen::VectorXd own_gain(const linear::LinearLaw& law);
 /// cannot be linearised. @throw as `analyse`.
 Vector stiffness(const scenario::Scenario& scenario);
 
+/// Returns why no region of the loop in continuous time is shown: the sampled loop is unstable, or
+/// its errors grow over the motion. Empty: it may be shown.
+std::string no_region(const Prediction& prediction);
+
 /// "errors grow by e each 12 ms", of an unstable loop.
 std::string growth_text(const Prediction& prediction);
 
@@ -84,11 +93,12 @@ std::string refusal(const Prediction& prediction, const std::string& scenario_fi
 
 std::string limit_text(const std::optional<double>& limit_s);
 std::string settling_text(double seconds);
-/// "gain 3.5, phase 50 deg, delay 4.1 ms".
+/// "gain 3.5, phase 50 deg, delay 4.1 ms"; "gain 0.62 to 30, …" where a smaller gain is unstable
+/// too.
 std::string margins_text(const linear::Margins& margins);
 /// "0.61 (common to all torques), 0.45 (independent)".
 std::string modulus_text(const linear::Margins& margins);
-/// "any pattern of at most 12 in a row is stable".
+/// "any pattern of at most 12 in a row is stable (searched, not proved)".
 std::string pattern_text(int in_a_row);
 /// The same of commands; "; 21 in a row and 4 hits, again and again, is not".
 std::string missed_text(const linear::MissedTicks& missed);

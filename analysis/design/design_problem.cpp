@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -208,7 +209,10 @@ Gains DesignProblem::gains(const VectorXd& theta) const {
 Gains DesignProblem::rounded(Gains all) const {
   for (auto& [name, values] : all) {
     if (!law_.tuned && values.size() != model_.num_joints) continue;
-    for (double& value : values) value = std::stod(fmt::format("{:.4g}", value));
+    for (double& value : values) {
+      const std::string text = fmt::format("{:.4g}", value);
+      std::from_chars(text.data(), text.data() + text.size(), value);  // subnormal numbers too
+    }
   }
   return all;
 }

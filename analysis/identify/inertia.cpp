@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <stdexcept>
 #include <vector>
 
 namespace tachless::identify {
@@ -59,7 +60,8 @@ Shape shape_of(const robot::MassProperties& body) {
   P << 0.5 * I.trace() * Matrix3d::Identity() - I, of.segment<3>(1), of.segment<3>(1).transpose(),
       of[0];
   if (of[0] < 1e-6) P(3, 3) = smallest;
-  for (double more = 1e-6;; more *= 2) {
+  constexpr double most = 1e30;  // of any finite matrix far more than enough
+  for (double more = 1e-6; more < most; more *= 2) {
     P.diagonal().head<3>().array() += more * P(3, 3) * smallest * smallest;
     // The reverse of the reverse's lower factor is upper triangular.
     const Eigen::LLT<Matrix4d> factor(P.reverse());
@@ -72,6 +74,7 @@ Shape shape_of(const robot::MassProperties& body) {
         unit(0, 1), unit(1, 2), unit(0, 2), unit.topRightCorner<3, 1>();
     return shape;
   }
+  throw std::domain_error("a body's inertia is not a number");
 }
 
 }  // namespace

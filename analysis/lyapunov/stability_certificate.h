@@ -14,10 +14,10 @@
 /// exact model, no saturation, quantisation, delay or feed-forward lead.
 namespace tachless::lyapunov {
 
-/// What is certified of the scenario's own start: the one answer behind `certify`, the closing
-/// table of `run` and summary.json. By the weights that quick effort finds too, and of those that
-/// hold the start by the ones that need the least torque; at a constant reference by V without
-/// cross terms. Only where none holds it do the weights count that full effort alone finds.
+/// The certificate of the scenario's own start: the one answer behind `certify`, the closing table
+/// of `run` and summary.json. It uses the weights that quick effort finds too; among those whose
+/// region contains the start, the one with the least torque; at a constant reference V without
+/// cross terms. The weights of full effort count only if none of these contains the start.
 struct CertifiedStart {
   bool decided = false;  ///< quick effort may leave it open where postures are sampled
   bool certified = false;
@@ -81,8 +81,7 @@ struct StabilityCertificate {
   /// a constant reference the ball has no limit and there is no largest one.
   std::optional<CertifiedRegion> fastest, largest;
   CertifiedStart start;
-  /// Why the certificate is not of this very scenario: payload, friction, a prismatic joint's
-  /// range.
+  /// Reasons why the certificate is not of this very scenario: payload, friction, drives.
   std::vector<std::string> provisos;
 };
 

@@ -130,9 +130,11 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
   if (error) {
     throw base::bad_usage("{}: cannot be made: {}", directory.string(), error.message());
   }
-  if (!fs::exists(file)) {
-    base::UnfinishedFile(file, "name another directory with --out").write(json);
-  } else if (base::file_text(file) != json) {
+  // Shards that are started together all write the plan; the first one wins.
+  const bool is_new =
+      !fs::exists(file) &&
+      base::UnfinishedFile(file, "name another directory with --out").write_new(json);
+  if (!is_new && base::file_text(file) != json) {
     throw base::bad_usage(
         "{}: another sweep is in this directory; name another one with --out, or remove it",
         directory.string());

@@ -132,6 +132,7 @@ Axis parse_axis(const std::string& text, bool drawn) {
   }
   if (axis.key.ends_with(']')) {
     const std::size_t open = axis.key.find('[');
+    if (open == std::string::npos) throw refused(text, "no '[' before ']'; write KEY[ENTRY]=…");
     const auto entry = number(axis.key.substr(open + 1, axis.key.size() - open - 2));
     if (!entry || *entry < 0 || *entry != std::floor(*entry) || *entry > 1000) {
       throw refused(text, "the entry in [ ] must be a whole number from 0 on");
@@ -151,6 +152,16 @@ Axis parse_axis(const std::string& text, bool drawn) {
     axis.values.push_back(*value);
   }
   return axis;
+}
+
+void SweepPlan::add(Axis axis) {
+  for (const Axis& other : axes) {
+    if (other.key != axis.key) continue;
+    if (other.entry && axis.entry && *other.entry != *axis.entry) continue;
+    throw refused(axis.text, fmt::format("--vary {} varies the same number; leave one of them out",
+                                         base::shell_word(other.text)));
+  }
+  axes.push_back(std::move(axis));
 }
 
 std::int64_t SweepPlan::cases_per_law() const {
@@ -196,13 +207,14 @@ scenario::Scenario SweepPlan::scenario(const SweepCase& which) const {
       overrides.push_back(fmt::format("{}={}", axis.key, which.values[i]));
     }
     apply_override(root, overrides.back());
-    if (axis.key == "loop.period_s") {
-      const YamlNode* given = find(root, "loop.duration_s");
-      const double length = given != nullptr ? number(given->scalar).value_or(1) : 1;
-      const double period = number(find(root, axis.key)->scalar).value_or(1);
-      const double ticks = std::max(1.0, std::round(length / period));
-      overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * period));
-    }
+  }
+  if (std::ranges::find(axes, "loop.period_s", &Axis::key) != axes.end()) {
+    // After all axes: one of them may be the duration.
+    const YamlNode* given = find(root, "loop.duration_s");
+    const double length = given != nullptr ? number(given->scalar).value_or(1) : 1;
+    const double period = number(find(root, "loop.period_s")->scalar).value_or(1);
+    const double ticks = std::max(1.0, std::round(length / period));
+    overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * period));
   }
   scenario::Scenario made = scenario::parse_scenario(text, urdf, source, overrides);
   scenario::read_motion(made, std::filesystem::path(source).parent_path());
@@ -238,8 +250,9 @@ SweepPlan SweepPlan::from_json(const std::string& json, const std::string& sourc
     plan.seed = read.at("seed");
     plan.num_joints = read.at("num_joints");
     for (const std::string text : read.at("vary")) {
-      plan.axes.push_back(parse_axis(text, plan.drawn > 0));
+      plan.add(parse_axis(text, plan.drawn > 0));
     }
+    if (plan.laws.empty()) throw base::bad_usage("{}: not a sweep's plan: no laws", source);
     plan.text = read.at("scenario");
     plan.urdf = read.at("robot_description");
   } catch (const nlohmann::json::exception& problem) {

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <cmath>
 #include <stdexcept>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "controller/spec.h"
 
@@ -25,13 +25,13 @@ inline FilterCoefficients filter_coefficients(Discretisation kind, double a, dou
   const double ah = a * period_s;
   switch (kind) {
     case Discretisation::first_order_hold:
-      return {std::exp(-ah), -b * std::expm1(-ah) / ah};
+      return {base::exp(-ah), -b * base::expm1(-ah) / ah};
     case Discretisation::tustin:
       return {(2 - ah) / (2 + ah), 2 * b / (2 + ah)};
     case Discretisation::backward_euler:
       return {1 / (1 + ah), b / (1 + ah)};
     case Discretisation::zero_order_hold:
-      return {std::exp(-ah), b};
+      return {base::exp(-ah), b};
   }
   throw std::logic_error("filter: no such discretisation");
 }

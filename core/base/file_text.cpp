@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <system_error>
 #include <utility>
 
@@ -32,7 +33,7 @@ std::string given_text(const fs::path& path, std::size_t max_bytes) {
   const auto status = fs::status(path, error);
   if (status.type() == fs::file_type::not_found) throw refuse("no such file");
   if (fs::is_directory(status)) throw refuse("is a directory; allowed: a file");
-  // It may be read again, by each program of a run, and a pipe would be waited for.
+  // Each program of a run may read the file again; a pipe would block the second reader.
   if (fs::exists(status) && !fs::is_regular_file(status)) {
     throw refuse("is a pipe or a device; allowed: a file");
   }
@@ -59,39 +60,63 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
   if (fs::is_directory(status)) refuse("it is a directory");
   direct_ = fs::exists(status) && !fs::is_regular_file(status);
   if (direct_) return;
-  partial_ = path_.string() + ".partial";
-  // Created here and by this process alone: what has the name already, a link to another file
-  // perhaps, is removed and not written through.
-  ::unlink(partial_.c_str());
-  const int created = ::open(partial_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-  if (created < 0) refuse(std::strerror(errno));
-  ::close(created);
+  std::random_device random;
+  do {
+    name_ = fmt::format("{}.{:08x}.partial", path_.string(), random());
+    file_ = FileDescriptor(::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+  } while (file_.get() < 0 && errno == EEXIST);
+  if (file_.get() < 0) {
+    name_.clear();
+    refuse(std::strerror(errno));
+  }
 }
 
 UnfinishedFile::~UnfinishedFile() {
   std::error_code ignored;
-  if (!direct_) fs::remove(partial_, ignored);
+  if (!name_.empty()) fs::remove(name_, ignored);
+}
+
+void UnfinishedFile::write_all(std::string_view content) {
+  if (direct_) file_ = FileDescriptor(::open(path_.c_str(), O_WRONLY | O_CLOEXEC));
+  if (file_.get() < 0) refuse(std::strerror(errno));
+  while (!content.empty()) {
+    const ssize_t written = ::write(file_.get(), content.data(), content.size());
+    if (written < 0 && errno != EINTR) refuse(std::strerror(errno));
+    if (written > 0) content.remove_prefix(static_cast<std::size_t>(written));
+  }
 }
 
 void UnfinishedFile::write(std::string_view content) {
-  errno = 0;
-  std::ofstream file(name(), std::ios::binary);
-  file.write(content.data(), static_cast<std::streamsize>(content.size()));
-  file.close();
-  if (!file) refuse(std::strerror(errno));
+  write_all(content);
   finish();
+}
+
+bool UnfinishedFile::write_new(std::string_view content) {
+  write_all(content);
+  if (direct_ || ::link(name_.c_str(), path_.c_str()) == 0) return true;
+  if (errno == EEXIST) return false;
+  finish();  // the file system has no hard links
+  return true;
 }
 
 void UnfinishedFile::finish() {
   if (direct_) return;
   std::error_code error;
-  fs::rename(partial_, path_, error);
+  fs::rename(name_, path_, error);
   if (error) refuse(error.message());
+  name_.clear();
 }
 
 void UnfinishedFile::refuse(std::string_view cause) const {
   throw Failure(ExitCode::bad_usage,
                 fmt::format("{}: cannot be written: {}; {}", path_.string(), cause, remedy_));
+}
+
+fs::path TemporaryDirectory::default_parent() {
+  std::error_code error;
+  fs::path parent = fs::temp_directory_path(error);
+  if (!error) return parent;
+  throw bad_usage("{}: no directory for temporary files; set TMPDIR", parent.string());
 }
 
 TemporaryDirectory::TemporaryDirectory(const fs::path& parent) {

@@ -141,16 +141,6 @@ std::string shell_word(std::string_view name) {
   return quoted + "'";
 }
 
-void split_row(std::string_view row, std::vector<std::string_view>& fields) {
-  constexpr std::string_view separators = ",; \t\r";
-  fields.clear();
-  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
-    fields.push_back(row.substr(begin, end - begin));
-    begin = row.find_first_not_of(separators, end);
-  }
-}
-
 std::vector<std::string_view> split(std::string_view text, char separator, std::size_t most) {
   std::vector<std::string_view> parts;
   while (parts.size() + 1 < most && text.find(separator) != std::string_view::npos) {

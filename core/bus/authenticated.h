@@ -42,7 +42,7 @@ class Authenticated final : public Transport {
   /// @param run its id  @param roster random numbers that its four processes have chosen
   void enter(std::int64_t run, const messages::PerRole& roster);
 
-  void subscribe(const std::string& channel) override { inner_.subscribe(channel); }
+  int subscribe(const std::string& channel) override { return inner_.subscribe(channel); }
   /// @throw std::length_error when payload and tag do not fit one datagram
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
   std::optional<Datagram> receive(base::Clock::time_point deadline) override;

@@ -16,6 +16,7 @@
 
 #include "base/failure.h"
 #include "base/file_descriptor.h"
+#include "base/text.h"
 #include "base/this_process.h"
 
 namespace tachless::bus {
@@ -86,8 +87,8 @@ std::optional<Key> read_key_file(const std::filesystem::path& path) {
   const auto refuse = [&](const std::string& problem) {
     return base::bad_usage("--key-file: {}: {}", path.string(), problem);
   };
-  const std::string make =
-      fmt::format("make one: (umask 077; head -c 32 /dev/urandom > {})", path.string());
+  const std::string make = fmt::format("make one: (umask 077; head -c 32 /dev/urandom > {})",
+                                       base::shell_word(path.string()));
   const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) {
     const int error = errno;
@@ -118,6 +119,13 @@ std::optional<Key> read_key_file(const std::filesystem::path& path) {
     throw refuse("is all zeros, which anybody can guess; " + make);
   }
   return key;
+}
+
+std::int64_t random_number() {
+  require_sodium();
+  std::uint64_t number = 0;
+  randombytes_buf(&number, sizeof number);
+  return static_cast<std::int64_t>(number >> 1 | 1);
 }
 
 Digest::Digest(std::size_t size, const Key* key) : size_(size) {

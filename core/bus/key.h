@@ -41,6 +41,10 @@ class Key {
 /// empty while the variable TACHLESS_KEY_FILE is set.
 std::optional<Key> read_key_file(const std::filesystem::path& path);
 
+/// Returns a positive random number that nobody can guess.
+/// @throw std::runtime_error if the machine's cryptographic library cannot be used
+std::int64_t random_number();
+
 /// BLAKE2b of all bytes added so far, in their order. With a key it is a message authentication
 /// code; without one it proves no origin.
 class Digest {

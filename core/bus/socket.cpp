@@ -36,12 +36,12 @@ const char* remedy_for(int error) {
     case ENODEV:
     case ENETUNREACH:
     case EADDRNOTAVAIL:
-      return "no multicast route: `ip link set lo up multicast on; ip route add 224.0.0.0/4 dev "
-             "lo`, or run with --isolate";
+      return "no multicast route: ip link set lo up multicast on; ip route add 224.0.0.0/4 dev "
+             "lo, or run with --isolate";
     case EADDRINUSE:
-      return "a program holds the port for itself: take another port, or find it with `ss -ulpn`";
+      return "a program holds the port for itself: take another port, or find it with ss -ulpn";
     default:
-      return "`tachless doctor` looks closer";
+      return "run tachless doctor for details";
   }
 }
 

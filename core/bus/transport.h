@@ -19,6 +19,8 @@ struct Datagram {
   // Set only after UdpTransport::subscribe_all:
   std::uint32_t sequence = 0;    ///< the sender's count of all its messages, from 0
   std::int64_t received_ns = 0;  ///< the kernel's stamp [ns since the Unix epoch]
+  /// What `subscribe` returned for the channel; -1: nobody has subscribed to it.
+  int channel_number = -1;
 };
 
 /// Sends and receives opaque messages by channel name. Knows nothing of types, ticks or runs, may
@@ -30,8 +32,9 @@ class Transport {
   Transport& operator=(const Transport&) = delete;
   virtual ~Transport() = default;
 
-  /// From now on `receive` yields messages of exactly this channel. Own messages are not received.
-  virtual void subscribe(const std::string& channel) = 0;
+  /// Subscribes to exactly this channel; `receive` does not yield own messages.
+  /// @return the channel's number, from 0 in the order of first subscriptions
+  virtual int subscribe(const std::string& channel) = 0;
 
   virtual void publish(std::string_view channel, std::span<const std::byte> payload) = 0;
 

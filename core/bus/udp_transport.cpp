@@ -46,11 +46,14 @@ UdpTransport::UdpTransport(const LcmUrl& url)
   }
 }
 
-void UdpTransport::subscribe(const std::string& channel) {
+int UdpTransport::subscribe(const std::string& channel) {
   require_channel(channel);
-  if (std::find(channels_.begin(), channels_.end(), channel) != channels_.end()) return;
-  channels_.push_back(channel);
-  if (!all_) install_filter(url_, receiver_.get(), channels_);
+  const std::size_t before = channels_.all().size();
+  const int number = channels_.add(channel);
+  if (!all_ && channels_.all().size() > before) {
+    install_filter(url_, receiver_.get(), channels_.all());
+  }
+  return number;
 }
 
 void UdpTransport::subscribe_all() {
@@ -178,9 +181,13 @@ std::optional<Datagram> UdpTransport::parse(std::span<const std::byte> bytes,
   const auto length = static_cast<std::size_t>(static_cast<const std::byte*>(nul) - text.data());
   const std::string_view channel(reinterpret_cast<const char*>(text.data()), length);
   // Some containers accept the kernel's filter and ignore it.
-  if (!all_ && std::ranges::find(channels_, channel) == channels_.end()) return std::nullopt;
-  return Datagram{channel, text.subspan(length + 1), name_of(from),
-                  lcm_packet::word_at(bytes.data() + 4)};
+  const int number = channels_.find(channel);
+  if (!all_ && number < 0) return std::nullopt;
+  return Datagram{.channel = channel,
+                  .payload = text.subspan(length + 1),
+                  .sender = name_of(from),
+                  .sequence = lcm_packet::word_at(bytes.data() + 4),
+                  .channel_number = number};
 }
 
 std::string_view UdpTransport::name_of(const sockaddr_in& from) {

@@ -15,6 +15,7 @@
 
 #include "base/file_descriptor.h"
 #include "bus/lcm_url.h"
+#include "bus/subscriptions.h"
 #include "bus/transport.h"
 
 namespace tachless::bus {
@@ -44,7 +45,7 @@ class UdpTransport final : public Transport {
   explicit UdpTransport(const LcmUrl& url = {});
 
   /// @throw std::invalid_argument unless the name has 1 to 63 characters and no NUL
-  void subscribe(const std::string& channel) override;
+  int subscribe(const std::string& channel) override;
 
   /// From now on `receive` yields every message on the bus, with sequence number and time.
   void subscribe_all();
@@ -92,7 +93,7 @@ class UdpTransport final : public Transport {
   base::FileDescriptor receiver_;
   base::FileDescriptor sender_;
   sockaddr_in own_address_{};
-  std::vector<std::string> channels_;
+  Subscriptions channels_;
   bool all_ = false;
   std::uint32_t sequence_ = 0;
   std::vector<std::byte> buffer_;

@@ -181,16 +181,16 @@ void make_room(const Field& field, const messages::Layout& layout, Member& membe
   }
 }
 
-/// Names and lines for people hold no control characters, which a terminal or another program would
-/// obey; the two texts that are files may have several lines.
-inline bool is_clean(std::string_view field, std::string_view text) {
-  const bool lines = field == "scenario" || field == "robot_description";
+/// Whether a text has no control characters, which a terminal or another program would obey. A file
+/// may have line ends and tabs.
+template <class Field>
+bool is_clean(const Field& field, std::string_view text) {
   const auto bad = [&](char c) {
     return c == 0x7f || (static_cast<unsigned char>(c) < 0x20 &&
-                         !(lines && (c == '\n' || c == '\t' || c == '\r')));
+                         !(field.lines && (c == '\n' || c == '\t' || c == '\r')));
   };
   if (std::any_of(text.begin(), text.end(), bad)) return false;
-  return field != "signals" || messages::are_signals(text);
+  return field.name != "signals" || messages::are_signals(text);
 }
 
 /// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
@@ -214,7 +214,7 @@ Rejection read(Reader& from, const Field& field, const messages::Layout& /*layou
   const std::string_view text = from.characters(extent);
   if (text.find('\0') != extent - 1) return Rejection::bad_text;
   const std::string_view without_nul = text.substr(0, extent - 1);
-  if (!is_clean(field.name, without_nul)) return Rejection::bad_text;
+  if (!is_clean(field, without_nul)) return Rejection::bad_text;
   return assign(without_nul, to) ? Rejection::none : Rejection::bad_value;
 }
 
@@ -247,7 +247,7 @@ template <class Field>
 std::size_t require(const Field& field, const messages::Layout& /*layout*/,
                     const Text auto& member) {
   const std::string_view text = view(member);
-  if (!is_clean(field.name, text)) {
+  if (!is_clean(field, text)) {
     throw std::logic_error(
         fmt::format("messages::Codec: {} holds a control character, or is not name:unit,…: \"{}\"",
                     field.name, text));

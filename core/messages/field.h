@@ -57,6 +57,7 @@ struct Field {
   double lowest = -no_limit;  ///< smallest value allowed, of numbers
   double highest = no_limit;  ///< greatest
   std::size_t longest = 0;    ///< most characters, of texts
+  bool lines = false;         ///< a text may have line ends and tabs: it is a file
 };
 
 /// Calls `f(field)` for each field of the message, in order.
@@ -152,6 +153,13 @@ template <class Value, class Member>
 constexpr auto text(std::string_view name, std::size_t longest, Member Value::*member) {
   return Field<Value, Member>{name,   name, {},        Kind::text, Count::one,
                               member, {},   -no_limit, no_limit,   longest};
+}
+/// A text that is a file: it may have several lines.
+template <class Value, class Member>
+constexpr auto file(std::string_view name, std::size_t longest, Member Value::*member) {
+  auto field = text<Value, Member>(name, longest, member);
+  field.lines = true;
+  return field;
 }
 
 }  // namespace tachless::messages

@@ -141,8 +141,8 @@ struct RunInfo : LawInfo {
                  text<Value, std::string>("law", max_size, &Value::law),
                  text<Value, std::string>("measurement", max_size, &Value::measurement),
                  text<Value, std::string>("signals", max_size, &Value::signals),
-                 text("scenario", max_size, &Value::scenario),
-                 text("robot_description", max_size, &Value::robot_description)};
+                 file("scenario", max_size, &Value::scenario),
+                 file("robot_description", max_size, &Value::robot_description)};
 };
 
 /// logger -> plant; `Stamp::tick` is the last tick recorded without a gap.
@@ -155,10 +155,24 @@ struct LogAck {
 
 /// `tachless gains` -> reference; `Stamp::tick` is the newest that the sender has seen.
 struct GainChange {
-  std::string gains;  ///< as scenario::gains_text
+  std::string gains;                 ///< as scenario::gains_text
+  std::int64_t scenario_digest = 0;  ///< of the scenario that the sender has analysed
+  std::int64_t number = 0;           ///< random; `GainAck` repeats it
 
   static constexpr std::string_view type = "tachless.gains_t", suffix = "GAINS";
-  static constexpr auto fields = std::tuple{text("gains", max_gains_text, &GainChange::gains)};
+  static constexpr auto fields =
+      std::tuple{text("gains", max_gains_text, &GainChange::gains),
+                 messages::number("scenario_digest", "", Kind::int64, &GainChange::scenario_digest),
+                 messages::number("number", "", Kind::int64, &GainChange::number)};
+};
+
+/// reference -> `tachless gains`: a change is accepted. `Stamp::tick` is the first tick with it.
+struct GainAck {
+  std::int64_t number = 0;  ///< of the accepted `GainChange`
+
+  static constexpr std::string_view type = "tachless.gains_ack_t", suffix = "GAINS_ACK";
+  static constexpr auto fields =
+      std::tuple{messages::number("number", "", Kind::int64, &GainAck::number)};
 };
 
 /// Types of messages; `loop/truth` adds one.
@@ -166,7 +180,7 @@ template <class... Value>
 struct TypeList {};
 using Messages = TypeList<Tick, PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement,
                           StateMeasurement, ReferencePoint, TorqueCommand, LawSignals, Participant,
-                          RunInfo, LogAck, GainChange>;
+                          RunInfo, LogAck, GainChange, GainAck>;
 
 /// Calls `f(std::type_identity<Value>())` for each type of the list, in order.
 template <class... Value, class F>

@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 #include <tinyxml.h>
 
+#include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <cstring>
+#include <optional>
+#include <sstream>
 #include <string_view>
 #include <utility>
+#include <vector>
 
+#include "base/text.h"
 #include "robot/urdf_xml.h"
 
 namespace tachless::robot {
@@ -31,6 +34,7 @@ class MjcfReader {
       refuse(fmt::format("no <mujoco> element: it is {}; allowed: an MJCF, or a YAML map",
                          xml_kind(text, source)));
     }
+    check_elements(*model);
     classes_["main"] = {};
     for (const auto* e = model->FirstChildElement("default"); e;
          e = e->NextSiblingElement("default")) {
@@ -49,20 +53,98 @@ class MjcfReader {
  private:
   [[noreturn]] void refuse(const std::string& problem) const { refuse_urdf(source_, problem); }
 
+  /// Refuses what would change the joints' numbers and is not read: files that are included,
+  /// armatures of actuators, two joints in one class.
+  void check_elements(const TiXmlElement& of) const {
+    int joints = 0;
+    for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+      const std::string& name = e->ValueStr();
+      if (name == "include") {
+        const char* const file = e->Attribute("file");
+        refuse(
+            fmt::format("line {}: it includes {}, which is not followed; give that file, or one "
+                        "with its content in place",
+                        e->Row(), file == nullptr ? "a file" : file));
+      }
+      if (name == "joint" && of.ValueStr() == "default" && ++joints > 1) {
+        refuse(fmt::format("line {}: <default> has two <joint>; remove one", e->Row()));
+      }
+      if (name != "joint" && e->Attribute("armature") != nullptr) {
+        refuse(
+            fmt::format("line {}: the armature of <{}> is not read; add gear^2 times it to the "
+                        "armature of its joint",
+                        e->Row(), name));
+      }
+      check_elements(*e);
+    }
+  }
+
+  /// Refuses an attribute that MuJoCo does not have in a joint.
+  void check_attributes(const TiXmlElement& joint) const {
+    static const std::vector<std::string_view> known{"name",
+                                                     "class",
+                                                     "type",
+                                                     "group",
+                                                     "pos",
+                                                     "axis",
+                                                     "springdamper",
+                                                     "limited",
+                                                     "actuatorfrclimited",
+                                                     "actuatorgravcomp",
+                                                     "solreflimit",
+                                                     "solimplimit",
+                                                     "solreffriction",
+                                                     "solimpfriction",
+                                                     "stiffness",
+                                                     "range",
+                                                     "actuatorfrcrange",
+                                                     "margin",
+                                                     "ref",
+                                                     "springref",
+                                                     "armature",
+                                                     "damping",
+                                                     "frictionloss",
+                                                     "user"};
+    for (const auto* a = joint.FirstAttribute(); a != nullptr; a = a->Next()) {
+      const std::string name = a->Name();
+      if (std::ranges::find(known, name) != known.end()) continue;
+      const auto near = base::nearest(name, known);
+      refuse(fmt::format("line {}: <joint> has the attribute {:.40}; {}", joint.Row(), name,
+                         near ? "the nearest known name is " + *near
+                              : "allowed: armature, damping, frictionloss and MuJoCo's others"));
+    }
+  }
+
+  /// The number of an attribute. MuJoCo takes coefficients of higher powers behind it: they have to
+  /// be 0.
+  double number(const TiXmlElement& joint, const char* name, std::string_view written) const {
+    std::istringstream words{std::string(written)};
+    std::vector<double> found;
+    bool valid = true;
+    for (std::string word; words >> word;) {
+      const std::optional<double> value = base::number_in(word);
+      valid = valid && value && std::isfinite(*value) && *value >= 0;
+      found.push_back(value.value_or(0));
+    }
+    if (!valid || found.empty()) {
+      refuse(fmt::format("line {}: {}=\"{:.40}\"; allowed: a finite number from 0 on", joint.Row(),
+                         name, written));
+    }
+    if (std::any_of(found.begin() + 1, found.end(), [](double x) { return x != 0; })) {
+      refuse(
+          fmt::format("line {}: {}=\"{:.40}\": coefficients of higher powers; allowed: 0 behind "
+                      "the first number",
+                      joint.Row(), name, written));
+    }
+    return found.front();
+  }
+
   /// The numbers that an element gives itself, over those that it starts from.
   JointNumbers numbers(const TiXmlElement& joint, JointNumbers start) const {
+    check_attributes(joint);
     for (const auto& [name, member] : attributes) {
       const char* const text = joint.Attribute(name);
-      if (text == nullptr) continue;
-      const std::string_view written = text;
-      double value = 0;
-      const auto [end, error] = std::from_chars(text, text + written.size(), value);
-      if (error != std::errc{} || end != text + written.size() || !std::isfinite(value) ||
-          value < 0) {
-        refuse(fmt::format("line {}: {}=\"{:.40}\"; allowed: a finite number from 0 on",
-                           joint.Row(), name, written));
-      }
-      start.*member = value;
+      if (text != nullptr) start.*member = number(joint, name, text);
     }
     return start;
   }
@@ -90,7 +172,9 @@ class MjcfReader {
         refuse(fmt::format("line {}: class \"{:.40}\" is not among its defaults", e->Row(),
                            own == nullptr ? around : own));
       }
-      joints_[name] = numbers(*e, of_class->second);
+      if (!joints_.emplace(name, numbers(*e, of_class->second)).second) {
+        refuse(fmt::format("line {}: two joints \"{:.40}\"; rename one", e->Row(), name));
+      }
     }
   }
 

@@ -13,10 +13,10 @@ struct JointNumbers {
 };
 
 /// `armature`, `damping` and `frictionloss` of the named joints of a MuJoCo model, by name, with
-/// the defaults of its classes. Nothing else of the file is read, and no <include> followed.
+/// the defaults of its classes. Nothing else of the file is read.
 /// @param source the file's name, for messages
-/// @throw std::invalid_argument, one line, for what is no MJCF, an unknown class and what is no
-/// finite number from 0 on
+/// @throw std::invalid_argument, one line, for what is no MJCF, an <include>, an armature of an
+/// actuator, an unknown class or attribute, and what is no finite number from 0 on
 std::map<std::string, JointNumbers> read_mjcf_joints(const std::string& text,
                                                      const std::string& source);
 

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/elementary.h"
 #include "robot/model.h"
 #include "robot/urdf_xml.h"
 
@@ -202,7 +203,10 @@ class Loader {
     if (joint.type == JointType::prismatic) {
       frame.p_BF += frame.R_BF * axis * position;
     } else {
-      frame.R_BF = frame.R_BF * Eigen::AngleAxisd(position, axis).toRotationMatrix();
+      double s = 0, c = 0;
+      base::sin_cos(position / 2, s, c);
+      const Eigen::Quaterniond turned(c, s * axis.x(), s * axis.y(), s * axis.z());
+      frame.R_BF = frame.R_BF * turned.toRotationMatrix();
     }
   }
 

@@ -111,10 +111,10 @@ std::string xml_kind(std::string_view text, const std::string& source) {
   if (has("<sdf")) return "an SDF file (the URDF that it was made from would do)";
   if (!has("<robot")) return "not a robot's description";
   if (!has("xmlns:xacro") || !source.ends_with(".xacro")) {
-    return fmt::format("a URDF; `tachless design {} --write SCENARIO.yaml` makes a scenario of it",
+    return fmt::format("a URDF; tachless design {} --write SCENARIO.yaml makes a scenario of it",
                        base::shell_word(source));
   }
-  return fmt::format("a file for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
+  return fmt::format("a file for xacro; run xacro {} > robot.urdf and give robot.urdf",
                      base::shell_word(source));
 }
 

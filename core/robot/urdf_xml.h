@@ -23,6 +23,7 @@ Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy);
 struct UrdfLink {
   MassProperties mass;                              ///< I_Bcm in axes that R turns
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();  ///< of the inertial's axes in the link's
+  double largest_angle = 0;                         ///< of the inertial's rpy as written [rad]
 };
 
 /// The position of a joint as an affine map of another's: multiplier q + offset.
@@ -40,7 +41,9 @@ struct UrdfJoint {
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   bool has_range = false;
   double lower = 0, upper = 0, effort = 0, velocity = 0;  ///< 0: not given
+  bool zero_effort = false, zero_velocity = false;        ///< the limit is given as 0
   double damping = 0, friction = 0;
+  double largest_angle = 0;  ///< of the origin's rpy as written [rad]
   std::optional<MimicRelation> mimic;
 };
 
@@ -58,6 +61,13 @@ struct UrdfTree {
 /// unknown names, unsupported types, what is not a finite number, and what is not one tree
 UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
                        const std::map<std::string, double>& locked);
+
+/// Returns a line for each number that a URDF may have and that is improbable: effort or velocity
+/// limits of 0, degrees, millimetres, grams, a radius of gyration beyond the link, mass without
+/// inertia.
+/// @throw std::invalid_argument as `read_urdf_xml`
+std::vector<std::string> improbable_numbers(const std::string& text, const std::string& source,
+                                            const std::map<std::string, double>& locked);
 
 /// The second half of `read_urdf`: `tree` was read with the same source and `options.locked`.
 /// @throw std::invalid_argument as `read_urdf`

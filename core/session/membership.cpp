@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/text.h"
-#include "base/time.h"
 
 namespace tachless::session {
 namespace {
@@ -22,7 +22,7 @@ constexpr std::array all_roles = {Role::plant, Role::reference, Role::controller
 // Replies to newcomers are limited to one in this time.
 constexpr std::chrono::milliseconds shortest_reply_period{10};
 constexpr std::string_view beside_it =
-    "run beside it: with `tachless run --isolate`, or on another bus (--lcm-url)";
+    "to run beside it, add --isolate, or use another bus (--lcm-url)";
 
 bool is_over(ParticipantState state) {
   return state == ParticipantState::finished || state == ParticipantState::fault;
@@ -108,7 +108,7 @@ Event Membership::event_of_roster(const messages::Participant& peer) const {
   if (peer.role != Role::plant || !names_roster(peer)) return Event::peer;
   // Before the run begins the plant may choose anew.
   const bool with_self =
-      running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
+      is_running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
   return with_self ? Event::roster : Event::other_roster;
 }
 
@@ -301,7 +301,7 @@ void Membership::poll(Time now) {
   }
 }
 
-void Membership::stopping(const Failure& failure, Time now) {
+void Membership::on_stopping(const Failure& failure, Time now) {
   if (!stopping_) stopping_ = failure;
   announce_at_ = now;
 }
@@ -321,7 +321,7 @@ bool Membership::others_lack_ticks() const {
   });
 }
 
-bool Membership::finish_acknowledged() const {
+bool Membership::is_finish_acknowledged() const {
   const Peer* plant = peers_.find(Role::plant);
   if (plant == nullptr || end_counter_ == 0) return false;
   const std::size_t own = index(own_role());

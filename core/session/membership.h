@@ -44,7 +44,7 @@ class Membership {
   static constexpr std::chrono::milliseconds simultaneous{300};
 
   struct Self {
-    /// What it announces of itself: role, instance, scenario_digest, pid, host, scenario and, of a
+    /// Its announcement of itself: role, instance, scenario_digest, pid, host, scenario and, of a
     /// controller, its law.
     messages::Participant who;
     std::int64_t run = 0;  ///< plant only: the run it has chosen, > 0
@@ -77,24 +77,25 @@ class Membership {
   [[nodiscard]] const std::optional<base::Failure>& failure() const { return failure_; }
 
   /// The roster is known, and (plant) confirmed by all: the run may start.
-  [[nodiscard]] bool joined() const { return joined_; }
+  [[nodiscard]] bool has_joined() const { return joined_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
   /// The instances of the four that the run began with; zeros before joining.
   [[nodiscard]] const messages::PerRole& roster() const { return roster_; }
 
   /// The first message of the run has been sent or accepted. No effect when running already.
   /// @throw std::logic_error before joining.
-  void started(Time now) { act(MembershipEvent::run_started, now); }
-  [[nodiscard]] bool running() const { return state_ == messages::ParticipantState::running; }
+  void on_started(Time now) { act(MembershipEvent::run_started, now); }
+  [[nodiscard]] bool is_running() const { return state_ == messages::ParticipantState::running; }
   /// Newest tick handled, and (controller) the norm of its position error, for the announcement.
-  void progressed(std::int64_t tick, double error_norm) {
+  void on_progress(std::int64_t tick, double error_norm) {
     tick_ = tick;
     error_norm_ = error_norm;
   }
-  /// All ticks of this process are there: only from now on others' ends count.
-  void complete() { complete_ = true; }
+  /// Takes note that all ticks of this process are there. Only from now on the ends of others
+  /// count.
+  void on_all_ticks_done() { complete_ = true; }
   /// Lockstep plant: digest of every TRUTH of the run, for the others to compare.
-  void published(std::int64_t truth_digest) {
+  void set_truth_digest(std::int64_t truth_digest) {
     announcement_.participant.truth_digest = truth_digest;
   }
   /// The plant's digest of them, announced when it has finished; 0 before.
@@ -103,31 +104,31 @@ class Membership {
     return plant != nullptr ? plant->participant.truth_digest : 0;
   }
   /// This process's part is done.
-  void finished(Time now) { act(MembershipEvent::part_finished, now); }
+  void on_finished(Time now) { act(MembershipEvent::part_finished, now); }
   /// This process ends with a fault.
-  void failed(const base::Failure& failure, Time now) {
+  void on_failed(const base::Failure& failure, Time now) {
     act(MembershipEvent::failure, now, failure);
   }
   /// This process will end with a fault, but has to bring the robot to rest first: the fault is
   /// announced with the present state, which ends nobody else's part yet.
-  void stopping(const base::Failure& failure, Time now);
+  void on_stopping(const base::Failure& failure, Time now);
 
-  /// The run's plant has announced that it has finished.
-  [[nodiscard]] bool plant_finished() const { return done_[index(messages::Role::plant)]; }
-  /// The three others have.
-  [[nodiscard]] bool all_finished() const {
+  /// Returns whether the run's plant has announced that it has finished.
+  [[nodiscard]] bool has_plant_finished() const { return done_[index(messages::Role::plant)]; }
+  /// Returns whether the three others have announced that they have finished.
+  [[nodiscard]] bool have_all_finished() const {
     return std::ranges::count(done_, true) == messages::num_roles - 1;
   }
-  /// Which of the others have not, in words.
+  /// Describes the others that have not finished.
   [[nodiscard]] std::string unfinished() const;
-  /// Whether one of those has not handled the newest tick of this process.
+  /// Returns whether one of the others has not handled the newest tick of this process.
   [[nodiscard]] bool others_lack_ticks() const;
   /// The plant has acknowledged an announcement in which this process had finished.
-  [[nodiscard]] bool finish_acknowledged() const;
+  [[nodiscard]] bool is_finish_acknowledged() const;
 
   /// Roles of which no process is known.
   [[nodiscard]] std::vector<std::string_view> missing() const;
-  /// What the controller announces; empty before it is known.
+  /// Returns the law that the controller announces; empty before it is known.
   [[nodiscard]] messages::LawInfo law() const {
     const Peer* peer = peers_.find(messages::Role::controller);
     return peer != nullptr ? messages::LawInfo(peer->participant) : messages::LawInfo();
@@ -135,12 +136,12 @@ class Membership {
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
   [[nodiscard]] std::string describe(messages::Role role) const;
-  /// Whether the holder of the role sends from that address.
+  /// Returns whether the holder of the role sends from that address.
   [[nodiscard]] bool is_from(messages::Role role, std::string_view sender) const {
     const Peer* peer = peers_.find(role);
     return peer != nullptr && peer->sender == sender;
   }
-  /// Whether another process of this scenario sends from that address.
+  /// Returns whether another process of this scenario sends from that address.
   [[nodiscard]] bool knows(std::string_view sender) const;
   /// Time since the role's holder has proven to have lived; nothing if it never has.
   [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(messages::Role role,
@@ -150,7 +151,7 @@ class Membership {
   }
 
   [[nodiscard]] Time next_announcement() const { return announce_at_; }
-  /// What to publish now; the next one is due a period later. Valid until the next call; allocates
+  /// Returns the announcement to publish now. It is valid until the next call; the call allocates
   /// nothing while there is no fault.
   const Announcement& announce(Time now);
 
@@ -171,7 +172,7 @@ class Membership {
     const bool own_concern = own_role() == messages::Role::plant || role == messages::Role::plant;
     return own_concern && holder(role) != 0 && !done_[index(role)];
   }
-  /// Whether it has precedence over this process.
+  /// Returns whether the rival has precedence over this process.
   [[nodiscard]] bool precedes(const messages::Stamp& stamp, const Peer& rival, Time now) const;
 
   void act(MembershipEvent event, Time now, const std::optional<base::Failure>& failure = {});

@@ -6,10 +6,11 @@
 
 #include "messages/messages.h"
 
-/// What a member does at each event in each of its states, as one table: docs/protocol.md
-/// ("States and events") shows it, tests/core/session/membership_table_test.cpp compares the two
-/// and goes through every cell. The table knows neither time nor messages;
-/// core/session/membership.h recognises the events and carries the reactions out.
+/// The reactions of a member to each event in each of its states, as one table.
+/// docs/protocol.md ("States and events") shows the table;
+/// tests/core/session/membership_table_test.cpp compares the two and goes through every cell. The
+/// table knows neither time nor messages. core/session/membership.h recognises the events and
+/// carries out the reactions.
 namespace tachless::session {
 
 /// An announcement (of a process that is there unless it says otherwise), the clock, or this
@@ -61,7 +62,7 @@ struct Row {
 };
 using enum MembershipReaction;
 
-// Where an event cannot meet a state: ignore. (Without a run no process holds a role.)
+// An event that cannot meet a state is ignored. (Without a run no process holds a role.)
 inline constexpr std::array<Row, num_membership_events> rows = {{
     {"unproven", {observe, observe, observe, observe, observe}},
     {"rival", {contest, contest, answer, ignore, ignore}},

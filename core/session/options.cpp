@@ -3,7 +3,9 @@
 #include <fmt/chrono.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <exception>
 #include <iostream>
@@ -20,6 +22,8 @@ namespace fs = std::filesystem;
 using base::bad_usage;
 using base::ExitCode;
 using messages::Role;
+
+constexpr std::int64_t largest_run_id = 9'000'000'000'000'000;
 
 struct Program {
   const char* name;
@@ -159,7 +163,12 @@ void take_whole_words(CLI::App& command) {
 }
 
 CLI::Option* as_run_id(CLI::Option* option) {
-  return option->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  return option->check(CLI::Range(std::int64_t{1}, largest_run_id));
+}
+
+std::int64_t run_id_by_clock() {
+  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
+  return std::clamp<std::int64_t>(since_1970 / std::chrono::microseconds(1), 1, largest_run_id);
 }
 
 std::string program_name(Role role) { return program_of(role).name; }
@@ -194,6 +203,7 @@ std::optional<ProcessOptions> parse_process_options(Role role, int argc, const c
 
 int run_process(Role role, int argc, const char* const* argv,
                 const std::function<ExitCode(const ProcessOptions&)>& run) {
+  base::open_standard_streams();
   base::start_logging(program_name(role), base::Verbosity::normal);
   try {
     const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);

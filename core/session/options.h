@@ -53,6 +53,10 @@ void take_whole_words(CLI::App& command);
 /// For an option that is a run's id: a positive number. @return the same option
 CLI::Option* as_run_id(CLI::Option* option);
 
+/// Returns the time since 1970 in microseconds as a run id. A clock that is set to a time without
+/// a valid id gives the nearest valid one.
+std::int64_t run_id_by_clock();
+
 /// Options of the four programs; options of one program name it.
 struct ProcessOptions {
   std::filesystem::path scenario_path;

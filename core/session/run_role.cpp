@@ -42,7 +42,7 @@ void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& optio
 /// The other processes cannot know: to them the messages are only missing.
 void report_unsent(const std::optional<bus::UdpTransport>& bus) {
   if (!bus || bus->statistics().unsent == 0) return;
-  base::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
+  base::log_warning("{} messages could not be sent ({}); run tachless doctor for details",
                     bus->statistics().unsent, std::strerror(bus->statistics().refusal));
 }
 
@@ -58,26 +58,27 @@ void request_real_time(messages::Role role) {
   std::string missing;
   ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    missing += fmt::format("its memory locked ({}; `ulimit -l unlimited`)", std::strerror(errno));
+    missing += fmt::format("its memory locked ({}; ulimit -l unlimited)", std::strerror(errno));
   }
   sched_param parameters{};
   parameters.sched_priority = priorities.at(static_cast<std::size_t>(role));
   if (parameters.sched_priority > 0 &&
       ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) != 0) {
     missing +=
-        fmt::format("{}SCHED_FIFO priority {} ({}; `ulimit -r {}`)", missing.empty() ? "" : " and ",
+        fmt::format("{}SCHED_FIFO priority {} ({}; ulimit -r {})", missing.empty() ? "" : " and ",
                     parameters.sched_priority, std::strerror(errno), parameters.sched_priority);
   }
   if (missing.empty()) return;
   base::log_info(
-      "realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock unlimited` in "
+      "realtime without {}; to permit it permanently, add the lines * - rtprio 90 and * - memlock "
+      "unlimited in "
       "/etc/security/limits.d/realtime.conf, then log in again",
       missing);
 }
 
-Link::Config link_config(messages::Role role, const ProcessOptions& options,
-                         const std::atomic<bool>& interrupted) {
-  Link::Config config;
+Session::Config session_config(messages::Role role, const ProcessOptions& options,
+                               const std::atomic<bool>& interrupted) {
+  Session::Config config;
   config.role = role;
   config.run_id = options.run_id;
   config.wait_s = options.wait_s;
@@ -95,21 +96,21 @@ ExitCode run_role(messages::Role role, const ProcessOptions& options, const Role
   const std::atomic<bool>& interrupted = base::catch_interruptions();
   base::survive_file_size_limit();
   std::optional<bus::UdpTransport> bus;
-  std::optional<Link> link;
+  std::optional<Session> session;
   Statistics early(role);  // of a process that does not get as far as a session
-  const auto statistics = [&]() -> Statistics& { return link ? link->statistics() : early; };
+  const auto statistics = [&]() -> Statistics& { return session ? session->statistics() : early; };
   const auto report = [&] {
     report_unsent(bus);
-    if (link) statistics().rejected.add(Discard::unauthenticated, link->unauthenticated());
+    if (session) statistics().rejected.add(Discard::unauthenticated, session->unauthenticated());
     if (!options.stats_path.empty()) write_statistics(statistics(), options.stats_path);
   };
   try {
     const scenario::Scenario scenario =
         scenario::load_scenario(find_scenario(options.scenario_path), options.overrides);
     open_bus(bus, options, role, scenario);
-    link.emplace(scenario, *bus, link_config(role, options, interrupted));
+    session.emplace(scenario, *bus, session_config(role, options, interrupted));
     if (scenario.loop.mode == scenario::Mode::realtime) request_real_time(role);
-    link->guard([&] { main(scenario, *link); });
+    session->guard([&] { main(scenario, *session); });
   } catch (const std::exception&) {
     const Failure failure = base::current_failure();
     statistics().exit_code = failure.code();

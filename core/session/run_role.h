@@ -4,13 +4,13 @@
 
 #include "base/failure.h"
 #include "scenario/scenario.h"
-#include "session/link.h"
 #include "session/options.h"
+#include "session/session.h"
 
 namespace tachless::session {
 
 /// What one role does in a run.
-using RoleMain = std::function<void(const scenario::Scenario&, Link&)>;
+using RoleMain = std::function<void(const scenario::Scenario&, Session&)>;
 
 /// The life of one of the four processes: loads the scenario, catches interruptions, opens the bus,
 /// runs the role, writes the statistics (in every case, when asked for). Knows no role's work.

@@ -25,7 +25,7 @@ class IiwaDriver final : public plant::ClockDriver {
   explicit IiwaDriver(const bus::LcmUrl& url)
       : channels_(url, iiwa::command_channel, iiwa::status_channel) {}
 
-  // What the status calls a velocity is a filtered difference of positions: for the log.
+  // The velocity of the status is a filtered difference of positions; only the log gets it.
   [[nodiscard]] bool measures_velocity() const override { return false; }
 
   void start() override {}  // torque mode is chosen at the pendant

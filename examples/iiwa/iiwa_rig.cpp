@@ -23,7 +23,7 @@ std::vector<double> numbers_of(const Vector& x) { return {x.begin(), x.end()}; }
 void play(const scenario::Scenario& scenario) {
   robot::Model model = plant::plant_model(scenario);
   model.gravity.setZero();  // the arm's own controller cancels it
-  Vector q = plant::initial_state(scenario, model).q;
+  Vector q = plant::initial_state(scenario.plant, scenario.robot.flexible, model).q;
   Vector v = Vector::Zero(model.num_joints), tau = v;
   iiwa::Channels<drake::lcmt_iiwa_status, drake::lcmt_iiwa_command> channels(
       bus::parse_lcm_url(""), iiwa::status_channel, iiwa::command_channel);

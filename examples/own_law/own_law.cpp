@@ -23,7 +23,7 @@ namespace {
 /// its filter by backward Euler: nu_k = (nu_{k-1} + B (e_k - e_{k-1})) / (1 + A h).
 class MyLaw {
  public:
-  // What report, info and error messages say of it.
+  // Facts that report, info and error messages print.
   static constexpr std::string_view name = "my_law";
   static constexpr std::array signals = {messages::Signal{"error", "rad"},
                                          messages::Signal{"nu", "rad/s"}};
@@ -33,7 +33,7 @@ class MyLaw {
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 
-  // What it is fed with, and so all that it can see.
+  // The measurement: the law sees nothing else.
   using Measurement = messages::PositionMeasurement;
   using Robot = robot::Model;
 
@@ -48,7 +48,7 @@ class MyLaw {
         base::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(base::positive)};
   };
 
-  // What it keeps between ticks.
+  // The memory between ticks.
   struct Memory {
     Vector nu;          // [rad/s]
     Vector e_previous;  // [rad]

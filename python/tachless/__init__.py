@@ -217,16 +217,18 @@ def _options(values: Mapping[str, Any]) -> list[str]:
     return [f"--{key.replace('_', '-')}={value}" for key, value in text.items()]
 
 
-def certify(scenario: Path, controller: Optional[str] = None, **overrides: Any) -> Result:
+def certify(scenario: Path, controller: Optional[str] = None, full: bool = False, **overrides: Any) -> Result:
     """Is the scenario's loop stable, with what margins, from which errors: tachless certify.
 
     Args:
         controller: the program with the law, as typed in a shell: "python3 law.py".
+        full: also search the nonlinear sampled loop and missed ticks, which takes seconds.
 
     Raises:
         Error: the scenario is not valid (code 2).
     """
-    return _result("certify", [scenario, *_options({"controller": controller})], overrides)
+    words = [scenario, *_options({"controller": controller}), *(["--full"] if full else [])]
+    return _result("certify", words, overrides)
 
 
 def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Mapping[str, Any]] = None,
@@ -251,6 +253,8 @@ def identify(*logs: Path, unknown: Union[str, Sequence[str]] = ("rotor", "viscou
     Raises:
         Error: a log that does not show them (code 2).
     """
+    if options.get("all"):  # the command refuses --unknown beside it
+        return _result("identify", [*logs, *_options(options)], {})
     names = [unknown] if isinstance(unknown, str) else list(unknown)
     return _result("identify", [*logs, *_options({"unknown": names, **options})], {})
 

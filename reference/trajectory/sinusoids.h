@@ -1,11 +1,11 @@
 #pragma once
 
-#include <cmath>
 #include <numbers>
 #include <string_view>
 #include <tuple>
 #include <vector>
 
+#include "base/elementary.h"
 #include "base/schema.h"
 #include "messages/signals.h"
 #include "reference/trajectory/hold.h"
@@ -29,8 +29,10 @@ struct Sine {
     for (Eigen::Index i = 0; i < amplitude_rad.size(); ++i) {
       const double w = 2 * std::numbers::pi * frequency_hz[i];
       const double angle = w * t_s + phase_rad[i];
-      const double s = amplitude_rad[i] * std::sin(angle);
-      const double c = amplitude_rad[i] * std::cos(angle);
+      double s = 0, c = 0;
+      base::sin_cos(angle, s, c);
+      s *= amplitude_rad[i];
+      c *= amplitude_rad[i];
       point.q_ref[i] += s;
       point.v_ref[i] += w * c;
       point.a_ref[i] -= w * w * s;

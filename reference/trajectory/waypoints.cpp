@@ -69,7 +69,7 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
   const std::size_t num_pieces = time_s.size() - 1;
   std::vector<Block> blocks(num_pieces - 1);
   for (Block& block : blocks) block.right = Eigen::Matrix2Xd::Zero(2, position.rows());
-  // What piece `i` says about jerk and snap at its beginning or at its end, of block `k`.
+  // Adds to block `k` the part of piece `i` in jerk and snap at its beginning or end.
   const auto add_end = [&](std::size_t i, std::size_t k, bool at_end) {
     Block& block = blocks[k];
     const double ratio = (time_s[i + 1] - time_s[i]) / scale;
@@ -80,7 +80,8 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
     for (const int order : {3, 4}) {
       // The difference "from the left minus from the right" must vanish.
       const double sign = (at_end ? 1 : -1) * (mirrored && order == 3 ? -1 : 1);
-      const double weight = sign / std::pow(ratio, order);
+      const double cubed = ratio * ratio * ratio;
+      const double weight = sign / (order == 3 ? cubed : cubed * ratio);
       const auto response = [&](double q0, double v0, double a0, double q1, double v1, double a1) {
         return weight * derivative(piece(i, num_pieces, q0, v0 * ratio, a0 * ratio * ratio, q1,
                                          v1 * ratio, a1 * ratio * ratio),

@@ -66,6 +66,8 @@ struct Waypoints {
 struct MotionFile {
   std::string path;
   std::string digest;
+  std::string time_column;  ///< name or number; empty: the column with a usual name of the time
+  double time_scale = 1, time_offset = 0;
   std::shared_ptr<const WaypointSpline> motion;  ///< null where the file was not read
 
   static constexpr std::string_view name = "file";
@@ -74,7 +76,16 @@ struct MotionFile {
                 "Table of times and positions, relative to the scenario (docs/trajectories.md); "
                 "`file: motion.csv` is short for `file: {path: motion.csv}`"},
       base::Key{"digest", &MotionFile::digest, "", "Of the table's bytes: another table is refused"}
-          .by_default("that of the table found")};
+          .by_default("that of the table found"),
+      base::Key{"time_column", &MotionFile::time_column, "", "Name or number of the time's column"}
+          .by_default("the column with a usual name of the time"),
+      base::Key{"time_scale", &MotionFile::time_scale, "s",
+                "Seconds per unit of the table's time: 0.001 for milliseconds"}
+          .in(base::positive)
+          .by_default(),
+      base::Key{"time_offset", &MotionFile::time_offset, "s",
+                "Added to the table's times after the scale: -261.6 starts a table from 261.6 s"}
+          .by_default()};
 
   /// Position to snap at t [s]. Precondition: the file was read (`make_trajectory` sees to it).
   [[nodiscard]] messages::ReferencePoint at(double t_s) const { return motion->at(t_s); }

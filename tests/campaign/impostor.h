@@ -20,7 +20,7 @@ class Impostor final : public bus::Transport {
   /// @param whom "controller's endpoint", or anything else: an outsider
   explicit Impostor(std::string_view whom);
 
-  void subscribe(const std::string& channel) override { bus_.subscribe(channel); }
+  int subscribe(const std::string& channel) override { return bus_.subscribe(channel); }
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
   std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override;
 

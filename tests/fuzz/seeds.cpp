@@ -81,7 +81,13 @@ std::vector<Message> sample_messages() {
   participant.signals = "error:rad,nu:rad/s";
   participant.fault = "fault";
   add(all, participant, 2);
+  participant.role = messages::Role::controller;
+  participant.law = "a law";
+  participant.roster = {5, 6, 7, 8};
+  add(all, participant, 3);
   add(all, messages::LogAck{5}, 2);
+  add(all, messages::GainChange{"kp=1,2", 6, 7}, 2);
+  add(all, messages::GainAck{7}, 3);
   return all;
 }
 

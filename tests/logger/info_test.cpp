@@ -119,12 +119,6 @@ TEST_F(Info, ReadsLogsThatAreNotOurs) {
   EXPECT_THAT(to_text(info), AllOf(HasSubstr("CAMERA"), HasSubstr("not ours")));
 }
 
-TEST_F(Info, ReadsAnEmptyLog) {
-  const auto info = info_of("");
-  EXPECT_EQ(info["messages"], 0u);
-  EXPECT_THAT(to_text(info), HasSubstr("0 messages"));
-}
-
 TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
   const auto refusal = [&](const std::string& text) -> std::string {
     try {
@@ -138,6 +132,10 @@ TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
               HasSubstr("this is a robot description: tachless robot /"));
   EXPECT_THAT(refusal("name: a\nrobot:\n  urdf: b\ncontroller: {}\n"),
               HasSubstr("this is a scenario: tachless run /"));
+  EXPECT_THAT(refusal(""), HasSubstr("the file is empty; name an LCM log"));
+  const std::string log = event_text(0, 0, "ARM_RUN_INFO", "<robot name='a'/>");
+  EXPECT_THAT(refusal(log.substr(0, log.size() - 1)), HasSubstr("ends in its first message"));
+  EXPECT_THAT(refusal("\x01\xDA\xA1\xED<robot name='a'/>"), HasSubstr("byte order"));
   EXPECT_THAT(refusal("something else"), HasSubstr("not one message of an LCM log"));
 }
 

@@ -23,8 +23,8 @@ TEST(TickTally, CountsWholeTicks) {
   TickTally tally(5000);
   for (std::int64_t k = 0; k < 5000; ++k) record_all(tally, k);
   tally.finish(4999);
-  EXPECT_EQ(tally.complete(), 5000);
-  EXPECT_EQ(tally.incomplete(), 0);
+  EXPECT_EQ(tally.num_complete(), 5000);
+  EXPECT_EQ(tally.num_incomplete(), 0);
   EXPECT_EQ(tally.newest(), 4999);
 }
 
@@ -42,8 +42,8 @@ TEST(TickTally, NamesWhatIsMissing) {
   EXPECT_EQ(tally.missing(Slot::command).text(), "12, 40-55");
   EXPECT_EQ(tally.missing(Slot::truth).text(), "2999");
   EXPECT_EQ(tally.missing(Slot::tick).count, 0U);
-  EXPECT_EQ(tally.incomplete(), 18);
-  EXPECT_EQ(tally.complete(), 3000 - 18);
+  EXPECT_EQ(tally.num_incomplete(), 18);
+  EXPECT_EQ(tally.num_complete(), 3000 - 18);
 }
 
 TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
@@ -51,8 +51,8 @@ TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
   record_all(tally, 0);
   record_all(tally, 5000);
   tally.finish(9999);
-  EXPECT_EQ(tally.complete(), 2);
-  EXPECT_EQ(tally.incomplete(), 9998);
+  EXPECT_EQ(tally.num_complete(), 2);
+  EXPECT_EQ(tally.num_incomplete(), 9998);
   EXPECT_EQ(tally.missing(Slot::tick).text(), "1-4999, 5001-9999");
 }
 

@@ -1,5 +1,5 @@
 /* The tick machines of a lock-step run and its end (core/session/tick_master.h, responders.h, log_window.h,
- * core/session/link.cpp: leave), over a network that loses, repeats and reorders; docs/protocol.md, "The model",
+ * core/session/session.cpp: leave), over a network that loses, repeats and reorders; docs/protocol.md, "The model",
  * says what is left out. N ticks are played with rings of DEPTH ticks, a window of W and an acknowledgement
  * every INTERVAL ticks.
  *

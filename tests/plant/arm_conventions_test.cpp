@@ -39,7 +39,8 @@ scenario::Scenario scenario(std::vector<std::string> overrides) {
 /// elsewhere and turns the other way.
 class MakersArm final : public RobotDriver {
  public:
-  explicit MakersArm(const scenario::Scenario& s) : model_(plant_model(s)), robot_(s, model_) {}
+  explicit MakersArm(const scenario::Scenario& s)
+      : model_(plant_model(s)), robot_(s.plant, s.robot.flexible, s.loop.period_s, model_) {}
   [[nodiscard]] bool measures_velocity() const override { return false; }
   void start() override { robot_.start(); }
   ArmState read() override {

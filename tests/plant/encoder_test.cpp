@@ -42,8 +42,12 @@ ArmState state(double first, double second) {
   return s;
 }
 
+Encoder encoder_of(const scenario::Scenario& scenario, const robot::Model& model) {
+  return {scenario.plant.encoder, scenario::encoder_count(scenario, model), model};
+}
+
 TEST(Encoder, IsExactByDefault) {
-  const Encoder encoder(scenario(true), revolute_and_prismatic());
+  const Encoder encoder = encoder_of(scenario(true), revolute_and_prismatic());
   const ArmState s = state(1.234567890123, -0.2);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(s, 5).q, s.q);
   EXPECT_EQ(encoder.measure<messages::MotorPositionMeasurement>(s, 5).theta, s.theta);
@@ -61,7 +65,7 @@ TEST(Encoder, IsExactByDefault) {
 TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
   scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Eigen::Vector2d(10, 4);
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const double turn = 2 * std::numbers::pi / 1024, slide = 2.0 / 16;
   EXPECT_EQ(scenario::encoder_count(s, revolute_and_prismatic())[0], turn);
   EXPECT_EQ(scenario::encoder_count(s, revolute_and_prismatic())[1], slide);
@@ -78,7 +82,7 @@ TEST(Encoder, OfALinkThatTurnsIsEccentric) {
   s.plant.encoder.eccentricity_phase_rad = Eigen::Vector2d(0.4, 0.4);
   const ArmState at = state(0.7, 0.3);
   const auto read =
-      Encoder(s, revolute_and_prismatic()).measure<messages::LinkStateMeasurement>(at, 0);
+      encoder_of(s, revolute_and_prismatic()).measure<messages::LinkStateMeasurement>(at, 0);
   EXPECT_EQ(read.q, Vector(at.q + Eigen::Vector2d(1e-3 * std::sin(1.1), 0)));
   EXPECT_EQ(read.theta, at.theta);
 }
@@ -86,7 +90,7 @@ TEST(Encoder, OfALinkThatTurnsIsEccentric) {
 TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
   scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Vector::Constant(2, 12);
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const double count = scenario::encoder_count(s, revolute_and_prismatic())[0];
   testing::Random random(3);
   double sum_of_squares = 0, largest = 0;
@@ -106,7 +110,7 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
   scenario::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
   s.plant.encoder.velocity_noise_std_rad_per_s = 0.3;
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
   constexpr int n = 40000;
   double mean[4] = {}, square[4] = {}, fourth = 0, product = 0, beside = 0, last = 0;
@@ -136,20 +140,21 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
 TEST(Encoder, RepeatsTheNoiseOfARepeatedTick) {
   scenario::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
   const Vector first = encoder.measure<messages::PositionMeasurement>(exact, 7).q;
   EXPECT_NE(encoder.measure<messages::PositionMeasurement>(exact, 8).q, first);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(exact, 7).q, first);
   s.plant.encoder.seed = 2;
-  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<messages::PositionMeasurement>(exact, 7).q,
-            first);
+  EXPECT_NE(
+      encoder_of(s, revolute_and_prismatic()).measure<messages::PositionMeasurement>(exact, 7).q,
+      first);
 }
 
 TEST(Encoder, GivesTheSameNoiseToEveryKindOfMeasurement) {
   scenario::Scenario s = scenario(true);
   s.plant.encoder.noise_std_rad = 0.01;
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
   const auto all = encoder.measure<messages::StateMeasurement>(exact, 3);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(exact, 3).q, all.q);
@@ -174,7 +179,7 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   robot::Model model = revolute_and_prismatic();
   model.upper[1] = robot::Model::unlimited;
   try {
-    const Encoder encoder(s, model);
+    const Encoder encoder = encoder_of(s, model);
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);

@@ -15,11 +15,12 @@
 #include <utility>
 #include <vector>
 
+#include "bus/subscriptions.h"
 #include "messages/truth/truth_wire.h"
 #include "messages/wire.h"
 #include "plant/node.h"
-#include "session/link.h"
 #include "session/membership.h"
+#include "session/session.h"
 
 namespace tachless::plant {
 
@@ -81,7 +82,7 @@ class Peers : public bus::Transport {
     messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender), at});
   }
 
-  void subscribe(const std::string& /*channel*/) override {}
+  int subscribe(const std::string& channel) override { return channels_.add(channel); }
 
   /// What the bus does to the plant's announcement of a fault.
   std::function<void()> on_fault = [] {};
@@ -101,7 +102,7 @@ class Peers : public bus::Transport {
       const auto now = base::Clock::now();
       for (session::Membership& each : members_) {
         each.handle(stamp, plant, "plant's address", now);
-        if (each.plant_finished()) each.finished(now);
+        if (each.has_plant_finished()) each.on_finished(now);
         const auto& own = each.announce(now);
         const std::string address =
             std::string(messages::name(own.participant.role)) + "'s address";
@@ -134,7 +135,10 @@ class Peers : public bus::Transport {
     if (!any || messages_.front().at > base::Clock::now()) return std::nullopt;
     current_ = std::move(messages_.front());
     messages_.pop_front();
-    return bus::Datagram{current_.channel, current_.payload, current_.sender};
+    return bus::Datagram{.channel = current_.channel,
+                         .payload = current_.payload,
+                         .sender = current_.sender,
+                         .channel_number = channels_.find(current_.channel)};
   }
 
  private:
@@ -157,7 +161,7 @@ class Peers : public bus::Transport {
         self.who.law = law;
         self.who.measurement = measurement;
       }
-      members_.emplace_back(self, base::Clock::now()).complete();
+      members_.emplace_back(self, base::Clock::now()).on_all_ticks_done();
     }
   }
 
@@ -170,6 +174,7 @@ class Peers : public bus::Transport {
   messages::Codec<messages::truth::PlantTruth> truths_{layout_};
   std::list<session::Membership> members_;
   std::list<Message> messages_;
+  bus::Subscriptions channels_;
   Message current_;
 };
 
@@ -182,26 +187,26 @@ struct Outcome {
 /// The plant's part; `driver`: of the robot in the emulator's place.
 inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
                    const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
-  session::Link link(scenario, peers,
-                     {.role = messages::Role::plant,
-                      .run_id = 7,
-                      .wait_s = 10,
-                      .interrupted = interrupted,
-                      .instance = 1});
+  session::Session session(scenario, peers,
+                           {.role = messages::Role::plant,
+                            .run_id = 7,
+                            .wait_s = 10,
+                            .interrupted = interrupted,
+                            .instance = 1});
   Outcome outcome;
   try {
-    link.guard([&] {
+    session.guard([&] {
       if (driver != nullptr) {
-        run_driver(scenario, link, *driver);
+        run_driver(scenario, session, *driver);
       } else {
-        run_node(scenario, link);
+        run_node(scenario, session);
       }
     });
   } catch (const base::Failure& failure) {
     outcome.code = failure.code();
     outcome.fault = failure.what();
   }
-  outcome.statistics = link.statistics();
+  outcome.statistics = session.statistics();
   return outcome;
 }
 

@@ -48,6 +48,13 @@ class Folder(unittest.TestCase):
                                 "--controller", controller, *more, code=code)
 
 
+class AnObjectWithoutAValue(unittest.TestCase):
+    def test_is_not_made(self):
+        for kind in tachless._tachless.Run, tachless._tachless.Measurement, tachless._tachless.Reference:
+            with self.assertRaisesRegex(TypeError, "come from the functions of tachless"):
+                kind.__new__(kind)
+
+
 class TheRobot(unittest.TestCase):
     def setUp(self):
         self.robot = tachless.Robot(arm)

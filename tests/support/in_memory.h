@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/subscriptions.h"
 #include "bus/transport.h"
 
 namespace tachless::bus {
@@ -54,7 +55,7 @@ class InMemoryNetwork {
   };
   struct Mailbox {
     std::condition_variable arrived;
-    std::set<std::string, std::less<>> channels;
+    Subscriptions channels;
     std::deque<Message> queue;
     std::vector<Message> held;
   };

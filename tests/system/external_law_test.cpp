@@ -265,7 +265,7 @@ TEST_F(ExternalLaw, HasToTakePart) {
   EXPECT_THAT(errors_, HasSubstr("--controller 'true': ended at the start; does its main call"));
   EXPECT_EQ(tachless(run("no", {"--in-process", "--controller", "true"})), 3);
   EXPECT_THAT(errors_, HasSubstr("ended at the start; does its main call"));
-  EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 3);
+  EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 2);
   EXPECT_THAT(errors_, HasSubstr("no-such-program: not found"));
   EXPECT_EQ(tachless(run("no", {"--plant", "true", "--mode", "realtime"})), 3);
   EXPECT_THAT(errors_, HasSubstr("--plant 'true': ended without having taken part"));

@@ -15,7 +15,7 @@
 #include "bus/key.h"
 #include "messages/wire.h"
 #include "scenario/scenario.h"
-#include "session/link.h"
+#include "session/session.h"
 #include "tests/support/in_memory.h"
 #include "tests/support/temporary_directory.h"
 

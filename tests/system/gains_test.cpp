@@ -88,7 +88,7 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   ASSERT_EQ(changes.size(), 2U);
   EXPECT_EQ(changes[0].tick, first.at("tick"));
   EXPECT_EQ(changes[1].tick, second.at("tick"));
-  EXPECT_EQ(changes[1].gains, second.at("gains"));
+  EXPECT_EQ(changes[1].gains, second.at("gains").get<std::string>());
   EXPECT_GE(log.summary().last_tick, changes[1].tick);  // the run is ended soon after
 
   EXPECT_EQ(tachless({"replay", run.log_path()}), 0) << said;

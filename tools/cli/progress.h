@@ -8,7 +8,9 @@
 #include <string>
 #include <string_view>
 
-/// How far runs and long computations are, in lines on stderr.
+#include "base/file_descriptor.h"
+
+/// Progress of runs and long computations, in lines on stderr.
 namespace tachless::cli {
 
 /// What a running loop looks like in one line, from the controller's heartbeats:
@@ -39,8 +41,29 @@ class Progress {
   std::optional<double> ticks_per_s_;
 };
 
-/// Lines that on a terminal the next ones replace and that go with this object, and other lines
-/// between.
+/// Text to stderr that never waits for a reader who is slow: what does not fit into the pipe or the
+/// terminal stays in a bounded buffer, and what does not fit there is dropped and counted.
+class LaggingOutput {
+ public:
+  explicit LaggingOutput(int descriptor);
+  LaggingOutput(const LaggingOutput&) = delete;
+  LaggingOutput& operator=(const LaggingOutput&) = delete;
+  /// Writes the rest, and waits for its reader.
+  ~LaggingOutput();
+
+  void put(std::string_view text);
+  /// Writes what is possible now. @return whether something is left
+  bool flush();
+
+ private:
+  int descriptor_;
+  base::FileDescriptor own_;  ///< the same file, opened without waiting; -1: it cannot be
+  std::string waiting_;
+  std::int64_t dropped_ = 0;  ///< texts
+};
+
+/// Lines of progress, and other lines between them. On a terminal each line of progress replaces
+/// the one before, and the last one is removed. Elsewhere at most one appears in 30 s.
 class Screen {
  public:
   /// @param quiet no progress
@@ -49,19 +72,20 @@ class Screen {
   Screen& operator=(const Screen&) = delete;
   ~Screen() { clear(); }
 
-  /// What a long computation is at.
+  /// Shows how far a long computation is.
   void show(std::string_view what);
-  /// Runs, a line for each: on a terminal ten times a second, elsewhere every 5 s.
+  /// Shows a line for each run: on a terminal ten times a second.
   void show(std::span<const Progress> all);
   void clear();
-  /// A line of the program `name`.
-  /// @param before what stands before it: of which robot's run it is
+  /// Prints a line of the program `name`.
+  /// @param before the robot, where there are several
   void pass_on(std::string_view before, std::string_view name, std::string_view line);
 
  private:
-  /// What removes from the terminal what is shown.
+  /// Returns the characters that remove the shown lines from the terminal.
   std::string erasing();
 
+  LaggingOutput out_;
   bool quiet_;
   bool terminal_;
   std::size_t shown_ = 0;  ///< lines on the terminal

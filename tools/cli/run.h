@@ -42,7 +42,7 @@ struct RunOptions {
   std::string measurement;    ///< that `law_program` is fed with, where the scenario does not say
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
-  bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure
+  bool any_outcome = false;  ///< no verdict is a failure
   bool force = false;        ///< run a loop that is unstable when linearised
   bool overwrite = false;    ///< replace the results of an earlier run in `out`
   bool quiet = false;

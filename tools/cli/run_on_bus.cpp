@@ -146,6 +146,8 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
     if (role == messages::Role::logger) command.insert(command.end(), {"--out-log", log});
     all.push_back(
         {std::string(messages::name(role)), std::move(command), robot.placement.cpus_of(role)});
+    all.back().relayed = robot.run.scenario.loop.mode == scenario::Mode::realtime;
+    all.back().drives_robot = role == messages::Role::plant && !options.plant_program.empty();
   }
   return all;
 }
@@ -200,6 +202,10 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
         std::ranges::find(statistics, role, &session::Statistics::role) != statistics.end()) {
       continue;
     }
+    if (supervision.begun) {
+      return fmt::format("--{} '{}': ended during the run, and without a word; see its code",
+                         messages::name(role), program);
+    }
     return fmt::format("--{} '{}': ended without having taken part; has it a main that calls {}?",
                        messages::name(role), program,
                        role == messages::Role::plant
@@ -207,6 +213,18 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
                            : "tachless::run_controller (Python: tachless.run_controller)");
   }
   return {};
+}
+
+/// Returns whether a user's program could not start: it ended before the run began, as a shell
+/// (126, 127) or an interpreter (1) ends without the program.
+bool could_not_start(const RunOptions& options, const Supervision& supervision) {
+  if (supervision.interrupted || supervision.begun || !supervision.culprit) return false;
+  const ProcessEnd& end = supervision.ends[*supervision.culprit];
+  const auto is_users = [&](messages::Role role) {
+    return end.name == messages::name(role) && !program_given(options, role).empty();
+  };
+  return (is_users(messages::Role::controller) || is_users(messages::Role::plant)) &&
+         end.signal == 0 && (end.exit_code == 1 || end.exit_code == 126 || end.exit_code == 127);
 }
 
 /// The other processes that ended because of the first cause, and what helps.
@@ -218,6 +236,13 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
       if (!end.well()) lines.push_back(options.named(describe(end)));
     }
   }
+  for (const ProcessEnd& end : supervision.ends) {
+    if (end.dropped_bytes + end.hidden_lines == 0) continue;
+    lines.push_back(options.named(
+        fmt::format("{}: {} bytes of its output were dropped and {} lines were not shown, because "
+                    "it writes faster than they are read",
+                    end.name, end.dropped_bytes, end.hidden_lines)));
+  }
   const std::string others = others_that_failed(supervision);
   if (!supervision.interrupted && !others.empty()) {
     lines.push_back(options.named(fmt::format("because of it ended: {}{}", others,
@@ -227,7 +252,7 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
       run.scenario.loop.mode != scenario::Mode::realtime) {
     return lines;
   }
-  for (const auto& [subject, what, remedy] : examine_punctuality()) {
+  for (const auto& [subject, what, remedy, warns] : examine_punctuality()) {
     lines.push_back(fmt::format("{}: {}; type: {}", subject, what, *remedy));
   }
   return lines;
@@ -237,8 +262,14 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
 void conclude(OnTheBus& robot, const Supervision& supervision, const std::string& culprit,
               double wall_s, Conclusions& conclusions) {
   RunEnd end{exit_code(supervision), {}, robot.out->take_statistics()};
+  if (could_not_start(robot.options, supervision)) end.code = ExitCode::bad_usage;
   end.facts.wall_s = wall_s;
   end.facts.placement = robot.placement.words;
+  for (const ProcessEnd& each : supervision.ends) {
+    end.facts.dropped_output_bytes += each.dropped_bytes;
+    end.facts.hidden_output_lines += each.hidden_lines;
+    if (each.robot_started) end.facts.robot_stopped = each.robot_stopped;
+  }
   if (supervision.interrupted) {
     end.facts.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
   } else if (supervision.culprit) {
@@ -262,7 +293,14 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   if (isolated && common.watch) {
     throw base::bad_usage(
         "--watch: the run is in a private network, which a browser does not reach; run it without "
-        "--isolate, on a bus as `tachless doctor` wants it");
+        "--isolate, and check the bus with tachless doctor");
+  }
+  // The page's process copies the memory of this one, so it starts before the key is read.
+  std::optional<live::LiveView> view;
+  if (common.watch) {
+    live::RobotVisuals visuals;
+    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
+    view.emplace(session::parse_lcm_url(common.lcm_url), visuals);
   }
   // Last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
@@ -281,15 +319,11 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
-  std::optional<live::LiveView> view;
-  if (common.watch) {
-    live::RobotVisuals visuals;
-    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
-    view.emplace(session::parse_lcm_url(common.lcm_url), std::move(visuals));
-  }
+  if (view) view->show();
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  if (std::ranges::any_of(ends, &Supervision::interrupted)) base::give_up_blocked_output();
   screen.clear();
   std::vector<std::size_t> order(ends.size());
   std::iota(order.begin(), order.end(), 0);

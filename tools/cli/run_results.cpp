@@ -48,8 +48,14 @@ std::string read_back(const PlannedRun& run, bool done, report::RunFacts& facts,
   const scenario::LoopSpec& loop = run.scenario.loop;
   const bool realtime = loop.mode == scenario::Mode::realtime;
   try {
-    recorded = report::read_recorded_run(facts.log_path, facts.run_id, lyapunov::certified_run,
-                                         done && realtime);
+    recorded = report::read_recorded_run(
+        facts.log_path, facts.run_id,
+        [&](const scenario::Scenario& scenario) {
+          return certify::no_region(run.predicted).empty()
+                     ? lyapunov::certified_run(scenario)
+                     : std::optional<lyapunov::CertifiedRun>();
+        },
+        done && realtime);
   } catch (const base::Failure& failure) {
     return failure.what();
   }
@@ -107,7 +113,10 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   if (const auto certified = start_of(recorded)) {
     outcome["start"] = certify::to_json(*certified);
     const auto& found = recorded->certified;
-    start = start_text(*certified, found ? found->provisos : std::vector<std::string>());
+    const std::string none = certify::no_region(run.predicted);
+    start = !none.empty()
+                ? "no region is certified: " + none
+                : start_text(*certified, found ? found->provisos : std::vector<std::string>());
     start = "  this start: " + start + "\n";
   }
   const std::string json = base::json_text(outcome, 2) + "\n";
@@ -285,8 +294,8 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   }
   if (end.facts.fault) {
     base::log_error(options.named(*end.facts.fault));
-    for (const std::string& line : end.consequences) base::log_info(line);
   }
+  for (const std::string& line : end.consequences) base::log_info(line);
   report::RunSummary summary{
       recorded ? recorded->scenario : run.scenario, end.facts,
       recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};
@@ -294,8 +303,7 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   if (recorded) summary.verdict = recorded->verdict;
   if (end.facts.fault && (end.code >= ExitCode::peer_lost ||  // perhaps stopped in the last ticks
                           summary.ticks() < run.scenario.loop.num_ticks)) {
-    summary.verdict.outcome =
-        end.code == ExitCode::interrupted ? study::Outcome::interrupted : study::Outcome::stopped;
+    summary.verdict.outcome = study::Outcome::stopped;
     summary.verdict.reason = *end.facts.fault;
   }
   const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);

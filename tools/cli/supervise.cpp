@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <deque>
 #include <system_error>
 #include <utility>
@@ -25,6 +26,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds wake_interval{50};
 constexpr Clock::time_point never = Clock::time_point::max();
+/// Another process that holds the pipe of one that has ended may not delay the run's end.
+constexpr std::chrono::milliseconds rest_of_output{2000};
+constexpr std::chrono::seconds reminder_interval{1};
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
@@ -93,18 +97,23 @@ class Run {
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
   ~Run() {
-    for (base::Child& child : children_) {
-      if (!child.running) continue;
-      kill(child.pid, SIGKILL);
-      base::take_end(child, true);
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      if (!children_[i].running) continue;
+      kill(children_[i].pid, holds_robot(i) ? SIGTERM : SIGKILL);
+      if (!holds_robot(i)) base::take_end(children_[i], true);
     }
   }
 
   void start() {
     for (const Process& process : processes_) {
       result_.ends.emplace_back().name = process.name;
-      children_.push_back(base::start(process.command, mask_, process.cpus));
+      base::StartOptions options{.mask = mask_, .cpus = process.cpus};
+      options.relayed = process.relayed;
+      options.gives_notices = process.drives_robot;
+      children_.push_back(base::start(process.command, options));
     }
+    shown_.resize(children_.size());
+    stopped_at_.resize(children_.size(), never);
   }
 
   [[nodiscard]] bool any_running() const {
@@ -127,12 +136,14 @@ class Run {
   void attend(int signals) {
     if (!any_running()) return;
     for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
+    read_notices();
     signals_ += signals;
     if (signals > 0 && !result_.interrupted) interrupt();
-    if (signals_ > 1 && sent_ != SIGKILL) send(SIGKILL, never);
+    if (signals_ > 1 && (sent_ != SIGKILL || signals > 0)) send(SIGKILL, never);
     for (std::size_t i = 0; i < children_.size(); ++i) reap(i);
     if (options_.on_wake) options_.on_wake();
     enforce();
+    if (sent_ != 0) attend_drivers();
   }
 
   void interrupt_because_of(std::size_t other) {
@@ -149,24 +160,79 @@ class Run {
   }
 
   void read_output(std::size_t i) {
-    read_lines(children_[i], [&](std::string line) {
-      ProcessEnd& end = result_.ends[i];
-      if (has_mark(line, base::error_mark)) {
-        end.cause = without_program(line.substr(base::error_mark.size()));
-        return;
+    base::read_lines(children_[i], [&](std::string line) { on_line(i, std::move(line)); });
+  }
+
+  void on_line(std::size_t i, std::string line) {
+    ProcessEnd& end = result_.ends[i];
+    if (has_mark(line, base::error_mark)) {
+      end.cause = without_program(line.substr(base::error_mark.size()));
+      return;
+    }
+    if (has_mark(line, base::dropped_mark)) {
+      end.dropped_bytes += std::atoll(line.c_str() + base::dropped_mark.size());
+      return;
+    }
+    const bool detail = has_mark(line, "<info> ") || has_mark(line, "<debug> ");
+    if (detail || has_mark(line, base::warning_mark)) line.erase(0, line.find(' ') + 1);
+    line = without_program(line);
+    show(i, line);
+    if (!detail) end.last_line = std::move(line);
+  }
+
+  /// Passes on a line, unless the process has written too many in this second.
+  void show(std::size_t i, const std::string& line) {
+    const Clock::time_point now = Clock::now();
+    Shown& shown = shown_[i];
+    if (now - shown.since >= std::chrono::seconds(1)) shown = {now, 0};
+    if (++shown.lines > options_.most_lines_per_s) {
+      ++result_.ends[i].hidden_lines;
+    } else if (options_.on_line) {
+      options_.on_line(result_.ends[i].name, line);
+    }
+  }
+
+  void read_notices() {
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      for (const base::Notice notice : base::take_notices(children_[i])) {
+        result_.ends[i].robot_started = true;
+        result_.ends[i].robot_stopped = notice == base::Notice::robot_stopped;
+        stopped_at_[i] = result_.ends[i].robot_stopped ? Clock::now() : never;
       }
-      const bool detail = has_mark(line, "<info> ") || has_mark(line, "<debug> ");
-      if (detail || has_mark(line, base::warning_mark)) line.erase(0, line.find(' ') + 1);
-      line = without_program(line);
-      if (options_.on_line) options_.on_line(end.name, line);
-      if (!detail) end.last_line = std::move(line);
-    });
+    }
+  }
+
+  /// Whether its robot waits for it.
+  [[nodiscard]] bool holds_robot(std::size_t i) const {
+    return result_.ends[i].robot_started && !result_.ends[i].robot_stopped;
+  }
+
+  /// Names the emergency stop while a driver has not stopped its robot; kills one that has, and
+  /// does not end.
+  void attend_drivers() {
+    const Clock::time_point now = Clock::now();
+    bool remind = false;
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      if (!children_[i].running || !result_.ends[i].robot_started) continue;
+      if (holds_robot(i)) {
+        remind = now >= remind_at_;
+        if (!remind || !options_.on_line) continue;
+        options_.on_line(result_.ends[i].name,
+                         "the driver has not stopped the robot yet: use the emergency stop; the "
+                         "third Ctrl-C kills the driver");
+      } else if (sent_ == SIGKILL && now >= stopped_at_[i] + options_.patience) {
+        kill(-children_[i].pid, SIGKILL);
+      }
+    }
+    if (remind || remind_at_ == Clock::time_point()) remind_at_ = now + reminder_interval;
   }
 
   void reap(std::size_t i) {
     const auto how = base::take_end(children_[i]);
     if (!how) return;
-    read_output(i);
+    base::read_rest(children_[i], rest_of_output,
+                    [&](std::string line) { on_line(i, std::move(line)); });
+    read_notices();
     ProcessEnd& end = result_.ends[i];
     static_cast<base::End&>(end) = *how;
     end.on_order = sent_ != 0;
@@ -219,8 +285,11 @@ class Run {
   }
 
   void signal_all(int signal) const {
-    for (const base::Child& child : children_) {
+    constexpr int kills_drivers = 3;
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      const base::Child& child = children_[i];
       if (!child.running) continue;
+      if (signal == SIGKILL && result_.ends[i].robot_started && signals_ < kills_drivers) continue;
       kill(child.pid, signal);
       if (signal == SIGKILL) kill(-child.pid, signal);
       if (signal == SIGTERM) kill(child.pid, SIGCONT);
@@ -232,8 +301,15 @@ class Run {
   const sigset_t& mask_;
   std::vector<base::Child> children_;
   Supervision result_;
-  int signals_ = 0;  ///< of the user, so far
-  int sent_ = 0;     ///< last signal to the processes: SIGINT, SIGTERM, SIGKILL; 0: none
+  struct Shown {
+    Clock::time_point since;
+    int lines = 0;
+  };
+  std::vector<Shown> shown_;                   ///< of each child's lines in this second
+  std::vector<Clock::time_point> stopped_at_;  ///< when each child has stopped its robot
+  Clock::time_point remind_at_{};              ///< of a robot that is not stopped
+  int signals_ = 0;                            ///< of the user, so far
+  int sent_ = 0;  ///< last signal to the processes: SIGINT, SIGTERM, SIGKILL; 0: none
   bool clean_end_ = false;
   Clock::time_point escalate_at_ = never;    ///< when the next signal follows
   Clock::time_point stragglers_at_ = never;  ///< when a process that still runs is late
@@ -319,8 +395,12 @@ ExitCode exit_code(const Supervision& supervision) {
   for (const ExitCode own :
        {ExitCode::check_said_no, ExitCode::bad_usage, ExitCode::protocol_violated,
         ExitCode::protective_stop, ExitCode::interrupted}) {
-    if (own == ExitCode::check_said_no && !supervision.begun) continue;  // there was none
-    if (ended_with(supervision.ends[*supervision.culprit], own)) return own;
+    const ProcessEnd& culprit = supervision.ends[*supervision.culprit];
+    // Our checks are those of the plant and the logger in a run that has begun.
+    if (own == ExitCode::check_said_no && (!supervision.begun || culprit.name == "controller")) {
+      continue;
+    }
+    if (ended_with(culprit, own)) return own;
   }
   // That the robot was stopped matters more than which process was lost.
   const bool stopped = std::ranges::any_of(supervision.ends, [](const ProcessEnd& each) {

@@ -16,6 +16,7 @@
 #include "base/file_text.h"
 #include "base/json_text.h"
 #include "base/text.h"
+#include "certify/prediction.h"
 #include "lyapunov/stability_certificate.h"
 #include "report/sweep_page.h"
 
@@ -76,8 +77,10 @@ report::Outlines certified_starts(const study::SweepPlan& plan) {
   report::Outlines outlines;
   for (std::int64_t first = 0; first < plan.num_cases(); first += plan.cases_per_law()) {
     auto& outline = outlines.emplace_back();
-    for (const Eigen::Vector2d& at : lyapunov::certified_outline(
-             plan.scenario(plan.at(first)), *plan.axes[0].entry, *plan.axes[1].entry)) {
+    const scenario::Scenario scenario = plan.scenario(plan.at(first));
+    if (!certify::no_region(certify::analyse(scenario, linear::Effort::quick)).empty()) continue;
+    for (const Eigen::Vector2d& at :
+         lyapunov::certified_outline(scenario, *plan.axes[0].entry, *plan.axes[1].entry)) {
       outline.push_back({at[0], at[1]});
     }
   }
@@ -150,7 +153,8 @@ std::string submit_to_slurm(const study::Sweep& sweep, int tasks, const std::str
   return fmt::format(
       "job {}: {} tasks, {} runs; job {} merges them into {}/results.csv\n"
       "  tachless sweep {} --status\n",
-      array, tasks, sweep.plan().num_cases(), merge, directory, sweep.directory().string());
+      array, tasks, sweep.plan().num_cases(), merge, directory,
+      base::shell_word(sweep.directory().string()));
 }
 
 std::string slurm_status(const study::Sweep& sweep) {
@@ -165,7 +169,7 @@ std::string slurm_status(const study::Sweep& sweep) {
     for (const std::string& line :
          base::run({"squeue", "--noheader", "--jobs", job, "--format=task %K: %T on %N %r"})
              .lines) {
-      text += "  " + line + "\n";
+      text += "  " + base::printable(line) + "\n";
     }
   }
   return fmt::format("{}: {} of {} runs finished\n{}", sweep.directory().string(), finished,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "bus/udp_transport.h"
+#include "live/arrivals.h"
 #include "live/sequence_gaps.h"
 #include "messages/truth/tick_record.h"
 #include "messages/truth/truth_wire.h"
@@ -66,14 +67,16 @@ class BusMonitor {
   [[nodiscard]] nlohmann::ordered_json to_json() const;
 
  private:
-  /// Arrivals within one interval of time.
-  struct Arrivals {
+  /// Messages within one interval of time.
+  struct Traffic {
     std::uint64_t bytes = 0;
-    std::uint64_t intervals = 0;
-    double mean_ns = 0, deviations_ns2 = 0;  ///< of the intervals, after Welford
-    std::int64_t longest_ns = 0;
+    Arrivals arrivals;
+    double seconds = 0;  ///< length of the interval, once it has ended
 
-    void add(std::int64_t interval_ns);
+    [[nodiscard]] std::optional<double> bytes_per_s() const {
+      if (!(seconds > 0)) return std::nullopt;
+      return static_cast<double>(bytes) / seconds;
+    }
   };
   struct Channel {
     std::string_view type;  ///< newest of ours; empty: none yet
@@ -85,10 +88,13 @@ class BusMonitor {
     std::int64_t run = 0;
     SequenceGaps ticks;
     std::optional<std::int64_t> last_ns;
-    Arrivals now, shown;
-    double shown_seconds = 0;
+    Traffic now, shown;
     messages::Stamp newest_stamp;
-    std::vector<std::byte> newest;  ///< that could be decoded
+    std::vector<std::byte> newest;  ///< message that could be decoded
+
+    /// Messages of our types that could not be decoded, and messages of another type on a channel
+    /// that carries one of ours.
+    [[nodiscard]] std::uint64_t undecodable() const;
   };
   struct Sender {
     std::uint64_t messages = 0;
@@ -97,6 +103,7 @@ class BusMonitor {
 
   void note_sender(std::string_view sender, std::uint32_t sequence);
   void note_channel(const bus::Datagram& datagram);
+  [[nodiscard]] std::uint64_t undecodable() const;
   [[nodiscard]] static nlohmann::ordered_json json_of(const std::string& name,
                                                       const Channel& channel);
 

@@ -14,6 +14,7 @@
 #include "controller/registry.h"
 #include "controller/stepped_law.h"
 #include "identify/least_squares.h"
+#include "study/loop_yardstick.h"
 
 namespace tachless::report {
 namespace {
@@ -210,6 +211,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   }
   run.summary = log.summary();
   study::Yardsticks yardsticks = study::yardsticks(run.scenario);
+  study::add_loop(yardsticks, run.scenario);
   // A log does not hold the table of a reference.
   if (!std::holds_alternative<reference::trajectory::MotionFile>(run.scenario.reference) &&
       std::ranges::count(controller::law_names(), run.scenario.controller.law) > 0) {

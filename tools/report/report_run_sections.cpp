@@ -154,7 +154,7 @@ Html lyapunov_text(const RecordedRun& run) {
   if (run.certified) {
     text += certified_text(run);
   } else if (run.scenario.num_joints > lyapunov::most_joints_of_certified_run) {
-    text += html(" Not computed for more than {} joints: see `tachless certify`.",
+    text += html(" Not computed for more than {} joints: see tachless certify.",
                  lyapunov::most_joints_of_certified_run);
   }
   return text;

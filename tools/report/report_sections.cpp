@@ -230,8 +230,7 @@ ReportSection model_section(const Overlay& all) {
       "<p>Below 15 Hz: torque that was applied, and (dashed) what the scenario's robot with its "
       "rotors, friction and payload takes for the measured motion, by inverse dynamics of the "
       "filtered positions.{} What a robot has and its scenario has not is in between: see "
-      "`tachless "
-      "identify`.</p>",
+      "tachless identify.</p>",
       errors.empty() ? "" : " Rms of the difference over the peak: " + errors + ".");
   return section;
 }

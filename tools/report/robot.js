@@ -177,6 +177,10 @@ var report_robot = (() => {
   }
 
   function look_at(box) {
+    // A run without postures yet: the box is empty, and a camera at its middle would see nothing.
+    if (box.isEmpty() || ![...box.min.toArray(), ...box.max.toArray()].every(Number.isFinite)) {
+      box = new THREE.Box3(new THREE.Vector3(-1, -1, -1), new THREE.Vector3(1, 1, 1));
+    }
     const centre = box.getCenter(new THREE.Vector3()), radius = box.getSize(new THREE.Vector3()).length() / 2;
     const grid = new THREE.GridHelper(4 * radius, 16, '#999999', '#999999');
     grid.rotation.x = Math.PI / 2;

@@ -18,8 +18,7 @@ inline constexpr std::size_t usual_measure = 1;  // rms_error
 
 /// How each outcome is shown on a map.
 inline constexpr std::array<std::string_view, names(study::Outcome()).size()> outcome_colours = {
-    "#009E73", "#56B4E9", "#0072B2", "#F0E442", "#BBBBBB", "#E69F00", "#8C564B",
-    "#B8860B", "#CC79A7", "#D55E00", "#777777", "#333333", "#000000"};
+    "#009E73", "#56B4E9", "#BBBBBB", "#E69F00", "#B8860B", "#CC79A7", "#D55E00", "#000000"};
 
 /// A map for each law. Of several runs at one place it shows the worst outcome, or the largest of
 /// the measure that `colour` begins with. @param certified of each law what is drawn as certified,

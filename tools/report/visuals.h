@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-/// How a URDF's links look, for a page that draws them. No log has that.
+/// Shapes of a URDF's links, for a page that draws them. A log does not contain them.
 namespace tachless::report {
 
 struct Visuals {
@@ -15,10 +15,10 @@ struct Visuals {
 
 std::string base64(std::string_view bytes);
 
-/// Of a URDF that the user named; never of one from a bus or a log, whose names another has chosen.
-/// Meshes: relative to its directory, file:// and package://, whose package is sought in the
-/// directories above. Left out: other kinds, what is not there or no regular file, and what would
-/// make more than 16 MB.
+/// Reads the meshes of a URDF that the user has named. Never call it for a URDF from a bus or a
+/// log: somebody else has chosen the names in it. Names are relative to the directory, file:// or
+/// package://; packages are searched in the directories above. Leaves out other kinds of files,
+/// links that lead out of the folder or package, and meshes beyond 16 MB or 500,000 faces in all.
 Visuals read_visuals(std::string urdf, const std::filesystem::path& directory);
 
 }  // namespace tachless::report

@@ -37,7 +37,8 @@ using AllMessages = decltype(with_truth(Messages()));
 template <class Value>
 constexpr bool once_per_tick =
     !std::is_same_v<Value, Participant> && !std::is_same_v<Value, RunInfo> &&
-    !std::is_same_v<Value, LogAck> && !std::is_same_v<Value, GainChange>;
+    !std::is_same_v<Value, LogAck> && !std::is_same_v<Value, GainChange> &&
+    !std::is_same_v<Value, GainAck>;
 
 /// The slot of a message type.
 template <class Value>

@@ -20,7 +20,7 @@ SweepPlan plan_of(const std::vector<std::string>& axes, std::int64_t drawn = 0) 
   plan.num_joints = scenario.num_joints;
   plan.laws = {{scenario.controller.law, {}}};
   plan.drawn = drawn;
-  for (const std::string& axis : axes) plan.axes.push_back(parse_axis(axis, drawn > 0));
+  for (const std::string& axis : axes) plan.add(parse_axis(axis, drawn > 0));
   return plan;
 }
 
@@ -59,6 +59,7 @@ TEST(Axis, SaysWhatIsWrongWithIt) {
   EXPECT_NE(problem("loop.period_s=0:2:3:log").find("greater than 0"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1,x").find("\"x\" is no number"), std::string::npos);
   EXPECT_NE(problem("plant.initial.position_rad[x]=0:1:2").find("whole number"), std::string::npos);
+  EXPECT_NE(problem("5]=1:2:3").find("no '[' before ']'"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1:2:3", true).find("with --random"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1,2", true).find("cannot be drawn"), std::string::npos);
 }
@@ -114,6 +115,31 @@ TEST(SweepPlan, AVariedPeriodKeepsWholePeriodsInTheRun) {
   // Of a factor the period is that times what the scenario has: 1 ms.
   const SweepPlan factor = plan_of({"loop.period_s*=0.7,3"});
   EXPECT_EQ(factor.scenario(factor.at(0)).loop.num_ticks, 7143);
+}
+
+TEST(SweepPlan, AVariedPeriodKeepsWholePeriodsInADurationThatIsVariedToo) {
+  const SweepPlan plan = plan_of({"loop.period_s=1e-3,1.5e-3", "loop.duration_s=1,1.0005"});
+  EXPECT_EQ(plan.scenario(plan.at(3)).loop.num_ticks, 667);
+}
+
+TEST(SweepPlan, RefusesTwoAxesOfOneNumber) {
+  const auto problem = [](const std::string& first, const std::string& second) {
+    return problem_of([&] { plan_of({first, second}); });
+  };
+  EXPECT_NE(problem("controller.gains.kp*=1,2", "controller.gains.kp*=1,3").find("same number"),
+            std::string::npos);
+  EXPECT_NE(problem("controller.gains.kp=1,2", "controller.gains.kp[0]=1,3").find("same number"),
+            std::string::npos);
+  EXPECT_EQ(problem("controller.gains.kp[0]=1,2", "controller.gains.kp[1]=1,3"), "no failure");
+}
+
+TEST(SweepPlan, RefusesAFileWithoutLaws) {
+  const SweepPlan plan = plan_of({"loop.duration_s=1,2"});
+  const std::string whole = plan.json();
+  const std::string json = whole.substr(0, whole.find('[', whole.find("\"laws\""))) + "[]" +
+                           whole.substr(whole.find(",\n \"vary\""));
+  EXPECT_NE(problem_of([&] { SweepPlan::from_json(json, "plan.json"); }).find("no laws"),
+            std::string::npos);
 }
 
 TEST(SweepPlan, VariesLargeWholeNumbers) {

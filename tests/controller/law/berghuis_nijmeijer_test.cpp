@@ -1,4 +1,4 @@
-#include "controller/law/berghuis_nijmeijer.h"
+#include "controller/law/rivals/berghuis_nijmeijer.h"
 
 #include <gtest/gtest.h>
 

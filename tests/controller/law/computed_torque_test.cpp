@@ -1,4 +1,4 @@
-#include "controller/law/computed_torque.h"
+#include "controller/law/rivals/computed_torque.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/difference_of_error.h"
+#include "controller/law/rivals/difference_of_error.h"
 
 #include <gtest/gtest.h>
 

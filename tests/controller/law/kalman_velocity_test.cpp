@@ -1,4 +1,4 @@
-#include "controller/law/kalman_velocity.h"
+#include "controller/law/rivals/kalman_velocity.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

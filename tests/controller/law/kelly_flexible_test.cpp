@@ -1,4 +1,4 @@
-#include "controller/law/kelly_flexible.h"
+#include "controller/law/rivals/kelly_flexible.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/lanari_wen.h"
+#include "controller/law/rivals/lanari_wen.h"
 
 #include <gtest/gtest.h>
 

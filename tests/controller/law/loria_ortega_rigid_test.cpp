@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "controller/law/kelly_regulation.h"
+#include "controller/law/rivals/kelly_regulation.h"
 #include "tests/controller/law/two_link.h"
 
 namespace tachless::controller::law {

@@ -1,4 +1,4 @@
-#include "controller/law/nicosia_tomei.h"
+#include "controller/law/rivals/nicosia_tomei.h"
 
 #include <gtest/gtest.h>
 

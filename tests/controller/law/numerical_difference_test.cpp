@@ -1,4 +1,4 @@
-#include "controller/law/numerical_difference.h"
+#include "controller/law/rivals/numerical_difference.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/pd_gravity.h"
+#include "controller/law/rivals/pd_gravity.h"
 
 #include <gtest/gtest.h>
 

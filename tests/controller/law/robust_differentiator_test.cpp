@@ -1,4 +1,4 @@
-#include "controller/law/robust_differentiator.h"
+#include "controller/law/rivals/robust_differentiator.h"
 
 #include <gtest/gtest.h>
 

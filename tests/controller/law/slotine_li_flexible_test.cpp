@@ -1,4 +1,4 @@
-#include "controller/law/slotine_li_flexible.h"
+#include "controller/law/rivals/slotine_li_flexible.h"
 
 #include <gtest/gtest.h>
 

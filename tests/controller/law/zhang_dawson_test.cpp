@@ -1,4 +1,4 @@
-#include "controller/law/zhang_dawson.h"
+#include "controller/law/rivals/zhang_dawson.h"
 
 #include <gtest/gtest.h>
 

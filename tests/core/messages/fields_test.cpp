@@ -102,6 +102,9 @@ TEST(ParticipantCodec, RejectsControlCharactersAndSignalsThatAreNoNames) {
   message.signals = "error:rad";
   message.law = "\x1b[2J";
   EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
+  message.law = "law";
+  message.scenario = "two\nlines\tof text";
+  EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
   auto info = codec_checks::message_of<RunInfoType>({});
   EXPECT_EQ(verdict<RunInfoType>({}, codec_checks::lcm_bytes(info)), Rejection::none);
   info.scenario = "name: \x1b[2J\n";

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -119,6 +120,31 @@ TEST_F(JointParametersFile, IsRefusedWithWhatIsWrongInIt) {
               HasSubstr("class \"no\" is not among its defaults"));
   EXPECT_THAT(refusal("<mujoco><worldbody>"), HasSubstr("malformed XML"));
   EXPECT_THAT(refusal("<mujoco>" + std::string(100'000, '<')), HasSubstr("robot.joint_parameters"));
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  text.replace(text.find(from), from.size(), to);
+  return text;
+}
+
+TEST_F(JointParametersFile, RefusesWhatChangesTheNumbersAndIsNotRead) {
+  const std::array<std::array<std::string, 3>, 6> cases{{
+      {"<default>", "<include file=\"d1.xml\"/><default>",
+       "line 3: it includes d1.xml, which is not followed; give that file"},
+      {"</mujoco>",
+       "<actuator><motor joint=\"elbow\" gear=\"100\" armature=\"1e-5\"/></actuator></mujoco>",
+       "the armature of <motor> is not read; add gear^2 times it"},
+      {"armature=\"0.2\"", "armatur=\"0.2\"",
+       "the attribute armatur; the nearest known name is armature"},
+      {"damping=\"1\"", "damping=\"1 0 2\"", "coefficients of higher powers"},
+      {"name=\"elbow\"", "name=\"shoulder\"", "two joints \"shoulder\""},
+      {"<joint armature=\"0.2\"", "<joint/><joint armature=\"0.2\"", "<default> has two <joint>"},
+  }};
+  for (const auto& [from, to, expected] : cases) {
+    EXPECT_THAT(refusal(replaced(mjcf, from, to)), HasSubstr(expected)) << to;
+  }
+  EXPECT_EQ(refusal(replaced(mjcf, "armature=\"0.2\"", "armature=\" 0.2 \"")), "accepted");
+  EXPECT_EQ(refusal(replaced(mjcf, "damping=\"1\"", "damping=\"1 0 0\"")), "accepted");
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ struct World {
   /// `role` announces; those whose bit is set hear it at once.
   void announce(Role role, unsigned heard_by) {
     now += 20ms;
-    if (role == Role::plant && of(role).joined()) of(role).started(now);
+    if (role == Role::plant && of(role).has_joined()) of(role).on_started(now);
     announced.push_back(of(role).announce(now));
     const Membership::Announcement said = announced.back();
     for (const Role to : all_roles) {
@@ -69,8 +69,9 @@ struct World {
     newest = std::max(newest, said.participant.counter);
     of(to).handle(said.stamp, said.participant, "address", now);
     // As the first message of the run would make it.
-    if (to != Role::plant && of(to).joined() && !of(to).failure() && of(Role::plant).running()) {
-      of(to).started(now);
+    if (to != Role::plant && of(to).has_joined() && !of(to).failure() &&
+        of(Role::plant).is_running()) {
+      of(to).on_started(now);
     }
   }
 
@@ -98,7 +99,7 @@ struct World {
 std::vector<Membership::Announcement> recorded() {
   World earlier(11);
   for (int i = 0; i < 5; ++i) earlier.round();
-  EXPECT_TRUE(earlier.of(Role::plant).running());
+  EXPECT_TRUE(earlier.of(Role::plant).is_running());
   std::vector<Membership::Announcement> result;
   for (const ParticipantState state :
        {ParticipantState::waiting, ParticipantState::ready, ParticipantState::running}) {
@@ -111,9 +112,9 @@ std::vector<Membership::Announcement> recorded() {
   }
   World failing = earlier;
   for (const Role role : all_roles) {
-    earlier.of(role).finished(earlier.now);
+    earlier.of(role).on_finished(earlier.now);
     result.push_back(earlier.of(role).announce(earlier.now));
-    failing.of(role).failed({base::ExitCode::interrupted, "interrupted"}, failing.now);
+    failing.of(role).on_failed({base::ExitCode::interrupted, "interrupted"}, failing.now);
     result.push_back(failing.of(role).announce(failing.now));
   }
   return result;
@@ -127,16 +128,19 @@ class Properties {
 
   void check(const World& world) {
     ++states_;
-    const bool plant_joined = world.of(Role::plant).joined();
+    const bool plant_joined = world.of(Role::plant).has_joined();
     for (const Role role : all_roles) {
       const Membership& each = world.of(role);
       if (each.failure()) return complain(role, each.failure()->what());
-      if (each.plant_finished() || each.all_finished()) return complain(role, "believes the end");
-      if (each.joined() && each.roster() != world.roster()) return complain(role, "other roster");
-      if (each.joined() && world.of(Role::plant).roster() != world.roster()) {
+      if (each.has_plant_finished() || each.have_all_finished())
+        return complain(role, "believes the end");
+      if (each.has_joined() && each.roster() != world.roster())
+        return complain(role, "other roster");
+      if (each.has_joined() && world.of(Role::plant).roster() != world.roster()) {
         return complain(role, "joined without the plant's roster");
       }
-      if (plant_joined && !each.joined()) return complain(role, "has not agreed, the plant starts");
+      if (plant_joined && !each.has_joined())
+        return complain(role, "has not agreed, the plant starts");
       if (!dead_ || role == *dead_) continue;
       const auto silence = each.silence(*dead_, world.now);
       if (silence && *silence < world.now - since_) return complain(role, "believes in the dead");
@@ -204,8 +208,8 @@ std::vector<World> course() {
 TEST(TheHandshake, IsDoneInFourRoundsWhenNobodyDisturbsIt) {
   const World end = course().back();
   for (const Role role : all_roles) {
-    EXPECT_TRUE(end.of(role).joined()) << messages::name(role);
-    EXPECT_TRUE(end.of(role).running()) << messages::name(role);
+    EXPECT_TRUE(end.of(role).has_joined()) << messages::name(role);
+    EXPECT_TRUE(end.of(role).is_running()) << messages::name(role);
   }
 }
 
@@ -250,7 +254,7 @@ TEST(TheHandshake, SucceedsAsSoonAsTheAttackerRests) {
     // Candidates that do not exist are named in turn with those that do.
     for (int i = 0; i < 40; ++i) world.round();
     for (const Role role : all_roles) {
-      EXPECT_TRUE(world.of(role).running()) << seed << " " << messages::name(role);
+      EXPECT_TRUE(world.of(role).is_running()) << seed << " " << messages::name(role);
     }
   }
 }

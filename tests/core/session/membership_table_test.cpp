@@ -102,12 +102,12 @@ class Cell {
     }
     if (event == Event::departure) visit();
     if (state == ParticipantState::running || state == ParticipantState::finished) {
-      member_->started(now_);
+      member_->on_started(now_);
     }
     finished_ = state == ParticipantState::finished;
-    if (finished_) member_->finished(now_);
+    if (finished_) member_->on_finished(now_);
     if (state == ParticipantState::fault) {
-      member_->failed(Failure(ExitCode::interrupted, "interrupted"), now_);
+      member_->on_failed(Failure(ExitCode::interrupted, "interrupted"), now_);
     }
     EXPECT_EQ(announce().participant.state, state);
     announced_ = now_;
@@ -138,7 +138,7 @@ class Cell {
       case Event::peer:
         return join(true);
       case Event::member_finished:
-        member_->complete();
+        member_->on_all_ticks_done();
         for (const Role each : others()) {
           hear(each, instance_of(each), ParticipantState::finished, {.run = run});
         }
@@ -156,11 +156,11 @@ class Cell {
       case Event::wait_over:
         return pass(2100ms);
       case Event::run_started:
-        return member_->started(now_);
+        return member_->on_started(now_);
       case Event::part_finished:
-        return member_->finished(now_);
+        return member_->on_finished(now_);
       case Event::failure:
-        return member_->failed(Failure(ExitCode::bad_usage, "the disk is full"), now_);
+        return member_->on_failed(Failure(ExitCode::bad_usage, "the disk is full"), now_);
     }
   }
 
@@ -184,7 +184,7 @@ class Cell {
     }
     if (member_->knows(visitors_address)) text += ", knows the visitor";
     if (member_->knows("96's address")) text += ", knows the newcomer";
-    if (member_->all_finished()) text += ", all finished";
+    if (member_->have_all_finished()) text += ", all finished";
     return text;
   }
 
@@ -207,11 +207,11 @@ class Cell {
         EXPECT_THAT(after, testing::Not(HasSubstr("knows the newcomer")));
         return;
       case Reaction::join:
-        EXPECT_TRUE(member_->joined());
+        EXPECT_TRUE(member_->has_joined());
         EXPECT_EQ(member_->run(), run);
         return;
       case Reaction::agree:
-        EXPECT_TRUE(member_->joined());
+        EXPECT_TRUE(member_->has_joined());
         EXPECT_EQ(announce().participant.roster, roster());
         return;
       case Reaction::dissolve:
@@ -230,7 +230,7 @@ class Cell {
         EXPECT_THAT(after, HasSubstr("run 0, announces, exit code 2"));
         return;
       case Reaction::note_finished:
-        EXPECT_TRUE(member_->all_finished());
+        EXPECT_TRUE(member_->have_all_finished());
         EXPECT_FALSE(failure);
         return;
       case Reaction::follow:
@@ -242,7 +242,7 @@ class Cell {
         EXPECT_FALSE(failure);
         return;
       case Reaction::start:
-        EXPECT_TRUE(member_->running());
+        EXPECT_TRUE(member_->is_running());
         return;
       case Reaction::finish:
         EXPECT_EQ(member_->announce(now_).participant.state, ParticipantState::finished);

@@ -25,7 +25,7 @@ constexpr std::int64_t num_ticks = 1000;
 ReferenceResponder::Answer ask(ReferenceResponder& responder, std::int64_t tick,
                                std::uint64_t content = 0) {
   const auto answer = responder.on_tick(tick, BytesOf(content));
-  for (const std::int64_t k : ticks(answer.compute)) responder.computed(k, BytesOf(100 + k));
+  for (const std::int64_t k : ticks(answer.compute)) responder.on_computed(k, BytesOf(100 + k));
   return answer;
 }
 
@@ -92,8 +92,8 @@ TEST(ReferenceResponder, NoticesASecondPlant) {
     ReferenceResponder responder(num_ticks, 8, realtime);
     ask(responder, 0, 1);
     EXPECT_EQ(ask(responder, 0, 2).verdict, Verdict::conflicting);
-    EXPECT_THROW(responder.computed(1, BytesOf(0)), std::logic_error);
-    EXPECT_THROW(responder.computed(realtime ? 0 : 3, BytesOf(0)), std::logic_error);
+    EXPECT_THROW(responder.on_computed(1, BytesOf(0)), std::logic_error);
+    EXPECT_THROW(responder.on_computed(realtime ? 0 : 3, BytesOf(0)), std::logic_error);
   }
 }
 
@@ -107,7 +107,9 @@ class ACommandResponder : public testing::Test {
   CommandResponder::Answer refer(std::int64_t tick, std::uint64_t content = 0) {
     return responder.on_input(reference_input, tick, BytesOf(content));
   }
-  void compute() { responder.computed(BytesOf(100 + responder.next()), BytesOf(responder.next())); }
+  void compute() {
+    responder.on_computed(BytesOf(100 + responder.next()), BytesOf(responder.next()));
+  }
   void run_through(std::int64_t ticks) {
     refer(0);
     while (responder.next() < ticks) {

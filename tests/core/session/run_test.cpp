@@ -59,7 +59,7 @@ class SimulatedRun {
         log_(num_ticks, {8, 8, 8, 8, 8, 8}) {}
 
   void run() {
-    while (!tick_master_.finished() && now_ < Time(1h)) {
+    while (!tick_master_.is_finished() && now_ < Time(1h)) {
       drive_plant();
       const Time wake = tick_master_.deadline();
       if (events_.empty() && wake == Time::max()) break;
@@ -74,7 +74,7 @@ class SimulatedRun {
     }
   }
 
-  bool finished() const { return tick_master_.finished(); }
+  bool finished() const { return tick_master_.is_finished(); }
   const std::vector<std::uint64_t>& log() const { return written_; }
   std::int64_t published() const { return published_; }
   std::int64_t repeats() const { return repeats_; }
@@ -143,7 +143,7 @@ class SimulatedRun {
       measurements_[k] = mix(plant_state_, k);
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
-      tick_master_.asked(now_);
+      tick_master_.on_asked(now_);
       trace(0, k, k);
     }
   }
@@ -198,7 +198,7 @@ class SimulatedRun {
       truths_[message.tick] = mix(plant_state_, message.content);
       publish(plant, {Kind::truth, message.tick, truths_[message.tick]});
       plant_state_ = truths_[message.tick];
-      tick_master_.completed(now_);
+      tick_master_.on_completed(now_);
     }
   }
 
@@ -212,7 +212,7 @@ class SimulatedRun {
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
       ++computations_[{reference, k}];
       reference_state_ = mix(reference_state_, k);
-      reference_.computed(k, BytesOf(reference_state_));
+      reference_.on_computed(k, BytesOf(reference_state_));
       publish(reference, {Kind::reference, k, reference_state_});
     }
   }
@@ -234,7 +234,7 @@ class SimulatedRun {
     ++computations_[{controller, k}];
     memory_ =
         mix(memory_, mix(inputs_.at({Kind::measurement, k}), inputs_.at({Kind::reference, k})));
-    controller_.computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
+    controller_.on_computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
     publish_answers(k);
   }
 
@@ -258,7 +258,7 @@ class SimulatedRun {
       for (int slot = 0; slot < num_slots; ++slot) {
         written_.push_back(number_in(log_.bytes(*k, static_cast<Slot>(slot))));
       }
-      log_.written();
+      log_.on_written();
     }
     if (const auto ack = log_.take_ack()) {
       ++acks_;

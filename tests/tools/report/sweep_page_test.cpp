@@ -97,7 +97,7 @@ TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
 TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   const SweepPlan plan = plan_of({bits});
   std::vector<SweepRow> rows = rows_of(plan);
-  rows[1].outcome = study::Outcome::limit_cycle;
+  rows[1].outcome = study::Outcome::oscillates;
   rows[2].outcome = study::Outcome::stopped;
   rows[2].measures.assign(rows[2].measures.size(), 1e9);  // no value to scale an axis by
   const Chart chart = curves_figure(plan, rows, {1}).charts.at(0);

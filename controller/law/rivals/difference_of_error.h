@@ -3,7 +3,7 @@
 #include <array>
 #include <string_view>
 
-#include "controller/law/numerical_difference.h"
+#include "controller/law/rivals/numerical_difference.h"
 #include "robot/dynamics.h"
 
 namespace tachless::controller::law {

@@ -1,9 +1,6 @@
 #pragma once
 
-#include <fmt/core.h>
-
 #include <atomic>
-#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -20,6 +17,7 @@
 #include "messages/messages.h"
 #include "messages/wire.h"
 #include "scenario/scenario.h"
+#include "session/key_check.h"
 #include "session/membership.h"
 #include "session/message_ring.h"
 #include "session/peers.h"
@@ -27,61 +25,13 @@
 
 namespace tachless::session {
 
-/// Notices, while a process waits for the others, that it is on a bus with another key than theirs
-/// (or that only one side has one): announcements come, and none of them verifies. Verifies nothing
-/// itself.
-class KeyCheck {
- public:
-  using Time = base::Clock::time_point;
-
-  KeyCheck(messages::Role own_role, bool has_key) : own_role_(own_role), has_key_(has_key) {}
-
-  /// An announcement that verified: the keys agree.
-  void accepted() { accepted_ = true; }
-
-  /// One that did not, though it is an announcement.
-  void foreign(const bus::Stranger& stranger, Time now) {
-    if (num_foreign_++ > 0) return;
-    since_ = now;
-    const std::string_view own = messages::name(own_role_);
-    std::string difference = fmt::format("has no key, this {} has one", own);
-    if (stranger.tagged) {
-      difference = has_key_ ? fmt::format("has another key than this {}", own)
-                            : fmt::format("has a key, this {} has none", own);
-    }
-    first_ = fmt::format("{} {}", session::describe(stranger.who, stranger.sender), difference);
-  }
-
-  /// For those who wait, after what they wait for: the first foreign one; empty if none has come.
-  [[nodiscard]] std::string hint() const {
-    return first_.empty() ? "" : "; " + first_ + " (--key-file)";
-  }
-
-  /// @throw Failure(protocol_violated) when only foreign ones have come for 1.5 s.
-  void poll(Time now) const {
-    // No announcement that verifies among so many for so long: the keys differ.
-    if (accepted_ || num_foreign_ < 5 || now - since_ < std::chrono::milliseconds(1500)) return;
-    throw base::Failure(base::ExitCode::protocol_violated,
-                        "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)",
-                        first_);
-  }
-
- private:
-  messages::Role own_role_;
-  bool has_key_;
-  bool accepted_ = false;
-  int num_foreign_ = 0;
-  std::string first_;  ///< the first foreign one, in words
-  Time since_;
-};
-
 /// One process's part in a run, with the loop that waits for messages: `on` for each channel,
 /// `join`, `run_until_finished`, then `leave`. Carries out over a transport what
 /// session::Membership decides: sends and decodes announcements, authenticates the bus if there is
 /// a key, names missing processes to the user. A datagram is an announcement or goes to the handler
 /// of its channel, which has it `accept`ed and passes to `count` what became of it. Knows no
 /// message but the announcements, and no tick.
-class Link {
+class Session {
  public:
   using Time = base::Clock::time_point;
   using Handler = std::function<void(const bus::Datagram&)>;
@@ -97,11 +47,11 @@ class Link {
   };
 
   /// Subscribes to the participants' channel.
-  Link(const scenario::Scenario& scenario, bus::Transport& transport, const Config& config);
-  Link(const Link&) = delete;
-  Link& operator=(const Link&) = delete;
+  Session(const scenario::Scenario& scenario, bus::Transport& transport, const Config& config);
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
 
-  /// What is known of the four.
+  /// Returns the state of the four processes.
   session::Membership& membership() { return *membership_; }
   [[nodiscard]] std::int64_t run() const { return membership_->run(); }
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
@@ -110,13 +60,42 @@ class Link {
   }
   Statistics& statistics() { return statistics_; }
 
-  /// For the node's own messages.
-  bus::Transport& transport() { return transport_; }
   /// Channel of the announcements.
   [[nodiscard]] const std::string& channel() const { return channel_; }
-  /// Subscribes to `channel`; its messages go to `handler` from now on, by `receive` and
-  /// `run_until` alone.
+
+  /// Publishes bytes that a codec has made.
+  void publish(std::string_view channel, std::span<const std::byte> bytes) {
+    transport_.publish(channel, bytes);
+  }
+  /// Encodes a value and publishes it.
+  /// @return the bytes, which are valid until the port encodes again
+  template <class Value>
+  std::span<const std::byte> publish(messages::Port<Value>& port, const messages::Stamp& stamp,
+                                     const Value& value) {
+    const auto bytes = port.codec.encode(stamp, value);
+    publish(port.channel, bytes);
+    return bytes;
+  }
+
+  /// Subscribes to `channel`; `receive` and `run_until` pass its messages to `handler`.
   void on(const std::string& channel, Handler handler);
+  /// Subscribes to the channel of `port`, which outlives this. Each message that `accept` lets
+  /// pass goes to `on_value(stamp, value, datagram)`; others are counted.
+  /// @param inspect sees each message first, as `inspect(rejection, datagram)`, and may throw
+  template <class Value, class OnValue, class Inspect>
+  void on(const messages::Port<Value>& port, OnValue on_value, Inspect inspect) {
+    on(port.channel,
+       [this, &port, on_value = std::move(on_value), inspect = std::move(inspect),
+        stamp = messages::Stamp(), value = Value()](const bus::Datagram& datagram) mutable {
+         const auto rejection = port.codec.decode(datagram.payload, stamp, value);
+         inspect(rejection, datagram);
+         if (accept(rejection, stamp)) on_value(std::as_const(stamp), value, datagram);
+       });
+  }
+  template <class Value, class OnValue>
+  void on(const messages::Port<Value>& port, OnValue on_value) {
+    on(port, std::move(on_value), [](messages::Rejection, const bus::Datagram&) {});
+  }
   /// Announcements that are a member's own (session::Membership::handle) go to `handler`, too,
   /// after they have been handled.
   void on_announcement(Handler handler) { announcement_handler_ = std::move(handler); }
@@ -131,7 +110,7 @@ class Link {
   /// the wait.
   void join(const messages::LawInfo& law, const Handler& other);
   /// The first message of the run has been sent or accepted.
-  void started(Time now);
+  void note_started(Time now);
 
   /// To be called at the latest at `next_poll`: announcements, faults, silence, interruption.
   /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
@@ -145,11 +124,14 @@ class Link {
   void run_until(const std::function<bool()>& done, const Turn& turn = {});
   /// The same with announcements alone: for a process that has all messages of its run.
   void attend_until(const std::function<bool()>& done);
-  /// As `run_until`, until the plant has finished.
+  /// Polls and handles messages until the plant has finished.
   /// @param all_there whether all ticks of this process are; before that no end is believed
   void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
   /// Handles one datagram, if one comes before the deadline. @return whether one did
   bool receive(Time deadline);
+  /// Handles the announcements that come before the deadline, or until it is `over`.
+  void attend(
+      Time deadline, const std::function<bool()>& over = [] { return false; });
 
   enum class Handled {
     no,        ///< another channel
@@ -159,14 +141,7 @@ class Link {
   /// Handles the datagram if it is on the announcements' channel.
   Handled handle(const bus::Datagram& datagram);
 
-  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and `value`
-  /// as they are or (another run's) as they came.
-  template <class Value>
-  bool accept(const messages::Codec<Value>& codec, const bus::Datagram& datagram,
-              messages::Stamp& stamp, Value& value) {
-    return accept(codec.decode(datagram.payload, stamp, value), stamp);
-  }
-  /// The same for a message that has been decoded already.
+  /// Returns whether a decoded message is sound and of this run; counts it if not.
   bool accept(messages::Rejection rejection, const messages::Stamp& stamp);
   /// Counts what became of a message for `tick`.
   /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
@@ -176,8 +151,8 @@ class Link {
   void count(session::Verdict verdict);
 
   /// Newest tick handled, and (controller) the norm of its position error.
-  void progressed(std::int64_t tick, double error_norm = 0) {
-    membership_->progressed(tick, error_norm);
+  void note_progress(std::int64_t tick, double error_norm = 0) {
+    membership_->on_progress(tick, error_norm);
   }
   /// This process's part is done. The plant waits until the others have finished too, for the time
   /// to give up at most while they lack ticks, then for a minute; the others until all have and the
@@ -188,20 +163,20 @@ class Link {
 
   /// This process will end with `failure`, and announces it, but first has to bring the robot to
   /// rest.
-  void stopping(const base::Failure& failure, Time now);
+  void announce_stop(const base::Failure& failure, Time now);
   /// This process ends with `failure`: announces it now, though it still has to conclude, and
   /// returns the announcement; valid until the next one.
-  std::span<const std::byte> ending(const base::Failure& failure);
+  std::span<const std::byte> announce_end(const base::Failure& failure);
   /// The announcement alone, if it is due: for a process that is ending.
   void announce_if_due(Time now) {
     if (now >= next_poll()) announce(now);
   }
 
-  /// Which of these roles have been silent for a second, in words; all of them, if none has.
+  /// Describes the roles that have been silent for a second; all of these roles, if none has.
   [[nodiscard]] std::string silent_among(std::initializer_list<messages::Role> roles) const;
-  /// Whether a message may be the role's holder's: on a bus with a key it is one of the four's,
-  /// from wherever it comes (their announcements may have been passed on by others); without one it
-  /// is when it comes from the holder's address.
+  /// Returns whether a message may come from the role's holder. On a bus with a key, any address
+  /// may be the holder's, since others may have passed on its announcements. Without a key, the
+  /// message has to come from the holder's address.
   [[nodiscard]] bool is_from(messages::Role role, std::string_view sender) const {
     return transport_.has_key() || membership_->is_from(role, sender);
   }
@@ -214,8 +189,6 @@ class Link {
   void throw_if_interrupted() const;
   std::span<const std::byte> announce(Time now);
   void announce_repeatedly();
-  /// Or until it is `over`.
-  void handle_until(Time deadline, const std::function<bool()>& over);
   void name_missing(Time now);
 
   bus::Authenticated transport_;
@@ -223,9 +196,10 @@ class Link {
   const std::atomic<bool>* interrupted_;
   Time started_at_;
   Handler announcement_handler_;
-  // A deque: a handler may add another one while it runs.
-  std::deque<std::pair<std::string, Handler>> handlers_;
+  /// By the channel's number. A deque, since a handler may add another one while it runs.
+  std::deque<Handler> handlers_;
   std::string channel_;
+  int channel_number_;  ///< of `channel_`
   session::Membership::Self self_;
   std::optional<session::Membership> membership_;
   messages::Codec<messages::Participant> codec_;

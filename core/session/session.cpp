@@ -1,16 +1,16 @@
-#include "session/link.h"
+#include "session/session.h"
 
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <exception>
-#include <random>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/logging.h"
 #include "base/text.h"
-#include "base/time.h"
+#include "session/options.h"
 
 namespace tachless::session {
 namespace {
@@ -27,36 +27,34 @@ constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;
 constexpr auto leaving_period = 20ms;
 constexpr auto longest_leaving = 1s;
-constexpr auto attending_period = 1ms;  // most that what is waited for is noticed late
-// What the logger may take at the end beyond the time to give up: it records what is on its way.
+constexpr auto attending_period = 1ms;  // longest delay in noticing that the wait is over
+// Most time that the logger may take at the end beyond the time to give up, to record messages that
+// are on their way.
 constexpr auto longest_conclusion = 2s;
-// What a busy disk may take until it has the log.
+// Most time that a busy disk may take to store the log.
 constexpr auto longest_sync = 60s;
 // Final announcements are not acknowledged, so several are sent, spaced out: loss is bursty.
 constexpr int last_announcements = 5;
 constexpr auto last_announcements_period = 5ms;
-
-std::int64_t random_instance() {
-  std::random_device device;
-  const std::uint64_t high = device();
-  return static_cast<std::int64_t>((high << 32 | device()) >> 1) | 1;
-}
 
 std::string host_name() {
   std::array<char, 256> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
 }
 
-Membership::Self self_of(const scenario::Scenario& scenario, const Link::Config& config) {
+Membership::Self self_of(const scenario::Scenario& scenario, const Session::Config& config) {
   Membership::Self self;
   self.who.role = config.role;
-  self.who.instance = config.instance != 0 ? config.instance : random_instance();
+  self.who.instance = config.instance != 0 ? config.instance : bus::random_number();
   self.who.scenario_digest = scenario.digest;
   self.who.pid = static_cast<std::int32_t>(getpid());
-  self.who.host = host_name();
-  self.who.scenario = scenario.name.substr(0, messages::max_participant_text);
-  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
-  if (config.role == Role::plant) self.run = config.run_id.value_or(since_1970 / 1us);
+  // A name may have characters that no message may have.
+  const auto text = [](const std::string& name) {
+    return base::printable(name).substr(0, messages::max_participant_text);
+  };
+  self.who.host = text(host_name());
+  self.who.scenario = text(scenario.name);
+  if (config.role == Role::plant) self.run = config.run_id.value_or(run_id_by_clock());
   if (config.wait_s > 0) self.wait_limit = base::nanoseconds_of(config.wait_s);
   self.give_up = base::nanoseconds_of(scenario.loop.give_up_s);
   self.counters_required = config.key.has_value();
@@ -65,19 +63,20 @@ Membership::Self self_of(const scenario::Scenario& scenario, const Link::Config&
 
 }  // namespace
 
-Link::Link(const scenario::Scenario& scenario, bus::Transport& transport, const Config& config)
+Session::Session(const scenario::Scenario& scenario, bus::Transport& transport,
+                 const Config& config)
     : transport_(transport, config.key),
       statistics_(config.role),
       interrupted_(config.interrupted),
       channel_(messages::channel<messages::Participant>(scenario.robot.channel_prefix)),
+      channel_number_(transport_.subscribe(channel_)),
       self_(self_of(scenario, config)),
       codec_(messages::Layout{}),
       key_check_(config.role, config.key.has_value()) {
   membership_.emplace(self_, Clock::now());
-  transport_.subscribe(channel_);
 }
 
-void Link::guard(const std::function<void()>& main) {
+void Session::guard(const std::function<void()>& main) {
   try {
     main();
   } catch (const std::exception&) {
@@ -90,13 +89,13 @@ void Link::guard(const std::function<void()>& main) {
   }
 }
 
-void Link::fail(const Failure& failure) {
+void Session::fail(const Failure& failure) {
   const auto now = Clock::now();
   statistics_.exit_code = failure.code();
   statistics_.fault = failure.what();
   note_end(now);
   try {
-    membership_->failed(failure, now);
+    membership_->on_failed(failure, now);
     announce_repeatedly();
   } catch (const std::exception& problem) {
     // `failure` came first and is the one to report.
@@ -104,31 +103,32 @@ void Link::fail(const Failure& failure) {
   }
 }
 
-void Link::note_end(Time now) {
+void Session::note_end(Time now) {
   if (started_at_ != Time()) statistics_.wall_s = base::seconds_of(now - started_at_);
 }
 
-void Link::throw_if_interrupted() const {
+void Session::throw_if_interrupted() const {
   if (interrupted_ != nullptr && *interrupted_) throw Failure(ExitCode::interrupted, "interrupted");
 }
 
-void Link::on(const std::string& channel, Handler handler) {
-  transport_.subscribe(channel);
+void Session::on(const std::string& channel, Handler handler) {
+  const auto number = static_cast<std::size_t>(transport_.subscribe(channel));
   base::log_detail("receives {}", channel);
-  handlers_.emplace_back(channel, std::move(handler));
+  if (handlers_.size() <= number) handlers_.resize(number + 1);
+  handlers_[number] = std::move(handler);
 }
 
-void Link::join(const messages::LawInfo& law, const Handler& other) {
+void Session::join(const messages::LawInfo& law, const Handler& other) {
   const auto begin = Clock::now();
   static_cast<messages::LawInfo&>(self_.who) = law;
   membership_.emplace(self_, begin);
   next_notice_ = begin + first_notice;
-  while (!membership_->joined()) {
+  while (!membership_->has_joined()) {
     poll(Clock::now());
     const auto datagram = transport_.receive(next_poll());
     if (datagram && handle(*datagram) == Handled::no && other) other(*datagram);
     const auto now = Clock::now();
-    if (const auto stranger = transport_.take_stranger()) key_check_.foreign(*stranger, now);
+    if (const auto stranger = transport_.take_stranger()) key_check_.on_foreign(*stranger, now);
     key_check_.poll(now);
   }
   statistics_.run_id = run();
@@ -139,26 +139,26 @@ void Link::join(const messages::LawInfo& law, const Handler& other) {
   base::log_detail("run {} on {}, with {}", run(), channel_, base::joined(others));
 }
 
-void Link::started(Time now) {
-  if (membership_->running()) return;
-  membership_->started(now);
+void Session::note_started(Time now) {
+  if (membership_->is_running()) return;
+  membership_->on_started(now);
   started_at_ = now;
 }
 
-void Link::poll(Time now) {
+void Session::poll(Time now) {
   throw_if_interrupted();
   if (now >= next_poll()) {
     membership_->poll(now);
     if (!membership_->failure()) announce(now);
-    if (!membership_->running() && now >= next_notice_) name_missing(now);
+    if (!membership_->is_running() && now >= next_notice_) name_missing(now);
   }
   const auto& failure = membership_->failure();
   if (!failure) return;
   throw Failure(failure->code(),
-                failure->what() + (membership_->joined() ? "" : key_check_.hint()));
+                failure->what() + (membership_->has_joined() ? "" : key_check_.hint()));
 }
 
-void Link::run_until(const std::function<bool()>& done, const Turn& turn) {
+void Session::run_until(const std::function<bool()>& done, const Turn& turn) {
   while (!done()) {
     const Time now = Clock::now();
     poll(now);
@@ -167,37 +167,34 @@ void Link::run_until(const std::function<bool()>& done, const Turn& turn) {
   }
 }
 
-void Link::attend_until(const std::function<bool()>& done) {
+void Session::attend_until(const std::function<bool()>& done) {
   while (!done()) {
     const Time now = Clock::now();
     poll(now);
-    handle_until(now + attending_period, done);
+    attend(now + attending_period, done);
   }
 }
 
-void Link::run_until_finished(const std::function<bool(Time)>& all_there, const Turn& turn) {
-  run_until([this] { return membership_->plant_finished(); },
+void Session::run_until_finished(const std::function<bool(Time)>& all_there, const Turn& turn) {
+  run_until([this] { return membership_->has_plant_finished(); },
             [&](Time now) {
-              if (all_there(now)) membership_->complete();
+              if (all_there(now)) membership_->on_all_ticks_done();
               return turn ? turn(now) : Time::max();
             });
 }
 
-bool Link::receive(Time deadline) {
+bool Session::receive(Time deadline) {
   const auto datagram = transport_.receive(deadline);
   if (!datagram) return false;
   const Handled handled = handle(*datagram);
   if (handled == Handled::believed && announcement_handler_) announcement_handler_(*datagram);
   if (handled != Handled::no) return true;
-  for (const auto& [channel, handler] : handlers_) {
-    if (channel != datagram->channel) continue;
-    handler(*datagram);
-    break;
-  }
+  const auto number = static_cast<std::size_t>(datagram->channel_number);
+  if (number < handlers_.size() && handlers_[number]) handlers_[number](*datagram);
   return true;
 }
 
-bool Link::accept(messages::Rejection rejection, const messages::Stamp& stamp) {
+bool Session::accept(messages::Rejection rejection, const messages::Stamp& stamp) {
   if (rejection != messages::Rejection::none) {
     statistics_.rejected.add(rejection);
   } else if (stamp.run != run()) {
@@ -208,13 +205,13 @@ bool Link::accept(messages::Rejection rejection, const messages::Stamp& stamp) {
   return false;
 }
 
-void Link::count(Verdict verdict) {
+void Session::count(Verdict verdict) {
   if (verdict == Verdict::repeated) ++statistics_.duplicates;
   if (verdict == Verdict::not_asked) statistics_.rejected.add(Discard::not_asked);
   if (verdict == Verdict::too_old) statistics_.rejected.add(Discard::too_old);
 }
 
-void Link::count(Verdict verdict, Role from, const bus::Datagram& datagram, std::int64_t tick) {
+void Session::count(Verdict verdict, Role from, const bus::Datagram& datagram, std::int64_t tick) {
   if (verdict != Verdict::conflicting) return count(verdict);
   throw Failure(ExitCode::protocol_violated,
                 "two processes are the {} of run {}: a second, different message for tick {} came "
@@ -223,41 +220,41 @@ void Link::count(Verdict verdict, Role from, const bus::Datagram& datagram, std:
                 describe(from));
 }
 
-Link::Handled Link::handle(const bus::Datagram& datagram) {
-  if (datagram.channel != channel_) return Handled::no;
+Session::Handled Session::handle(const bus::Datagram& datagram) {
+  if (datagram.channel_number != channel_number_) return Handled::no;
   const messages::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
   if (rejection != messages::Rejection::none) {
     statistics_.rejected.add(rejection);
     return Handled::dropped;
   }
   const bool believed = membership_->handle(stamp_, peer_, datagram.sender, Clock::now());
-  key_check_.accepted();
-  if (membership_->joined() && membership_->roster() != entered_) {
+  key_check_.on_verified();
+  if (membership_->has_joined() && membership_->roster() != entered_) {
     entered_ = membership_->roster();
     transport_.enter(run(), entered_);
   }
   return believed ? Handled::believed : Handled::dropped;
 }
 
-std::span<const std::byte> Link::announce(Time now) {
+std::span<const std::byte> Session::announce(Time now) {
   const auto& announcement = membership_->announce(now);
   const auto bytes = codec_.encode(announcement.stamp, announcement.participant);
   transport_.publish(channel_, bytes);
   return bytes;
 }
 
-std::span<const std::byte> Link::ending(const Failure& failure) {
+std::span<const std::byte> Session::announce_end(const Failure& failure) {
   const auto now = Clock::now();
-  membership_->failed(failure, now);
+  membership_->on_failed(failure, now);
   return announce(now);
 }
 
-void Link::stopping(const Failure& failure, Time now) {
-  membership_->stopping(failure, now);
+void Session::announce_stop(const Failure& failure, Time now) {
+  membership_->on_stopping(failure, now);
   announce(now);
 }
 
-void Link::announce_repeatedly() {
+void Session::announce_repeatedly() {
   // After a long computation the queue holds acknowledgements that are too old to count: they are
   // handled first.
   announce(Clock::now());
@@ -268,24 +265,24 @@ void Link::announce_repeatedly() {
     handle(*datagram);
   }
   // Before a run, long enough for a process started at the same time to learn the reason.
-  const auto until = Clock::now() + (membership_->joined() ? 0ms : Membership::simultaneous);
+  const auto until = Clock::now() + (membership_->has_joined() ? 0ms : Membership::simultaneous);
   for (int i = 0; i < last_announcements || Clock::now() < until; ++i) {
     announce(Clock::now());
-    handle_until(Clock::now() + last_announcements_period, [] { return false; });
+    attend(Clock::now() + last_announcements_period);
   }
 }
 
-void Link::leave() {
+void Session::leave() {
   const auto begin = Clock::now();
   note_end(begin);
-  membership_->finished(begin);
+  membership_->on_finished(begin);
   // The plant succeeds only after the others have. The others wait until it has acknowledged their
   // end, and for the end of all: the logger, which alone knows whether the log is whole, may still
   // fail.
   const auto over = [&] {
     if (membership_->failure()) return true;
-    if (self_.who.role == Role::plant) return membership_->all_finished();
-    return (membership_->finish_acknowledged() && membership_->all_finished()) ||
+    if (self_.who.role == Role::plant) return membership_->have_all_finished();
+    return (membership_->is_finish_acknowledged() && membership_->have_all_finished()) ||
            Clock::now() - begin >= longest_leaving;
   };
   while (!over()) {
@@ -296,31 +293,31 @@ void Link::leave() {
       throw Failure(ExitCode::protocol_violated, "the run is over, but {} has not finished: {}",
                     membership_->unfinished(),
                     lacking ? "ticks are missing there. If another process has acknowledged them, "
-                              "find it with `tachless watch`, or use a key (--key-file)"
+                              "find it with tachless watch, or use a key (--key-file)"
                             : "it has all ticks, but its disk may be too slow");
     }
     membership_->poll(now);
     announce(now);
-    handle_until(now + leaving_period, over);
+    attend(now + leaving_period, over);
   }
   announce_repeatedly();
   if (membership_->failure()) throw Failure(*membership_->failure());
 }
 
-void Link::handle_until(Time deadline, const std::function<bool()>& over) {
+void Session::attend(Time deadline, const std::function<bool()>& over) {
   while (!over() && Clock::now() < deadline) {
     if (const auto datagram = transport_.receive(deadline)) handle(*datagram);
   }
 }
 
-void Link::name_missing(Time now) {
+void Session::name_missing(Time now) {
   next_notice_ = now + notice_period;
   const auto roles = membership_->missing();
   if (roles.empty()) return;
   base::log_info("waiting for {} on {}{}", base::joined(roles), channel_, key_check_.hint());
 }
 
-std::string Link::silent_among(std::initializer_list<Role> roles) const {
+std::string Session::silent_among(std::initializer_list<Role> roles) const {
   // Several announcements missed in a row.
   constexpr auto silent_after = 10 * Membership::period;
   std::vector<std::string> silent;

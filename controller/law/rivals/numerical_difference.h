@@ -7,7 +7,7 @@
 #include <string_view>
 #include <tuple>
 
-#include "controller/law/estimated_velocity.h"
+#include "controller/law/rivals/estimated_velocity.h"
 
 namespace tachless::controller::law {
 

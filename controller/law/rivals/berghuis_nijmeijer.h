@@ -5,6 +5,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "controller/law/parts.h"
 
 namespace tachless::controller::law {
@@ -106,17 +107,17 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
         const double lambda = gains.lambda[i], ld = gains.observer_ld;
         const double a = ld + 2 * lambda, b = ld * lambda;
         // Poles: two real ones, s^2 + a s + b = 0.
-        const double root = std::hypot(ld, 2 * lambda);
+        const double root = std::sqrt(ld * ld + 4 * lambda * lambda);
         const double fast = -(a + root) / 2, slow = b / fast;
         // f(A) = (f(slow) (A - fast) - f(fast) (A - slow)) / (slow - fast), A = [-a -1; b 0].
-        const double e_slow = std::exp(slow * time_s), e_fast = std::exp(fast * time_s);
+        const double e_slow = base::exp(slow * time_s), e_fast = base::exp(fast * time_s);
         phi_dd_[i] = (e_slow * (-a - fast) - e_fast * (-a - slow)) / root;
         phi_dr_[i] = (e_fast - e_slow) / root;
         phi_rd_[i] = (e_slow - e_fast) * b / root;
         phi_rr_[i] = (e_fast * slow - e_slow * fast) / root;
         // The mean of e^(A t) over the time, on the input's (1, -Lambda).
-        const double m_slow = std::expm1(slow * time_s) / (slow * time_s);
-        const double m_fast = std::expm1(fast * time_s) / (fast * time_s);
+        const double m_slow = base::expm1(slow * time_s) / (slow * time_s);
+        const double m_fast = base::expm1(fast * time_s) / (fast * time_s);
         gamma_d_[i] = (m_slow * (-a - fast + lambda) - m_fast * (-a - slow + lambda)) / root;
         gamma_r_[i] = (m_slow * (b + lambda * fast) - m_fast * (b + lambda * slow)) / root;
       }

@@ -19,12 +19,12 @@ namespace tachless::logger {
 
 /// The six messages of a tick of a run, by slot: their channels, and whether one is sound. Keeps
 /// none.
-class RunMessages {
+class TickChannels {
  public:
   using Slot = messages::Slot;
 
   /// @param law as the controller announces it; without a known measurement that has no channel
-  RunMessages(const scenario::Scenario& scenario, const messages::LawInfo& law)
+  TickChannels(const scenario::Scenario& scenario, const messages::LawInfo& law)
       : robot_(scenario.robot.channel_prefix),
         layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
                                  static_cast<int>(messages::parse_signals(law.signals)->size()))) {

@@ -1,4 +1,4 @@
-#include "session/link.h"
+#include "session/session.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ messages::Participant the_plant() {
 
 /// What `check` throws at `at`, after `number` announcements at `start`; empty when nothing.
 std::string complaint(KeyCheck check, bool tagged, int number, Time at) {
-  for (int i = 0; i < number; ++i) check.foreign({tagged, the_plant(), "10.0.0.2:4123"}, start);
+  for (int i = 0; i < number; ++i) check.on_foreign({tagged, the_plant(), "10.0.0.2:4123"}, start);
   try {
     check.poll(at);
   } catch (const base::Failure& failure) {
@@ -69,15 +69,15 @@ TEST(KeyCheck, NeedsFiveAnnouncementsAndOneAndAHalfSeconds) {
 
 TEST(KeyCheck, IsContentOnceAnAnnouncementHasVerified) {
   KeyCheck check(messages::Role::controller, true);
-  check.accepted();
+  check.on_verified();
   EXPECT_EQ(complaint(check, true, 100, start + 1h), "");
 }
 
 TEST(KeyCheck, HintsAtAForeignOneAlsoWhenOthersHaveVerified) {
   KeyCheck check(messages::Role::controller, true);
   EXPECT_EQ(check.hint(), "");
-  check.accepted();
-  check.foreign({true, the_plant(), "10.0.0.2:4123"}, start);
+  check.on_verified();
+  check.on_foreign({true, the_plant(), "10.0.0.2:4123"}, start);
   EXPECT_EQ(check.hint(),
             "; the plant (process 42 on arm-1, 10.0.0.2:4123) has another key than this controller "
             "(--key-file)");
@@ -87,7 +87,7 @@ TEST(KeyCheck, HintsAtAForeignOneAlsoWhenOthersHaveVerified) {
 class ALink : public testing::Test {
  protected:
   ALink() {
-    link_.on_announcement([this](const bus::Datagram&) { ++recorded_; });
+    session_.on_announcement([this](const bus::Datagram&) { ++recorded_; });
     other_->subscribe("ARM_PARTICIPANT");
   }
 
@@ -97,22 +97,22 @@ class ALink : public testing::Test {
     scenario.loop.give_up_s = 5;
     return scenario;
   }
-  static Link::Config config() {
-    Link::Config config;
+  static Session::Config config() {
+    Session::Config config;
     config.role = messages::Role::logger;
     config.instance = 4;
     return config;
   }
   void send(std::span<const std::byte> payload) {
     other_->publish("ARM_PARTICIPANT", payload);
-    EXPECT_TRUE(link_.receive(Time()));
+    EXPECT_TRUE(session_.receive(Time()));
   }
 
   bus::InMemoryNetwork network_;
   std::unique_ptr<bus::Transport> own_ = network_.connect("own");
   std::unique_ptr<bus::Transport> other_ = network_.connect("other");
   scenario::Scenario scenario_ = scenario();
-  Link link_{scenario_, *own_, config()};
+  Session session_{scenario_, *own_, config()};
   messages::Codec<messages::Participant> codec_{messages::Layout{}};
   int recorded_ = 0;
 };
@@ -121,20 +121,20 @@ TEST_F(ALink, ShowsNothingThatDoesNotDecodeToTheHandlerOfAnnouncements) {
   send(std::vector<std::byte>(60'000, std::byte{0x5a}));
   send({});
   EXPECT_EQ(recorded_, 0);
-  EXPECT_EQ(link_.statistics().rejected.total(), 2);
+  EXPECT_EQ(session_.statistics().rejected.total(), 2);
 }
 
 TEST_F(ALink, NamesAProcessWithAnotherKeyWhenItHasWaitedInVain) {
-  Link::Config hurried = config();
+  Session::Config hurried = config();
   hurried.wait_s = 0.05;
   const auto own = network_.connect("hurried");
-  Link link(scenario_, *own, hurried);
+  Session session(scenario_, *own, hurried);
   const auto bytes = codec_.encode({1, 7, -1}, the_plant());
   std::vector<std::byte> tagged(bytes.begin(), bytes.end());
   tagged.resize(tagged.size() + bus::tag_size);
   other_->publish("ARM_PARTICIPANT", tagged);
   try {
-    link.join({}, {});
+    session.join({}, {});
     FAIL() << "joined alone";
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::peer_lost);
@@ -154,7 +154,7 @@ TEST_F(ALink, ShowsNothingOfProcessesThatAreNoMembers) {
 }
 
 TEST_F(ALink, ShowsTheAnnouncementsOfThePlantThatItHasJoined) {
-  link_.poll(base::Clock::now());
+  session_.poll(base::Clock::now());
   const auto asked = other_->receive(Time());
   ASSERT_TRUE(asked);
   messages::Stamp stamp;
@@ -167,16 +167,16 @@ TEST_F(ALink, ShowsTheAnnouncementsOfThePlantThatItHasJoined) {
   plant.heard_counter = {0, 0, 0, logger.counter};
   send(codec_.encode({0, 7, -1}, plant));
   EXPECT_EQ(recorded_, 1);
-  EXPECT_EQ(link_.run(), 7);
+  EXPECT_EQ(session_.run(), 7);
 }
 
 TEST_F(ALink, DeliversAMessageToTheHandlerOfItsChannel) {
   std::vector<std::string> seen;
-  link_.on("A", [&](const bus::Datagram&) { seen.emplace_back("a"); });
-  link_.on("B", [&](const bus::Datagram&) { seen.emplace_back("b"); });
-  link_.on("ARM_PARTICIPANT", [&](const bus::Datagram&) { seen.emplace_back("other"); });
+  session_.on("A", [&](const bus::Datagram&) { seen.emplace_back("a"); });
+  session_.on("B", [&](const bus::Datagram&) { seen.emplace_back("b"); });
+  session_.on("ARM_PARTICIPANT", [&](const bus::Datagram&) { seen.emplace_back("other"); });
   for (const char* channel : {"B", "A", "C", "ARM_PARTICIPANT"}) other_->publish(channel, {});
-  while (link_.receive(Time())) {
+  while (session_.receive(Time())) {
   }
   EXPECT_THAT(seen, ElementsAre("b", "a"));
 }
@@ -184,11 +184,11 @@ TEST_F(ALink, DeliversAMessageToTheHandlerOfItsChannel) {
 TEST_F(ALink, CountsWhatIsNotFresh) {
   for (const Verdict verdict : {Verdict::fresh, Verdict::repeated, Verdict::repeated,
                                 Verdict::not_asked, Verdict::too_old}) {
-    link_.count(verdict);
+    session_.count(verdict);
   }
-  EXPECT_EQ(link_.statistics().duplicates, 2);
+  EXPECT_EQ(session_.statistics().duplicates, 2);
   std::map<std::string_view, std::int64_t> dropped;
-  for (const auto& [reason, count] : link_.statistics().rejected.entries()) {
+  for (const auto& [reason, count] : session_.statistics().rejected.entries()) {
     if (count != 0) dropped[reason] = count;
   }
   EXPECT_THAT(dropped, ElementsAre(Pair("not_asked", 1), Pair("too_old", 1)));
@@ -196,9 +196,9 @@ TEST_F(ALink, CountsWhatIsNotFresh) {
 
 TEST_F(ALink, FailsWhenTwoProcessesHaveOneRole) {
   const bus::Datagram second{"ARM_COMMAND", {}, "10.0.0.3:1"};
-  EXPECT_NO_THROW(link_.count(Verdict::repeated, messages::Role::controller, second, 5));
+  EXPECT_NO_THROW(session_.count(Verdict::repeated, messages::Role::controller, second, 5));
   try {
-    link_.count(Verdict::conflicting, messages::Role::controller, second, 5);
+    session_.count(Verdict::conflicting, messages::Role::controller, second, 5);
     FAIL() << "nothing was thrown";
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::protocol_violated);
@@ -209,8 +209,8 @@ TEST_F(ALink, FailsWhenTwoProcessesHaveOneRole) {
 }
 
 TEST_F(ALink, NotesWhateverEndsItInTheStatistics) {
-  EXPECT_THROW(link_.guard([] { throw 42; }), base::Failure);
-  EXPECT_EQ(link_.statistics().exit_code, base::ExitCode::protocol_violated);
+  EXPECT_THROW(session_.guard([] { throw 42; }), base::Failure);
+  EXPECT_EQ(session_.statistics().exit_code, base::ExitCode::protocol_violated);
 }
 
 }  // namespace

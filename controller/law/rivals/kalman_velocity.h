@@ -1,14 +1,13 @@
 #pragma once
 
 #include <Eigen/LU>
-#include <cmath>
 #include <cstddef>
 #include <stdexcept>
 #include <string_view>
 #include <tuple>
 #include <vector>
 
-#include "controller/law/estimated_velocity.h"
+#include "controller/law/rivals/estimated_velocity.h"
 
 namespace tachless::controller::law {
 
@@ -42,7 +41,8 @@ class KalmanChain {
   /// Only the ratio of the two noises counts: with this one the estimate's two poles are at sqrt(2)
   /// times the filter's, so that it lags alike.
   static Gains tuned(const Tuning& t) {
-    return {t.kp(), t.kd(), t.each(4 * std::pow(t.filter, 4) * t.period_s), 2, t.each(1)};
+    return {t.kp(), t.kd(), t.each(4 * t.filter * t.filter * t.filter * t.filter * t.period_s), 2,
+            t.each(1)};
   }
 
   /// @throw std::invalid_argument when measurement_noise is not given and the encoder is ideal.

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <string_view>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "controller/law/parts.h"
 
 namespace tachless::controller::law {
@@ -72,7 +72,7 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
     Vector tau = robot::inverse_dynamics(robot_, reference.q_ref, v_ref, a_ref);
     for (Eigen::Index i = 0; i < y.size(); ++i) {
       const double distance = std::max(0.0, 1 - y[i] * y[i]);  // 0: not defined, an infinite torque
-      tau[i] -= gains_.k[i] * y[i] / distance + std::tanh(e[i]);
+      tau[i] -= gains_.k[i] * y[i] / distance + base::tanh(e[i]);
     }
     return {{y, e}, {tau}, {signals.size(), {e, y}}};
   }
@@ -85,9 +85,9 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
     const double h = settings_.period_s;
     const double slope = e_to - e_from;  // of a period
     const auto after = [&](double time_s, double at_y, double e) {
-      const double t = std::tanh(e);
+      const double t = base::tanh(e);
       const double target = slope / h + t - (1 - at_y * at_y) * (at_y + t) / k;
-      return target + std::exp(-k * time_s) * (y - target);
+      return target + base::exp(-k * time_s) * (y - target);
     };
     const double middle = after(h / 2, y, e_from);
     return after(h, middle, e_from + slope / 2);

@@ -1,4 +1,4 @@
-#include "base/time.h"
+#include "base/clock.h"
 
 #include <gtest/gtest.h>
 

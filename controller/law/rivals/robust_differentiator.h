@@ -4,7 +4,8 @@
 #include <string_view>
 #include <tuple>
 
-#include "controller/law/estimated_velocity.h"
+#include "base/elementary.h"
+#include "controller/law/rivals/estimated_velocity.h"
 
 namespace tachless::controller::law {
 
@@ -38,7 +39,7 @@ class LevantDifferentiator {
   };
 
   /// L: the third derivative of an oscillation by 1 rad at the bandwidth.
-  static Gains tuned(const Tuning& t) { return {t.kp(), t.kd(), t.each(std::pow(t.w, 3))}; }
+  static Gains tuned(const Tuning& t) { return {t.kp(), t.kd(), t.each(t.w * t.w * t.w)}; }
 
   LevantDifferentiator(const Gains& gains, const Settings& settings)
       : lipschitz_(gains.lipschitz), period_s_(settings.period_s) {}
@@ -52,8 +53,8 @@ class LevantDifferentiator {
     for (Eigen::Index i = 0; i < q.size(); ++i) {
       const double sigma = next.z0[i] - q[i];
       if (sigma == 0) continue;
-      const double c0 = 2 * std::cbrt(lipschitz_[i] * sigma * sigma);  // |z1 - v0|
-      const double c1 = 1.5 * std::sqrt(lipschitz_[i] * c0);           // |z2 - v1|
+      const double c0 = 2 * base::cbrt(lipschitz_[i] * sigma * sigma);  // |z1 - v0|
+      const double c1 = 1.5 * std::sqrt(lipschitz_[i] * c0);            // |z2 - v1|
       const double towards_q = std::copysign(period_s_, -sigma);
       next.z0[i] += towards_q * c0;
       next.z1[i] += towards_q * c1;
