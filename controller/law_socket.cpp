@@ -92,9 +92,11 @@ class Program {
       : command_(std::move(command)), socket_(base::FileDescriptor()) {
     auto [own, other] = socket_pair();
     // The shell moves its stdin, the socket, out of the reach of what reads there.
+    base::StartOptions options;
+    options.input = other.get();
     child_ = base::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
                           "sh", scenario.source, "--serve", "3"},
-                         {.input = other.get()});
+                         options);
     socket_ = LawSocket(std::move(own));
   }
   Program(const Program&) = delete;

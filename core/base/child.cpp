@@ -223,7 +223,9 @@ class Starter {
  private:
   Starter() {
     std::thread([this] {
-      leave_signals_to_others();
+      sigset_t all;
+      sigfillset(&all);
+      pthread_sigmask(SIG_BLOCK, &all, nullptr);  // signals are for the other threads
       for (std::unique_lock lock(mutex_);;) {
         wake_.wait(lock, [this] { return !tasks_.empty(); });
         std::packaged_task<Child()> task = std::move(tasks_.front());

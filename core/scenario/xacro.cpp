@@ -1,12 +1,17 @@
 #include "scenario/xacro.h"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <map>
 #include <regex>
 #include <sstream>
+#include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "base/child.h"
@@ -24,10 +29,14 @@ namespace {
 
 using Arguments = std::map<std::string, std::string>;
 
-/// Runs xacro. @return what it wrote, and its first words where that is not well
+/// Runs xacro with `options`. @return its output
+/// @throw Failure(bad_usage) with the first words of xacro's error
 std::string run_xacro(const fs::path& file, const Arguments& arguments,
-                      const std::vector<std::string>& options, const fs::path& output) {
-  std::vector<std::string> command = {"xacro", fs::absolute(file).string()};
+                      const std::vector<std::string>& options) {
+  // The output is a file without a name, which xacro gets as its stdin: no signal leaves it behind.
+  const base::FileDescriptor output(memfd_create("xacro", MFD_CLOEXEC));
+  if (output.get() < 0) throw std::system_error(errno, std::generic_category(), "memfd_create");
+  std::vector<std::string> command = {"xacro", fs::absolute(file).string(), "-o", "/dev/stdin"};
   command.insert(command.end(), options.begin(), options.end());
   for (const auto& [name, value] : arguments) {
     if (name.empty() || name.front() == '-') {
@@ -35,7 +44,9 @@ std::string run_xacro(const fs::path& file, const Arguments& arguments,
     }
     command.push_back(name + ":=" + value);
   }
-  base::Child child = base::start(command, base::blocked_signals(), {}, urdf.get());
+  base::StartOptions start;
+  start.input = output.get();
+  base::Child child = base::start(command, start);
   const rlimit most{base::max_text_bytes + 1, base::max_text_bytes + 1};
   prlimit(child.pid, RLIMIT_FSIZE, &most, nullptr);
   constexpr std::size_t most_words = 400;
@@ -43,7 +54,11 @@ std::string run_xacro(const fs::path& file, const Arguments& arguments,
   const base::End end = base::end_within(child, xacro_patience, [&](const std::string& line) {
     if (words.size() < most_words) words += (words.empty() ? ": " : " ") + line;
   });
-  if (end.well() && fs::exists(output)) return base::given_text(output, base::max_text_bytes);
+  // xacro may end with 0 without a URDF; a list of included files may be empty.
+  struct stat status {};
+  if (end.well() && fstat(output.get(), &status) == 0 && (status.st_size > 0 || !options.empty())) {
+    return base::given_text(fmt::format("/proc/self/fd/{}", output.get()), base::max_text_bytes);
+  }
   constexpr std::string_view undefined = "Undefined substitution argument ";
   std::string remedy;
   if (const std::size_t at = words.find(undefined); at != std::string::npos) {
@@ -65,7 +80,7 @@ void add_declared(const std::string& text, std::vector<std::string>& names) {
 
 /// Refuses an argument that neither the file nor a file that it includes declares: xacro passes it
 /// over.
-void require_declared(const fs::path& file, const Arguments& arguments, const fs::path& folder) {
+void require_declared(const fs::path& file, const Arguments& arguments) {
   std::vector<std::string> names;
   add_declared(base::given_text(file, base::max_text_bytes), names);
   const auto unknown = [&] {
@@ -74,8 +89,7 @@ void require_declared(const fs::path& file, const Arguments& arguments, const fs
     });
   };
   if (unknown() == arguments.end()) return;
-  const fs::path list = folder / "files";
-  std::istringstream included(run_xacro(file, arguments, {"--deps", "-o", list.string()}, list));
+  std::istringstream included(run_xacro(file, arguments, {"--deps"}));
   for (std::string each; included >> each;) {
     if (fs::is_regular_file(each)) {
       add_declared(base::given_text(each, base::max_text_bytes), names);
@@ -100,10 +114,8 @@ std::string urdf_text(const fs::path& file, const std::map<std::string, std::str
         "xacro; or give a URDF",
         file.string());
   }
-  const base::TemporaryDirectory folder;
-  const fs::path urdf = folder.path() / "robot.urdf";
-  std::string text = run_xacro(file, arguments, {"-o", urdf.string()}, urdf);
-  require_declared(file, arguments, folder.path());
+  std::string text = run_xacro(file, arguments, {});
+  require_declared(file, arguments);
   return text;
 }
 

@@ -146,20 +146,20 @@ void BusMonitor::note_sender(std::string_view sender, std::uint32_t sequence) {
 }
 
 void BusMonitor::note_channel(const bus::Datagram& datagram) {
-  const auto& [name, payload, sender, sequence, received_ns] = datagram;
-  Channel* const found = entry(channels_, name, max_channels, elsewhere_);
+  const std::int64_t received_ns = datagram.received_ns;
+  Channel* const found = entry(channels_, datagram.channel, max_channels, elsewhere_);
   if (found == nullptr) return;
   Channel& channel = *found;
   ++channel.messages;
-  channel.bytes += payload.size();
-  channel.now.bytes += payload.size();
+  channel.bytes += datagram.payload.size();
+  channel.now.bytes += datagram.payload.size();
   // A clock that was set back gives a meaningless interval.
   if (channel.last_ns && received_ns >= *channel.last_ns) {
     channel.now.arrivals.add(received_ns - *channel.last_ns);
   }
   channel.last_ns = received_ns;
 
-  const Glance seen = glance(payload);
+  const Glance seen = glance(datagram.payload);
   if (seen.type.empty()) {
     ++channel.not_ours;
     return;
@@ -171,7 +171,7 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
   }
   if (seen.tagged) ++channel.tagged;
   channel.newest_stamp = seen.stamp;
-  channel.newest.assign(payload.begin(), payload.end());
+  channel.newest.assign(datagram.payload.begin(), datagram.payload.end());
   channel.once_per_tick = seen.once_per_tick;
   if (!seen.once_per_tick) return;
   if (seen.stamp.run != channel.run) channel.ticks.start_over();

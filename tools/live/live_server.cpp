@@ -135,7 +135,7 @@ LiveServer::LiveServer(int port, std::chrono::milliseconds longest_asking)
   // SO_REUSEADDR alone: with SO_REUSEPORT another process could listen on the same port.
   if (listening_.get() < 0 ||
       setsockopt(listening_.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 ||
-      bind(listening_.get(), any, size) != 0 || listen(listening_.get(), 64) != 0 ||
+      bind(listening_.get(), any, size) != 0 || ::listen(listening_.get(), 64) != 0 ||
       getsockname(listening_.get(), any, &size) != 0) {
     throw base::bad_usage("--port {}: in use or not allowed; choose another, or 0 for any", port);
   }
