@@ -31,7 +31,7 @@ Drive drive(int delay) { return drive(Eigen::Vector2d(10, robot::Model::unlimite
 
 TEST(Drive, LimitsTheChangeOfTheTorqueThatIsSentWhereTheArmAddsOne) {
   const Vector ten = Vector::Constant(1, 10);
-  Drive d(10 * ten, 0, ten / 10, ten);
+  Drive d = drive(10 * ten, 0, ten / 10, ten);
   d.set_added(ten);  // the arm holds itself: nothing is sent at first
   d.accept({ten});
   EXPECT_EQ(d.sent()[0], 0);

@@ -179,7 +179,7 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   robot::Model model = revolute_and_prismatic();
   model.upper[1] = robot::Model::unlimited;
   try {
-    const Encoder encoder = encoder_of(s, model);
+    static_cast<void>(encoder_of(s, model));
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);

@@ -113,7 +113,9 @@ TEST(Child, OutlivesTheThreadThatStartedIt) {
 }
 
 TEST(Child, NeverWaitsForItsReaderWhenItsOutputIsRelayed) {
-  Child child = start(shell("yes | head -c 4000000; echo last"), {.relayed = true});
+  StartOptions relayed;
+  relayed.relayed = true;
+  Child child = start(shell("yes | head -c 4000000; echo last"), relayed);
   EXPECT_TRUE(take_end(child, true)->well()) << "nobody has read anything";
   std::vector<std::string> lines;
   read_rest(child, seconds(60), [&](std::string line) { lines.push_back(std::move(line)); });
@@ -122,7 +124,9 @@ TEST(Child, NeverWaitsForItsReaderWhenItsOutputIsRelayed) {
 }
 
 TEST(Child, ReportsNotices) {
-  Child child = start(shell("eval \"printf se >&$TACHLESS_NOTICE_FD\""), {.gives_notices = true});
+  StartOptions noticed;
+  noticed.gives_notices = true;
+  Child child = start(shell("eval \"printf se >&$TACHLESS_NOTICE_FD\""), noticed);
   EXPECT_TRUE(take_end(child, true)->well());
   EXPECT_THAT(take_notices(child), ElementsAre(Notice::robot_starts, Notice::robot_stopped));
 }
