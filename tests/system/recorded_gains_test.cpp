@@ -33,7 +33,7 @@ template <class F>
 class Repeated {
  public:
   explicit Repeated(F turn)
-      : thread_([this, turn = std::move(turn)] {
+      : thread_([this, turn = std::move(turn)]() mutable {
           while (!over_) turn();
         }) {}
   ~Repeated() {

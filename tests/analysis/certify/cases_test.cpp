@@ -38,7 +38,6 @@ TEST(Region, OfScheduledGainsHoldsInABurstBetweenTheInstants) {
   ASSERT_TRUE(found);
   const auto law = controller::make_law<controller::law::LoriaOrtegaScheduled>(s);
   const reference::Trajectory trajectory = reference::make_trajectory(s);
-  lyapunov::MatrixCondition condition;
   double fastest_s = 0, speed = 0;
   for (int k = 0; k <= 21000; ++k) {
     const double v = trajectory.at(1e-3 * k).v_ref.norm();
@@ -51,13 +50,15 @@ TEST(Region, OfScheduledGainsHoldsInABurstBetweenTheInstants) {
   const lyapunov::VelocityBound bound = lyapunov::velocity_bound(s);
   EXPECT_GE(bound.speed, speed);
   EXPECT_LT(bound.speed, 1.01 * speed);
+  std::vector<lyapunov::ErrorSystem> systems;
   for (int k = -100; k <= 100; k += 4) {
-    condition.systems.push_back(lyapunov::system_at(law, trajectory.at(fastest_s + 1e-3 * k),
-                                                    s.plant.drive.viscous_friction_Nms_per_rad));
+    systems.push_back(lyapunov::system_at(law, trajectory.at(fastest_s + 1e-3 * k),
+                                          s.plant.drive.viscous_friction_Nms_per_rad));
   }
-  condition.postures = numerics::Postures(lyapunov::error_model(s), {24, false, 24, {}, {}});
-  condition.B_d = 1;
-  condition.refine = false;
+  numerics::Postures postures(lyapunov::error_model(s), {24, false, 24, {}, {}});
+  constexpr double b_d = 1;
+  constexpr bool refine = false;
+  const lyapunov::MatrixCondition condition{std::move(systems), std::move(postures), b_d, refine};
   for (const auto& region : {found->fastest, found->largest}) {
     if (!region) continue;
     const auto in_burst = condition.region(region->weights);

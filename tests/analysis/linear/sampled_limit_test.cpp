@@ -134,7 +134,6 @@ TEST_F(SampledLimit, IsTheOneNextToWhereItIsSought) {
 
 /// A window of instability of 1.7 %, which steps of a tenth pass over.
 TEST_F(SampledLimit, FindsANarrowWindowOfInstability) {
-  const LinearPlant plant{Eigen::Matrix2d{{0, 1}, {0, 0}}, Eigen::Vector2d(0, 1), 1};
   const double window_s = 3.07e-3;
   const auto law = [=](double h) {
     const double x = (h / window_s - 1) / 8e-3, kp = 100 * (1 - 3 * std::exp(-x * x));
@@ -144,7 +143,9 @@ TEST_F(SampledLimit, FindsANarrowWindowOfInstability) {
                      Eigen::MatrixXd{{-kp, -20}},
                      {Part::q, Part::v}};
   };
-  EXPECT_NEAR(*largest_stable_period({plant, law, 0}, 1e-3),
+  const SampledLoop loop{
+      {Eigen::Matrix2d{{0, 1}, {0, 0}}, Eigen::Vector2d(0, 1), 1}, law, 0};
+  EXPECT_NEAR(*largest_stable_period(loop, 1e-3),
               window_s * (1 - 8e-3 * std::sqrt(std::log(3.0))), 1e-6);
 }
 

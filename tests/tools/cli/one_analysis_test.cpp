@@ -113,7 +113,7 @@ void expect_same_start(const scenario::Scenario& scenario) {
   Certificate all;
   all.stability = stability_certificate(scenario, Effort::full, all.no_stability);
   EXPECT_EQ(all.no_stability, no_certificate(scenario));
-  const auto of_run = certified_run(scenario);
+  const auto of_run = certify::certified_run(scenario);
   if (!all.stability) {
     EXPECT_FALSE(of_run);
     return;
