@@ -175,9 +175,10 @@ struct Joint {
     return first > 0 && before > growth * first;
   }
   /// Returns true if the error of the reference's last period is that of the period before: in
-  /// each eighth of it, so that a swing of another frequency is not.
+  /// each eighth of it. A swing that is faster than the reference does not repeat.
   [[nodiscard]] bool repeats(double period_s) const {
     if (period_s <= 0 || 2 * period_s > end) return false;
+    if (fast >= unasked(3)) return false;  // a swing faster than the reference
     const double extent = span(error, end - period_s, end).extent();
     // A curve's points are so far apart; a sine changes by up to pi extents in a period.
     const double apart = end / (static_cast<double>(error.size()) / 2);
@@ -222,14 +223,16 @@ struct Joint {
     return position.extent() <= hardly * of(q_ref, 3).extent() &&
            sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
-  /// Returns true if the error still falls: nearly as fast as in the quarter before, or as slowly
-  /// as the linear loop's slowest mode, before that has settled.
+  /// Returns true if the error still falls: nearly as fast as in the quarter before; or, before the
+  /// linear loop has settled, faster and faster, or as slowly as its slowest mode.
   [[nodiscard]] bool still_settles(const Context& context) const {
     const double before = in[2].extent(), fall = in[2].peak() - last.peak();
     const bool falls =
         fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), 0.5 * before);
     if (falls) return true;
     if (!context.loop.stable || context.rested_s >= context.loop.settling_s) return false;
+    const bool begins = in[1].extent() < before && before < last.extent() && fall > 2 * by_noise();
+    if (begins) return true;
     return fall >= 0.5 * last.peak() * std::expm1(context.loop.decay_per_s * quarter);
   }
   void found(Outcome word, Cause why = Cause::unknown) {

@@ -335,7 +335,7 @@ class Reader {
     }
     const std::vector<double> q = numbers(*origin, "quat_xyzw");
     constexpr double tolerance = 1e-3;
-    const auto unit = [&] { return std::hypot(std::hypot(q[0], q[1], q[2]), q[3]); };
+    const auto unit = [&] { return Eigen::Map<const Eigen::Vector4d>(q.data()).norm(); };
     if (q.size() != 4 || std::abs(unit() - 1) > tolerance) {
       refuse_value(*origin, "quat_xyzw", "four finite numbers x y z w of length 1");
     }

@@ -83,7 +83,7 @@ TEST_F(AFile, MayHaveTheNamesOfAnother) {
   write("plant/b.cpp", "namespace {\nint same = 1, notTheSame = 2;\n}\n");
   const Outcome outcome = clang_tidy();
   EXPECT_NE(outcome.exit_code, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to robot/b.cpp"));
+  EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to plant/b.cpp"));
   EXPECT_THAT(outcome.output, Not(HasSubstr("plant/a.cpp")));
 }
 

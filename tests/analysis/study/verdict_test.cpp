@@ -360,7 +360,7 @@ TEST(VerdictOfACase, RestsBesideThoughNoiseShakesIt) {
 
 TEST(VerdictOfACase, IsConvergedWhereOnlyNoiseMakesTheError) {
   for (const char* seed : {"1", "2", "3", "4"}) {
-    const Verdict seen = of_case("noise_is_no_limit_cycle", {std::string("plant.seed=") + seed});
+    const Verdict seen = of_case("noise_is_no_limit_cycle", {std::string("plant.encoder.seed=") + seed});
     EXPECT_EQ(seen.word(), "converged") << text(seen, rotary);
   }
 }

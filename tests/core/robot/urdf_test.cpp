@@ -294,7 +294,7 @@ const std::vector<Wrong>& wrong_arms() {
       {"Xacro",
        "<child link=\"tool\"/>",
        "<child link=\"tool\"/><xacro:origin/>",
-       {"line 33", "\"<xacro:origin>\" is for xacro", "run `xacro arm.urdf > robot.urdf`"}},
+       {"line 33", "\"<xacro:origin>\" is for xacro", "run xacro arm.urdf > robot.urdf and give"}},
       {"XacroElement", "</robot>", "<xacro:arm/></robot>", {"\"<xacro:arm>\" is for xacro"}},
       {"XacroNumber", "upper=\"2\"", "upper=\"${2*pi}\"", {"\"${2*pi}\" is for xacro"}},
       {"LimitsClosed",

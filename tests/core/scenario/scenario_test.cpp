@@ -722,9 +722,9 @@ TEST_F(ScenarioFile, WhoseUrdfIsMissingOrRefusedSaysSo) {
 }
 
 TEST_F(ScenarioFile, ThatIsXmlIsAnsweredByWhatItIs) {
-  EXPECT_THAT(refusal_of_file("two.urdf"), HasSubstr("two.urdf --write SCENARIO.yaml` makes a"));
+  EXPECT_THAT(refusal_of_file("two.urdf"), HasSubstr("two.urdf --write SCENARIO.yaml makes a"));
   write("a.xacro", "\n<robot xmlns:xacro='http://ros.org/wiki/xacro'/>");
-  EXPECT_THAT(refusal_of_file("a.xacro"), HasSubstr("a.xacro > robot.urdf` and give robot.urdf"));
+  EXPECT_THAT(refusal_of_file("a.xacro"), HasSubstr("a.xacro > robot.urdf and give robot.urdf"));
   write("a.sdf", "<sdf version='1.6'/>");
   EXPECT_THAT(refusal_of_file("a.sdf"), HasSubstr("a.sdf: an SDF file"));
   write("a.xml", "\xef\xbb\xbf<mujoco/>");

@@ -110,7 +110,7 @@ TEST_F(Xacro, SaysWhatIsMissingOrWrong) {
 TEST_F(Xacro, RefusesAnArgumentThatNoFileDeclares) {
   std::ofstream(directory_ / "part.xacro") << R"(<r><xacro:arg default="1" name='inner'/></r>)";
   install(
-      std::string("if [ \"$2\" = --deps ]; then echo \"$(dirname \"$1\")/part.xacro\" > \"$4\"; "
+      std::string("if [ \"$4\" = --deps ]; then echo \"$(dirname \"$1\")/part.xacro\" > \"$3\"; "
                   "exit; fi\n") +
       stand_in);
   EXPECT_THAT(
