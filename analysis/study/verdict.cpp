@@ -223,8 +223,9 @@ struct Joint {
     return position.extent() <= hardly * of(q_ref, 3).extent() &&
            sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
-  /// Returns true if the error still falls: nearly as fast as in the quarter before; or, before the
-  /// linear loop has settled, faster and faster, or as slowly as its slowest mode.
+  /// Returns true if the error still falls nearly as fast as in the quarter before. Returns true
+  /// before the linear loop has settled if the error moves, begins to fall, or falls as slowly as
+  /// the loop's slowest mode.
   [[nodiscard]] bool still_settles(const Context& context) const {
     const double before = in[2].extent(), fall = in[2].peak() - last.peak();
     const bool falls =
@@ -232,7 +233,7 @@ struct Joint {
     if (falls) return true;
     if (!context.loop.stable || context.rested_s >= context.loop.settling_s) return false;
     const bool begins = in[1].extent() < before && before < last.extent() && fall > 2 * by_noise();
-    if (begins) return true;
+    if (begins || last.extent() > constant * last.peak() + noise + 2 * by_noise()) return true;
     return fall >= 0.5 * last.peak() * std::expm1(context.loop.decay_per_s * quarter);
   }
   void found(Outcome word, Cause why = Cause::unknown) {
