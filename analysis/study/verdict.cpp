@@ -146,11 +146,12 @@ struct Joint {
   [[nodiscard]] int turns_in(const std::vector<Point>& points, int i, double amplitude) const {
     return turns(points, i * quarter, (i + 1) * quarter, amplitude);
   }
-  /// Returns how often an error turns in a quarter, at least, if the reference does not make it.
-  [[nodiscard]] int unasked(int i) const {
-    const int asked = turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
-    return std::max(6, 3 * (asked + 1) + 1);
+  /// Returns how often the reference turns in a quarter.
+  [[nodiscard]] int asked(int i) const {
+    return turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
   }
+  /// Returns how often an error turns in a quarter, at least, if the reference does not make it.
+  [[nodiscard]] int unasked(int i) const { return std::max(6, 3 * (asked(i) + 1) + 1); }
 
   /// Returns the size of the swings in a quarter that the reference does not make: by how much the
   /// error goes back that often. A slow error on which they ride is not in it. 0: noise.
@@ -178,7 +179,8 @@ struct Joint {
   /// each eighth of it. A swing that is faster than the reference does not repeat.
   [[nodiscard]] bool repeats(double period_s) const {
     if (period_s <= 0 || 2 * period_s > end) return false;
-    if (fast >= unasked(3)) return false;  // a swing faster than the reference
+    // Inertia and gravity make errors of twice the reference's frequency, not faster ones.
+    if (fast > 2 * (asked(3) + 1)) return false;
     const double extent = span(error, end - period_s, end).extent();
     // A curve's points are so far apart; a sine changes by up to pi extents in a period.
     const double apart = end / (static_cast<double>(error.size()) / 2);
