@@ -46,7 +46,6 @@ const std::map<std::string, Names> users = {
     {"CLI/", {"core/session", "tools/cli"}},
     {"SimTKsimbody.h", {"plant/simbody_multibody.cpp"}},
     {"coin/", {"analysis/numerics"}},
-    {"httplib.h", {"tools/live/live_server.cpp"}},
     {"lcm/", {}},
     {"nlopt.h", {"analysis/numerics/postures.cpp"}},
     {"pybind11/", {"python"}},
