@@ -106,6 +106,9 @@ struct Context {
   double rested_s = 0;     ///< time from the end of all motion to the end of the run
   double period_s = 0;     ///< of the reference
   LoopYardstick loop{};
+
+  /// Returns true if the run, from the end of all motion on, is shorter than the loop's settling.
+  [[nodiscard]] bool unsettled() const { return loop.stable && rested_s < loop.settling_s; }
 };
 
 /// A joint's run in the numbers that decide.
@@ -207,7 +210,7 @@ struct Joint {
     const double first_half = std::max(in[0].peak(), in[1].peak());
     constexpr double growth = 4;  // an error's quarters on a motion differ by less
     if (within(small_share) || last.peak() <= growth * first_half + by_noise()) return false;
-    if (repeats(context.period_s)) return false;
+    if (repeats(context.period_s) || (context.unsettled() && last.peak() <= scale)) return false;
     const double asked_before = span(q_ref, 0, 2 * quarter).extent();
     return last.peak() > scale || of(q_ref, 3).extent() <= asked_before;
   }
@@ -225,18 +228,12 @@ struct Joint {
     return position.extent() <= hardly * of(q_ref, 3).extent() &&
            sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
-  /// Returns true if the error still falls nearly as fast as in the quarter before. Returns true
-  /// before the linear loop has settled if the error moves, begins to fall, or falls as slowly as
-  /// the loop's slowest mode.
+  /// Returns true if the error still falls nearly as fast as in the quarter before, or if the loop
+  /// has not had the time in which it settles.
   [[nodiscard]] bool still_settles(const Context& context) const {
+    if (context.unsettled()) return true;
     const double before = in[2].extent(), fall = in[2].peak() - last.peak();
-    const bool falls =
-        fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), 0.5 * before);
-    if (falls) return true;
-    if (!context.loop.stable || context.rested_s >= context.loop.settling_s) return false;
-    const bool begins = in[1].extent() < before && before < last.extent() && fall > 2 * by_noise();
-    if (begins || last.extent() > constant * last.peak() + noise + 2 * by_noise()) return true;
-    return fall >= 0.5 * last.peak() * std::expm1(context.loop.decay_per_s * quarter);
+    return fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), 0.5 * before);
   }
   void found(Outcome word, Cause why = Cause::unknown) {
     outcome = word;
@@ -251,8 +248,6 @@ struct Joint {
     const bool beside = middle > std::max(converged_share * scale, noise) + by_noise();
     if (beside || half <= std::max(noise, by_noise())) return found(Outcome::rests_beside);
     // Nothing but the loop itself makes a swing at rest.
-    if (context.loop.stable && context.rested_s < context.loop.settling_s)
-      return found(Outcome::lags, Cause::settling);
     found(half > small ? Outcome::oscillates : Outcome::lags);
   }
   void judge(const Context& context) {
@@ -493,7 +488,7 @@ std::string lag_text(const Verdict& verdict) {
     case Cause::settling:
       if (verdict.loop_settles_s > verdict.rested_s) {
         return fmt::format(
-            "; still settling: the loop settles in {:.2g} s, the run gave it {:.2g} s",
+            "; the loop settles in {:.2g} s, the run gave it {:.2g} s",
             verdict.loop_settles_s, verdict.rested_s);
       }
       return "; still settling: the error decays";

@@ -117,7 +117,8 @@ std::string refuted(const RandomScenario& scenario, const Verdict& seen) {
     case Outcome::lags:
       if (!next.whole || next.peak > 1.5 * seen.error + noise)
         return fmt::format("the error becomes {:.3g}", next.peak);
-      if (seen.cause == Cause::settling && next.peak > 0.95 * seen.error + noise)
+      if (seen.cause == Cause::settling && seen.loop_settles_s <= seen.rested_s &&
+          next.peak > 0.95 * seen.error + noise)
         return fmt::format("the error stays {:.3g}", next.peak);
       return "";
     case Outcome::rests_beside:
