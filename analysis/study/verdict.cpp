@@ -233,7 +233,8 @@ struct Joint {
   [[nodiscard]] bool still_settles(const Context& context) const {
     if (context.unsettled()) return true;
     const double before = in[2].extent(), fall = in[2].peak() - last.peak();
-    return fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), 0.5 * before);
+    const double moving = 0.5 * std::min(before, last.peak());
+    return fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), moving);
   }
   void found(Outcome word, Cause why = Cause::unknown) {
     outcome = word;
