@@ -263,7 +263,8 @@ struct Joint {
       return still_settles(context) ? found(Outcome::lags, Cause::settling)
                                     : found(Outcome::rests_beside);
     }
-    const bool settles = !within(1) || last.peak() < 0.95 * in[2].peak();
+    const bool had_time = context.loop.stable && !context.unsettled();
+    const bool settles = !had_time && (!within(1) || last.peak() < 0.95 * in[2].peak());
     found(Outcome::lags, settles             ? Cause::settling
                          : context.disturbed ? Cause::disturbance
                                              : Cause::motion);
