@@ -148,8 +148,7 @@ struct RunInfo : LawInfo {
 
 /// logger -> plant; `Stamp::tick` is the last tick recorded without a gap.
 struct LogAck {
-  std::uint64_t missing = 0;  ///< bit i: the start of tick + 1 + i was seen, but the tick is
-                              ///< incomplete
+  std::uint64_t missing = 0;  ///< bit i: tick + 1 + i has begun but is incomplete
 
   static constexpr std::string_view type = "tachless.log_ack_t", suffix = "LOG_ACK";
   static constexpr auto fields = std::tuple{number("missing", "", Kind::int64, &LogAck::missing)};
