@@ -89,7 +89,7 @@ class AnyLaw {
   }
 
  protected:
-  messages::TorqueCommand command_;  ///< of the last step [N m; N]
+  messages::TorqueCommand command_;  ///< command of the last step [N m; N]
   messages::LawSignals signals_of_step_;
 
  private:
@@ -108,7 +108,7 @@ class AnyLaw {
   int longest_gap_;
   std::int64_t tick_ = -1;
   bool started_ = false;
-  std::string gains_;  ///< of the last step's reference
+  std::string gains_;  ///< gains of the last step's reference
 };
 
 /// A law of C++ as an AnyLaw, with the friction feed-forward of the scenario, if any.

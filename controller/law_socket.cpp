@@ -27,8 +27,8 @@ using base::ExitCode;
 using base::Failure;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::seconds start_limit{30};  // time for an interpreter and its packages on a
-                                                 // busy machine
+/// Time for an interpreter and its packages to start on a busy machine.
+constexpr std::chrono::seconds start_limit{30};
 constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
 
@@ -245,8 +245,8 @@ class ExternalLaw final : public AnyLaw {
   [[nodiscard]] std::span<const messages::Signal> signals() const override { return signals_; }
 
  private:
-  void retune(std::string_view /*gains*/) override {}  // the program retunes its law by the
-                                                       // reference it receives
+  /// Does nothing: the program retunes its law by the reference it receives.
+  void retune(std::string_view /*gains*/) override {}
   /// Asks the program, which counts the ticks between two measurements itself.
   void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
                const messages::ReferencePoint& reference, int /*ticks*/) override {
@@ -336,8 +336,8 @@ LawProgram::LawProgram(const scenario::Scenario& scenario, const std::string& co
 std::vector<Vector> LawProgram::answers(double period_s, bool weightless,
                                         std::span<const messages::AnyMeasurement> measurements,
                                         const messages::ReferencePoint& reference) {
-  constexpr std::size_t under_way = 16;  // ticks sent ahead of their answers; far below the
-                                         // capacity of a socket
+  // Ticks sent ahead of their answers; far below the capacity of a socket.
+  constexpr std::size_t under_way = 16;
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
   try {

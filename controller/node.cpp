@@ -103,13 +103,13 @@ class Node {
   session::Session& session_;
   ScenarioLaw law_;
   messages::LawInfo info_;
-  std::string prefix_;  ///< of the robot's channels
+  std::string prefix_;  ///< prefix of the robot's channels
   messages::Layout layout_;
   Input<messages::AnyMeasurement> measurement_;
   Input<messages::ReferencePoint> reference_;
   messages::Port<messages::TorqueCommand> command_;
   messages::Port<messages::LawSignals> state_;
-  std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
+  std::span<const std::byte> command_bytes_, state_bytes_;  ///< messages of the newest tick
 
  private:
   template <class Value>

@@ -98,8 +98,7 @@ const LawFacts& law_facts(std::string_view name) {
   static const LawFacts external{.name = controller::external_law_name,
                                  .source = "the program that --controller names",
                                  .no_linearisation = "it is computed by another program",
-                                 .has_feedforward_lead = true};  // the program decides about the
-                                                                 // lead
+                                 .has_feedforward_lead = true};  // the program decides it
   if (name == external.name) return external;
   for (const LawFacts& law : laws()) {
     if (law.name == name) return law;

@@ -41,8 +41,7 @@ struct LawFacts {
   std::vector<Parameter> parameters{};
   std::string_view source{}, proved{}, conditions{};
   std::string_view lyapunov_formula{};  ///< empty if the law declares no Lyapunov function
-  std::string_view no_linearisation{};  ///< reason why the law cannot be linearised; empty if it
-                                        ///< can
+  std::string_view no_linearisation{};  ///< reason against linearisation; else empty
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< the reference must be constant
   bool has_feedforward_lead = false;

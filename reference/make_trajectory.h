@@ -66,7 +66,7 @@ class Motion {
   [[nodiscard]] std::vector<double> closely(int at_least = 2000, int at_most = 200000) const;
 
  private:
-  std::vector<double> time_s_, share_;  ///< of the waypoints [s], and their share of the interval
+  std::vector<double> time_s_, share_;  ///< waypoints' times [s] and shares of the interval
   double cycles_ = 0;                   ///< number of periods of the fastest sinusoid
 };
 

@@ -34,8 +34,7 @@ struct Step {
 struct Settings {
   double period_s = 1e-3;                                    ///< h [s]
   Discretisation filter = Discretisation::first_order_hold;  ///< of the law's filters
-  FilterStart filter_start = FilterStart::at_error;          ///< state of the filters before the
-                                                             ///< first tick
+  FilterStart filter_start = FilterStart::at_error;          ///< initial state of the filters
   double feedforward_lead_s = 0;  ///< how far ahead the feed-forward is evaluated [s]
   /// Standard deviation of a measured position by the encoder's data sheet [rad]; zero or empty:
   /// ideal.
@@ -144,7 +143,7 @@ concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 /// rule checks no margin; `design` checks them (analysis/design/design.h).
 struct Tuning {
   double w = 0;            ///< bandwidth [rad/s]
-  double damping = 1;      ///< of the two poles
+  double damping = 1;      ///< damping of the two poles
   double filter = 0;       ///< pole of filters and observers [1/s]
   double period_s = 1e-3;  ///< h [s]
   Vector inertia;          ///< inertia that each joint moves [kg m2]

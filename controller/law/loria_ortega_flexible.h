@@ -10,8 +10,8 @@
 namespace tachless::controller::law {
 
 struct LoriaOrtegaFlexibleGains {
-  Vector kp1, kd1, a1, b1;  ///< of the link's error
-  Vector kp2, kd2, a2, b2;  ///< of the motor's error
+  Vector kp1, kd1, a1, b1;  ///< gains of the link's error
+  Vector kp2, kd2, a2, b2;  ///< gains of the motor's error
 
   using Self = LoriaOrtegaFlexibleGains;
   static constexpr std::tuple keys{
@@ -33,9 +33,8 @@ struct LoriaOrtegaFlexibleGains {
 ///
 /// thetaddot_ref is exact. Jets (value, first and second time derivative) go through the one
 /// inverse dynamics. Forward dynamics of the first line of eq. 1 give the second derivative of q.
-/// The continuous filter's equations, evaluated at the sampled filter's output, give nu1dot = -A1
-/// nu1 + B1 e1dot and nu1ddot = -A1 nu1dot + B1 e1ddot. The law uses the reference's derivatives up
-/// to snap.
+/// The continuous filter's equations give nu1dot = -A1 nu1 + B1 e1dot and nu1ddot = -A1 nu1dot + B1
+/// e1ddot at the sampled filter's output. The law uses the reference's derivatives up to snap.
 ///
 /// The law uses neither motor velocity nor measured link jerk.
 class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {

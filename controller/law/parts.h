@@ -130,9 +130,9 @@ class LawOf {
     return feedforward_ahead(reference, settings_.feedforward_lead_s);
   }
 
-  Robot robot_;
-  Gains gains_;
-  Settings settings_;
+  Robot robot_;        ///< the law's model of the robot
+  Gains gains_;        ///< parameters of the law
+  Settings settings_;  ///< sampling
 };
 
 /// Base of the laws for rigid joints.

@@ -94,8 +94,8 @@ struct Participant : LawInfo {  ///< the LawInfo of a controller only
   PerRole heard_instance{}, heard_counter{};
   /// Instances that take part in the run. The plant chooses them, and the others confirm them.
   PerRole roster{};
-  std::int64_t truth_digest = 0;  ///< only of a lockstep plant that has finished: digest of all
-                                  ///< TRUTH, in order
+  /// Lockstep plant that has finished: digest of all TRUTH, in order; else 0.
+  std::int64_t truth_digest = 0;
 
   using Value = Participant;
   static constexpr std::size_t longest = max_participant_text;
@@ -157,7 +157,7 @@ struct LogAck {
 /// `tachless gains` -> reference; `Stamp::tick` is the newest that the sender has seen.
 struct GainChange {
   std::string gains;                 ///< in the form of scenario::gains_text
-  std::int64_t scenario_digest = 0;  ///< of the scenario that the sender has analysed
+  std::int64_t scenario_digest = 0;  ///< digest of the scenario that the sender has analysed
   std::int64_t number = 0;           ///< random; `GainAck` repeats it
 
   static constexpr std::string_view type = "tachless.gains_t", suffix = "GAINS";
@@ -169,7 +169,7 @@ struct GainChange {
 
 /// reference -> `tachless gains`: a change is accepted. `Stamp::tick` is the first tick with it.
 struct GainAck {
-  std::int64_t number = 0;  ///< of the accepted `GainChange`
+  std::int64_t number = 0;  ///< number of the accepted `GainChange`
 
   static constexpr std::string_view type = "tachless.gains_ack_t", suffix = "GAINS_ACK";
   static constexpr auto fields =

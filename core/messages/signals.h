@@ -102,8 +102,8 @@ struct TorqueCommand {
 /// Name and unit of one signal that a law declares, for the log. The unit is that of a revolute
 /// joint, in SI symbols ("rad", "rad/s", "N m"); the name holds neither ':' nor ','.
 struct Signal {
-  std::string_view name;  ///< of the column
-  std::string_view unit;  ///< of its values
+  std::string_view name;  ///< name of the column
+  std::string_view unit;  ///< unit of its values
 };
 
 /// Most signals that a law may declare.

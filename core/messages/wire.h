@@ -58,8 +58,9 @@ using messages::all_finite;
 template <class Value>
 class Codec {
  public:
-  /// @throw std::logic_error if the message has joint arrays and the layout does not hold 1 to
-  /// max_joints joints, as many motors or none, and 0 to messages::max_signals signals
+  /// @throw std::logic_error if the message has joint arrays and the layout is not possible.
+  /// Possible are 1 to max_joints joints, as many motors or none, and 0 to messages::max_signals
+  /// signals.
   explicit Codec(const messages::Layout& layout);
 
   /// Returns the message's bytes, valid until the next call. Precondition: sizes agree with the
@@ -81,9 +82,9 @@ class Codec {
  private:
   messages::Layout layout_;
   std::size_t min_size_;
-  std::vector<std::byte> bytes_;    ///< of the last encoded message; sized for the longest
-  std::unique_ptr<Value> scratch_;  ///< target of decoding, so that a rejected message changes
-                                    ///< nothing
+  std::vector<std::byte> bytes_;  ///< last encoded message; sized for the longest
+  /// Target of decoding, so that a rejected message changes nothing.
+  std::unique_ptr<Value> scratch_;
 };
 
 /// Codec of the measurement that a channel suffix names; it decodes values of that type.

@@ -53,9 +53,9 @@ class LogWindow {
   std::int64_t newest_ = -1;   ///< newest tick with a received message other than the reference
   Ack acked_;                  ///< the acknowledgement returned last
   std::int64_t newest_acked_ = -1;  ///< `newest_` at that acknowledgement
-  bool asked_again_ = false;        ///< the plant has repeated a message, because it lacks an
-                                    ///< acknowledgement
-  bool filled_late_ = false;        ///< a gap has been filled since the last acknowledgement
+  /// The plant has repeated a message, because it lacks an acknowledgement.
+  bool asked_again_ = false;
+  bool filled_late_ = false;  ///< a gap has been filled since the last acknowledgement
 };
 
 }  // namespace tachless::session

@@ -136,9 +136,7 @@ void Membership::react(Reaction what, const messages::Stamp& stamp,
       break;
   }
   const auto& [from, first] = peers_.remember(stamp, peer, sender, lived, now);
-  if (first)
-    announce_soon(now);  // a newcomer gets an announcement without waiting for the next
-                         // period
+  if (first) announce_soon(now);  // a newcomer need not wait for the next period
   switch (what) {
     case Reaction::join:
       return join(from, now);

@@ -53,9 +53,9 @@ class Membership {
     std::int64_t run = 0;  ///< plant only: the run that it has chosen, > 0
     /// Longest time until the run begins; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
-    std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer is lost after so long a
-                                                                 ///< silence
-    bool counters_required = true;                               ///< false on a bus without a key
+    /// Silence after which a peer is lost.
+    std::chrono::nanoseconds give_up = std::chrono::seconds(5);
+    bool counters_required = true;  ///< false on a bus without a key
   };
 
   struct Announcement {
@@ -202,16 +202,16 @@ class Membership {
   messages::ParticipantState state_ = messages::ParticipantState::waiting;
   std::int64_t run_ = 0;
   bool joined_ = false;
-  bool outside_ = false;  ///< refused or superfluous process: its fault is announced outside any
-                          ///< run
+  /// Refused or superfluous process: its fault is announced outside any run.
+  bool outside_ = false;
   bool complete_ = false;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
   Peers peers_;
   Announcement announcement_;
   messages::PerRole roster_{};
-  std::array<bool, messages::num_roles> confirmed_{};  ///< plant: the roles that have confirmed the
-                                                       ///< roster
+  /// Plant: the roles that have confirmed the roster.
+  std::array<bool, messages::num_roles> confirmed_{};
   std::array<bool, messages::num_roles> done_{};
   std::int64_t end_counter_ = 0;  ///< counter of the first own announcement of having finished
   std::optional<base::Failure> failure_;

@@ -35,8 +35,8 @@ class Peers {
   static constexpr std::chrono::milliseconds forgotten_after{1000};
 
   struct Peer {
-    messages::Participant participant;  ///< content of its newest announcement that proved it
-                                        ///< alive, else of its first
+    /// Content of its newest announcement that proved it alive, else of its first.
+    messages::Participant participant;
     std::int64_t run = 0;
     std::int64_t tick = -1;  ///< newest tick that it has handled
     std::string sender;
@@ -103,9 +103,8 @@ class Peers {
   messages::Role own_role_;
   std::int64_t own_instance_;
   bool counters_required_;
-  std::int64_t counter_ = 0;             ///< of the last own announcement
-  std::array<Time, answerable> sent_{};  ///< sending times of the last own announcements, by
-                                         ///< counter
+  std::int64_t counter_ = 0;             ///< counter of the last own announcement
+  std::array<Time, answerable> sent_{};  ///< times of the last own announcements
   messages::PerRole holders_{};
   std::vector<Peer> peers_;
 };

@@ -177,18 +177,12 @@ class MissedCommandMonitor {
   /// Ends the tick.
   void end();
 
-  [[nodiscard]] std::int64_t missed() const { return missed_; }  ///< ticks without a command
-  [[nodiscard]] std::int64_t missed_in_a_row() const {
-    return in_a_row_;
-  }  ///< number of
-     ///< consecutive ticks
-     ///< without a command
-     ///< up to now
-  [[nodiscard]] std::int64_t longest_miss() const {
-    return longest_;
-  }  ///< greatest number of
-     ///< consecutive ticks
-     ///< without a command
+  /// Returns the number of ticks without a command.
+  [[nodiscard]] std::int64_t missed() const { return missed_; }
+  /// Returns the number of consecutive ticks without a command up to now.
+  [[nodiscard]] std::int64_t missed_in_a_row() const { return in_a_row_; }
+  /// Returns the greatest number of consecutive ticks without a command.
+  [[nodiscard]] std::int64_t longest_miss() const { return longest_; }
   /// Returns whether more than `max_missed` consecutive commands were missed; the protective stop
   /// is then due.
   [[nodiscard]] bool has_missed_too_many() const { return in_a_row_ > max_missed_; }

@@ -40,8 +40,7 @@ class Session {
   struct Config {
     messages::Role role = messages::Role::plant;
     std::optional<std::int64_t> run_id = {};  ///< plant only; default: microseconds since 1970
-    double wait_s = 0;                        ///< longest wait for the others at the start; 0 =
-                                              ///< unlimited
+    double wait_s = 0;                        ///< at the start, for the others; 0 = unlimited
     /// Becomes true when the user wants the process to end.
     const std::atomic<bool>* interrupted = nullptr;
     std::int64_t instance = 0;         ///< distinguishes two processes of one role; 0: a random one
@@ -211,7 +210,7 @@ class Session {
   session::Membership::Self self_;
   std::optional<session::Membership> membership_;
   messages::Codec<messages::Participant> codec_;
-  messages::Stamp stamp_;       ///< of the last announcement received
+  messages::Stamp stamp_;       ///< stamp of the last announcement received
   messages::Participant peer_;  ///< content of that announcement
   KeyCheck key_check_;
   messages::PerRole entered_{};  ///< roster of the session that the bus has entered

@@ -131,9 +131,9 @@ struct Statistics {
   std::optional<std::string> fault;
   std::int64_t run_id = 0;
   std::int64_t ticks = 0;
-  double wall_s = 0;            ///< from the start of the run to its end
-  LatencyHistogram work_us;     ///< own work per tick: the plant's step, the law's step, computing
-                                ///< a reference, writing
+  double wall_s = 0;  ///< from the start of the run to its end
+  /// Own work per tick: the plant's step, the law's step, computing a reference, or writing.
+  LatencyHistogram work_us;
   std::int64_t resends = 0;     ///< messages sent again
   std::int64_t duplicates = 0;  ///< messages received again
   RejectionTally rejected;

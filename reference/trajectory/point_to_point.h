@@ -8,10 +8,12 @@
 
 namespace tachless::reference::trajectory {
 
-/// Motion from one position to another along p(s) = 126 s^5 - 420 s^6 + 540 s^7 - 315 s^8 + 70 s^9,
-/// s = (t - start) / duration. p is the only polynomial of degree 9 that is at rest through snap at
-/// both ends. The reference is `from` before `start_s` and `to` after start_s + duration_s. It is
-/// C4 everywhere.
+/// Motion from one position to another along p(s), with s = (t - start) / duration:
+///
+///   p(s) = 126 s^5 - 420 s^6 + 540 s^7 - 315 s^8 + 70 s^9.
+///
+/// p is the only polynomial of degree 9 that is at rest through snap at both ends. The reference is
+/// `from` before `start_s` and `to` after start_s + duration_s. It is C4 everywhere.
 struct PointToPoint {
   Vector from_rad;  ///< [rad; m if prismatic]
   Vector to_rad;    ///< [rad; m if prismatic]

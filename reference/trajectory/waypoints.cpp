@@ -14,8 +14,8 @@ namespace {
 /// Coefficients of one joint's polynomial over one piece, in x in [0, 1].
 using Coefficients = std::array<double, 10>;
 
-/// Returns the polynomial that is at rest through snap at x = 0 (position q0) and has the given
-/// position, velocity and acceleration at x = 1.
+/// Returns the polynomial that is at rest through snap at x = 0, with position q0 there. It has the
+/// given position, velocity and acceleration at x = 1.
 Coefficients from_rest(double q0, double q1, double v1, double a1) {
   const double d = q1 - q0;
   const double c5 = 21 * d - 6 * v1 + a1 / 2;

@@ -190,8 +190,8 @@ std::vector<std::byte> Forger::name(const Sent& honest) {
   named.erase(begin, begin + static_cast<std::ptrdiff_t>(at.size));
   const auto bytes = std::as_bytes(std::span(weapon));
   named.insert(named.begin() + static_cast<std::ptrdiff_t>(at.offset), bytes.begin(), bytes.end());
-  constexpr std::size_t length = sizeof(std::int32_t);  // the length counts the NUL and stands
-                                                        // before the text
+  // The length counts the NUL and stands before the text.
+  constexpr std::size_t length = sizeof(std::int32_t);
   put(weapon.size() + 1, std::span(named).subspan(at.offset - length, length));
   return named;
 }

@@ -71,8 +71,8 @@ TEST(Invariants, SayThatSomebodyEndsWellWithoutAWholeLog) {
               ElementsAre("the plant ends with 0: the log has 7 of 13 events"));
   evidence.plan.pace = Pace::realtime;
   EXPECT_THAT(a_good_end_has_a_whole_log(evidence), HasSubstr("lacks ARM_TICK of 1"));
-  evidence.num_overflowed = 3;  // the logger was suspended and missed messages that are not
-                                // repeated
+  // The logger was suspended and missed messages that are not repeated.
+  evidence.num_overflowed = 3;
   EXPECT_EQ(a_good_end_has_a_whole_log(evidence), "");
 }
 

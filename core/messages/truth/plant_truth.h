@@ -26,8 +26,7 @@ struct PlantTruth {
 
   using Value = PlantTruth;
   static constexpr std::string_view type = "tachless_truth.plant_truth_t", suffix = "TRUTH";
-  static constexpr std::size_t num_states = 4;  ///< the first fields; the others belong to the
-                                                ///< drives
+  static constexpr std::size_t num_states = 4;  ///< first fields; the others are the drives'
   static constexpr auto fields = std::tuple{
       per_joint("position", "q", "rad", &Value::q, "link position"),
       per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),

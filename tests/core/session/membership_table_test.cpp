@@ -257,8 +257,7 @@ class Cell {
   }
 
  private:
-  static constexpr std::int64_t older = 1'000'000'000;  // age of a rival that is older than the
-                                                        // member [us]
+  static constexpr std::int64_t older = 1'000'000'000;  // age of an older rival [us]
 
   static std::int64_t instance_of(Role role) { return static_cast<std::int64_t>(role) + 1; }
 
