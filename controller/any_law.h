@@ -93,8 +93,8 @@ class AnyLaw {
   messages::LawSignals signals_of_step_;
 
  private:
-  /// Sets `command_` and `signals_of_step_` to those of the step `ticks` periods after the last
-  /// one. With 0 it computes the first step, from the law's start memory.
+  /// Computes the step `ticks` periods after the last one into `command_` and `signals_of_step_`.
+  /// With 0 it computes the first step, from the law's start memory.
   virtual void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
                        const messages::ReferencePoint& reference, int ticks) = 0;
 

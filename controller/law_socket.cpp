@@ -262,8 +262,8 @@ class ExternalLaw final : public AnyLaw {
   Codecs codecs_;
 };
 
-/// Returns the overrides that change the scenario to that period and those gains. `gains` has the
-/// form of scenario::gains_text; an empty text keeps the scenario's gains.
+/// Returns the overrides that give the scenario this period and these gains. `gains` has the form
+/// of scenario::gains_text; an empty text keeps the scenario's gains.
 std::vector<std::string> changes(const scenario::Scenario& scenario, double period_s,
                                  const std::string& gains) {
   std::vector<std::string> all;

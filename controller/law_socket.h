@@ -14,8 +14,8 @@
 
 /// A law in another process of this machine, which answers over a pair of sockets instead of the
 /// bus. The caller sends RUN_INFO and receives the law's PARTICIPANT. For each tick the caller then
-/// sends measurement and reference, and receives command and state. The messages are those of the
-/// bus. The program that computes the law receives only these messages.
+/// sends measurement and reference, and receives command and state. The messages have the bus's
+/// format. The program that computes the law receives only these messages.
 namespace tachless::controller {
 
 /// One end of the pair. Message boundaries are kept (SOCK_SEQPACKET).
@@ -73,8 +73,8 @@ class LawProgram {
   /// Returns the name that the law announces.
   [[nodiscard]] const std::string& law() const { return info_.law; }
 
-  /// Returns the law's torques [N m] for these measurements. The measurements are those of ticks 0,
-  /// 1, … of a new run with that period. The reference is held, and the gains are the scenario's.
+  /// Returns the law's torques [N m] for these measurements, which belong to ticks 0, 1, … of a new
+  /// run with this period. The reference is held, and the gains are the scenario's.
   /// @param weightless computes without gravity
   /// @throw base::Failure as a step of `external_law`. Every later call throws the same failure,
   /// because unread answers may still be in the socket.

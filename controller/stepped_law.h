@@ -25,8 +25,8 @@ void unpack(const Eigen::VectorXd& from, std::span<Vector* const> vectors);
 std::vector<messages::Part> measure(const std::array<Vector, 4>& state,
                                     std::span<Vector* const> parts);
 
-/// A law with a fixed reference as functions of vectors. `memory` and `measurement` are those at
-/// rest on the reference. `start` returns the start memory for a measurement.
+/// A law with a fixed reference as functions of vectors. `memory` and `measurement` hold the values
+/// at rest on the reference. `start` returns the start memory for a measurement.
 struct SteppedLaw {
   law::LawStep step;
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> start;
@@ -48,7 +48,7 @@ using LyapunovFunction =
 
 /// Returns the Lyapunov function of the scenario's law. It uses the law's model; a payload unknown
 /// to the law is not in M. The result is empty if the law declares none.
-/// @param weights of its cross terms, if it has some: those of `lyapunov::certified_run`
+/// @param weights of its cross terms, if it has some; see `lyapunov::certified_run`
 /// @throw base::Failure(bad_usage) if the scenario gives no valid law.
 LyapunovFunction lyapunov_function(const scenario::Scenario& scenario,
                                    const law::LyapunovWeights& weights = {});

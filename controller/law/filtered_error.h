@@ -10,7 +10,8 @@ namespace tachless::controller::law {
 
 /// Base of the laws for rigid joints that feed back -Kp e - Kd nu, with nudot = -A nu + B edot.
 /// Their stability is proved by eq. 15 of Loria and Ortega (1995). The base alone is no law. `Self`
-/// is the law; its declarations replace those of the base. Kd B^-1 and Kd B^-1 A are symmetric.
+/// is the law; its declarations replace the base's declarations. Kd B^-1 and Kd B^-1 A are
+/// symmetric.
 template <class Self, class G = FilterGains>
 class FilteredError : public RigidLaw<G> {
  public:

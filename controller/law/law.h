@@ -136,7 +136,7 @@ concept PositionOnly = std::same_as<Measurement, messages::PositionMeasurement> 
 template <class L>
 concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 
-// ---- what a law may declare besides -----------------------------------------------------------
+// ---- optional declarations of a law -----------------------------------------------------------
 
 /// Inputs of a law's rule of thumb for its gains. The rule places two poles at the bandwidth w for
 /// each joint taken alone. A law with such a rule declares `static Gains tuned(const Tuning&)`. The

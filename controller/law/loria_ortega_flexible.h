@@ -114,7 +114,7 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
   }
 
   /// Eq. 15 with e = (e1, e2), nu = (nu1, nu2), M = blockdiag(M_l, J), Kp = [Kp1 + K, -K; -K, Kp2 +
-  /// K], and block diagonal Kd and B. theta_ref and its derivative are those at the true state.
+  /// K], and block diagonal Kd and B. theta_ref and its derivative are evaluated at the true state.
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė, links and motors";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,

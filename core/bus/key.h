@@ -56,7 +56,7 @@ class Digest {
   ~Digest();  ///< wipes its state
 
   void add(std::span<const std::byte> bytes);
-  /// Writes the digest, `size` bytes of it; nothing can be added afterwards.
+  /// Writes the digest of `size` bytes. No bytes can be added afterwards.
   void finish(std::span<unsigned char> digest);
   /// Returns the first 64 bits of the digest in network order: the same number on every host.
   [[nodiscard]] std::int64_t value() const;

@@ -14,7 +14,7 @@
 /// The members of `Codec`: loops over a message's table of fields. Only the two files that
 /// instantiate them include this header (wire.cpp, truth/truth_wire.cpp).
 ///
-/// The bytes are those of LCM: the type's fingerprint, then every field in order, big-endian. A
+/// The bytes have LCM's format: the type's fingerprint, then every field in order, big-endian. A
 /// text consists of an int32 length that counts the NUL, the characters, and the NUL. An array has
 /// no length of its own; a count before it gives the length.
 namespace tachless::messages::detail {

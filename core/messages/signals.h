@@ -99,8 +99,8 @@ struct TorqueCommand {
                            "motor torque commanded from this tick's measurement")};
 };
 
-/// Name and unit of one signal that a law declares, for the log. The unit is that of a revolute
-/// joint, in SI symbols ("rad", "rad/s", "N m"); the name holds neither ':' nor ','.
+/// Name and unit of one signal that a law declares, for the log. The unit applies to a revolute
+/// joint, in SI symbols ("rad", "rad/s", "N m"). The name contains neither ':' nor ','.
 struct Signal {
   std::string_view name;  ///< name of the column
   std::string_view unit;  ///< unit of its values

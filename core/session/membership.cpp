@@ -259,7 +259,7 @@ bool Membership::precedes(const messages::Stamp& stamp, const Peer& rival, Time 
   // Once this process has joined, the roster names the process of this role. A rival's claims do
   // not matter.
   if (joined_ && roster_[index(own_role())] == self_.who.instance) return false;
-  // A process in a roster does not yield to one that is in none.
+  // A process in a roster does not yield to a process outside any roster.
   const auto rank = [](ParticipantState state, bool in_roster) {
     return state == ParticipantState::running ? 2 : in_roster ? 1 : 0;
   };

@@ -28,7 +28,7 @@ constexpr std::int64_t largest_run_id = 9'000'000'000'000'000;
 struct Program {
   const char* name;
   const char* task;
-  const char* examples;  ///< in addition to those of all; {0} is the program
+  const char* examples;  ///< in addition to the common examples; {0} is the program
 };
 
 const Program& program_of(Role role) {

@@ -118,7 +118,7 @@ struct LoggerStatistics {
   Log log;
 };
 
-/// Statistics of a program: the common counters, and in `own` those of its role.
+/// Statistics of a program: the common counters, and in `own` the counters of its role.
 struct Statistics {
   explicit Statistics(messages::Role of = messages::Role::plant) : role(of) {
     if (of == messages::Role::reference) own.emplace<ReferenceStatistics>();

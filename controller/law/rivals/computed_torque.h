@@ -20,7 +20,7 @@ struct ComputedTorqueGains {
 ///
 ///   tau = M(q) (vdot_ref - Kd edot - Kp e) + C(q, v) v + g(q).
 ///
-/// With `feedforward_lead_s`, vdot_ref is taken that much ahead; all other values are those of the
+/// With `feedforward_lead_s`, vdot_ref is taken that much ahead; all other values belong to the
 /// measured instant.
 class ComputedTorque : public RigidLaw<ComputedTorqueGains>, public FullState {
  public:
