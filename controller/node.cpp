@@ -23,8 +23,7 @@ using session::CommandPicker;
 using session::CommandResponder;
 using session::Verdict;
 
-/// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
-/// tick. Preallocated.
+/// One of the law's two inputs: the decoded values of the last ticks in a preallocated ring.
 template <class Value>
 struct Input : messages::Port<Value> {
   struct Message {
@@ -47,8 +46,8 @@ session::LawInput input_of(Role from) {
   return from == Role::plant ? session::measurement_input : session::reference_input;
 }
 
-/// Base of both modes: receives the law's inputs, steps the law over a tick, publishes command
-/// and state. Does not know which tick is due.
+/// Base of both modes: receives the law's inputs, steps the law over a tick, and publishes command
+/// and state. The derived classes decide which tick is due.
 class Node {
  public:
   Node(const Node&) = delete;
@@ -70,7 +69,7 @@ class Node {
     receive(reference_, Role::reference);
   }
 
-  /// Judges a sound message of this run, before it is counted and kept.
+  /// Judges a valid message of this run, before the message is counted and kept.
   virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
   /// Acts on the judged message.
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
@@ -82,7 +81,7 @@ class Node {
   }
 
   /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
-  /// @throw base::Failure(protective_stop) when the result is not finite.
+  /// @throw base::Failure(protective_stop) if the result is not finite.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
@@ -91,7 +90,8 @@ class Node {
     command_bytes_ = session_.publish(command_, stamp, outcome.command);
     state_bytes_ = session_.publish(state_, stamp, outcome.signals);
 
-    // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
+    // stableNorm avoids overflow of the squares of a finite error. The norm of several joints may
+    // still overflow, hence min.
     const auto& signals = outcome.signals;
     const double error_norm = signals.num > 0 ? signals.value[0].stableNorm() : 0;
     session_.note_progress(tick, std::min(error_norm, std::numeric_limits<double>::max()));
@@ -103,13 +103,13 @@ class Node {
   session::Session& session_;
   ScenarioLaw law_;
   messages::LawInfo info_;
-  std::string prefix_;  ///< of the robot's channels
+  std::string prefix_;  ///< prefix of the robot's channels
   messages::Layout layout_;
   Input<messages::AnyMeasurement> measurement_;
   Input<messages::ReferencePoint> reference_;
   messages::Port<messages::TorqueCommand> command_;
   messages::Port<messages::LawSignals> state_;
-  std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
+  std::span<const std::byte> command_bytes_, state_bytes_;  ///< messages of the newest tick
 
  private:
   template <class Value>
@@ -124,7 +124,7 @@ class Node {
   }
 };
 
-/// Lockstep: every tick once, in order.
+/// Lockstep node, which computes every tick once and in order.
 class LockstepNode final : public Node {
  public:
   LockstepNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
@@ -160,11 +160,12 @@ class LockstepNode final : public Node {
   }
 
   CommandResponder responder_;
-  Action action_ = Action::nothing;  ///< that the message judged last asks for
+  Action action_ = Action::nothing;  ///< action that the last judged message asks for
 };
 
-/// Realtime: acts on the newest measurement whose reference is there. What was lost is passed over,
-/// by the law too (`AnyLaw`); never silently: gaps are counted, and reported at the end.
+/// Realtime node, which acts on the newest measurement whose reference has arrived. It skips ticks
+/// with lost messages, and so does the law (`AnyLaw`). It counts the gaps and reports them at the
+/// end.
 class RealtimeNode final : public Node {
  public:
   RealtimeNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
@@ -183,7 +184,7 @@ class RealtimeNode final : public Node {
       throw;
     }
     session_.leave();
-    count_gap(last_tick_ - acted_);  // the ticks that it never got to, since the run is over
+    count_gap(last_tick_ - acted_);  // ticks after the last command
     report_gaps();
   }
 
@@ -232,7 +233,7 @@ class RealtimeNode final : public Node {
   CommandPicker picker_;
   session::Pace pace_;
   std::int64_t last_tick_;
-  std::int64_t acted_ = -1;  ///< newest tick commanded
+  std::int64_t acted_ = -1;  ///< newest tick with a command
 };
 
 }  // namespace
