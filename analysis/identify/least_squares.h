@@ -36,7 +36,7 @@ struct Precision {
   Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
   /// Number of determined combinations: eigenvalues above 1e-9 of the largest.
   Eigen::Index rank = 0;
-  /// Of the determined combinations: square root of the ratio of eigenvalues.
+  /// Square root of the ratio of the determined eigenvalues.
   double condition = 0;
   Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
 };
