@@ -29,10 +29,10 @@ py::array_t<double> array_of(const Vector& x);
 Vector vector_of(const py::handle& object, int size, const std::string& what);
 
 /// Returns a law whose torque is `f(k, t, measurement, reference)`. If `f` has a method `reset`, it
-/// is called before the first step and after a long gap in realtime, when the memory has to start
-/// anew. An exception of the callable becomes a base::Failure, except KeyboardInterrupt with
-/// `Interrupt::passed_on`. The law logs the position error if it measures the links. Use and
-/// destroy the law without the GIL.
+/// is called before the first step. It is called again after a long gap in realtime, when the
+/// memory has to start anew. An exception of the callable becomes a base::Failure, except
+/// KeyboardInterrupt with `Interrupt::passed_on`. The law logs the position error if it measures
+/// the links. Use and destroy the law without the GIL.
 /// @param name as announced
 /// @param scenario its controller.measurement determines the measurement of the law
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,

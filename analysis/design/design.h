@@ -12,8 +12,8 @@
 /// an error of any single joint. They keep a modulus margin at the postures of the reference and
 /// over the range of the joints (gain_search.h).
 ///
-/// The search starts from a rule of thumb. Let m_j = 1 / (M^-1)_jj be the inertia that joint j
-/// feels when the others are free, d_j its viscous friction and w a bandwidth:
+/// The search starts from a rule of thumb. Let m_j = 1 / (M^-1)_jj be the inertia of joint j when
+/// the others are free. Let d_j be its viscous friction and w a bandwidth:
 ///
 ///   kp = w (w m_j + d_j),  kd = 2 w m_j,  a = b = r w.
 ///

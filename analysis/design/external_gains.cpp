@@ -59,8 +59,8 @@ void DesignProblem::choose_entries() {
   problem_.same_everywhere = unlike(feedback_at(start_, beside), first, h) < 1e-5;
 }
 
-/// Bounds each number so that the law gets no further pole faster than 1/3. That is the pole of a
-/// filter of rate 1 / h under Tustin's rule. Each number is moved alone.
+/// Bounds each number so that the law gets no further pole faster than 1/3. The pole 1/3 is that of
+/// a filter of rate 1 / h under Tustin's rule. Each number is moved alone.
 void DesignProblem::bound_poles() {
   const auto fast_poles = [&](std::size_t kind, double log_factor) {
     Gains moved = start_;

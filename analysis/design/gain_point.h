@@ -36,8 +36,8 @@ class GainPoint {
   [[nodiscard]] double lack() const;
   [[nodiscard]] bool stable() const;
 
-  /// For each loop whose errors are judged, returns the largest logarithm of an error from T to
-  /// `window` T. The fall required up to the error's time is added to the logarithm.
+  /// Returns the largest logarithm of an error from T to `window` T, for each judged loop. The fall
+  /// required up to the error's time is added to the logarithm.
   [[nodiscard]] Eigen::VectorXd log_errors(double T) const;
   /// Returns the last times up to `end_s` at which the errors of these loops exceed 1 %.
   [[nodiscard]] std::vector<double> settling_s(double end_s,

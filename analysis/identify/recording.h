@@ -18,8 +18,8 @@ struct Recording {
   scenario::Scenario scenario;
   Eigen::MatrixXd q;    ///< measured positions [rad; m], a row per tick
   Eigen::MatrixXd tau;  ///< applied over the tick [N m; N], a row per tick
-  /// Whether the scenario's law controlled the run, with torques held over each tick. Such a run
-  /// can be simulated. Otherwise torques and positions are of the same instant.
+  /// Whether the scenario's law controlled the run, with torques held over each tick. The run
+  /// can then be simulated. Otherwise torques and positions are of the same instant.
   bool controlled = true;
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
@@ -37,10 +37,10 @@ struct Ticks {
 Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
 
 /// Reads a recording from a log.
-/// @throw base::Failure(bad_usage) with one line that names the log's fault: flexible joints,
-/// positions not recorded, missing ticks or commands, gains that change, a dry run or withheld
-/// torques, a torque at its limit in more than 1 % of the ticks, a run shorter than 2 s, or no
-/// joint that moves
+/// @throw base::Failure(bad_usage) with one line that names the log's fault. The robot: flexible
+/// joints. The content: positions not recorded, or missing ticks or commands. The run: a dry run,
+/// withheld torques, changing gains, a torque at its limit in more than 1 % of the ticks, less than
+/// 2 s, or no joint that moves.
 Recording read_recording(const std::filesystem::path& log);
 
 /// Reads a recording from another logger's table. The YAML file `description` names the table's

@@ -125,7 +125,7 @@ Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
 }
 
 /// Computes the Fourier sums of M and C over q2. A body turned by the angle m q2 enters M and C
-/// with at most 2 |m| turns, and the angles of a chain of mimic joints add up. The samples resolve
+/// with at most 2 |m| turns. The angles of a chain of mimic joints add up. The samples resolve
 /// 32 turns. Returns false when a harmonic above 16 turns is more than a rounding error.
 bool find_harmonics(Postures& postures, int denominator, double& period) {
   const int num_samples = 64 * denominator;

@@ -74,9 +74,9 @@ struct Commissioned {
 /// The function explains the sent torques with the URDF's mechanics under all combinations of
 /// signs, gravity and delay. It accepts the combination with the least residual if the margin to
 /// the others is clear.
-/// @throw base::Failure(bad_usage) when the arm cannot be moved safely or the joints are flexible,
-/// (protective_stop) when a joint runs away, (check_said_no) when the arm moves without torque, but
-/// not as gravity pulls
+/// @throw base::Failure(bad_usage) when the arm cannot be moved safely or the joints are flexible
+/// @throw base::Failure(protective_stop) when a joint runs away
+/// @throw base::Failure(check_said_no) when the arm moves without torque, but not as gravity pulls
 Commissioned commission(const scenario::Scenario& scenario, const Trials& trials,
                         const identify::Report& report);
 
