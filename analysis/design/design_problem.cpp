@@ -233,7 +233,7 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
   return theta;
 }
 std::optional<VectorXd> DesignProblem::own_theta() const {
-  // Start_ holds the scenario's gains.
+  // The member start_ holds the scenario's gains.
   if (!entries_.empty()) return VectorXd::Zero(std::ssize(kinds_));
   Gains own = scenario_.controller.gains;
   for (auto& [name, value] : own) {
@@ -359,7 +359,7 @@ void DesignProblem::set_bounds() {
     problem_.upper.head(per_kind()) =
         theta_of(by_rule(2 * std::numbers::pi * *goal_.bandwidth_hz, 10)).head(per_kind());
   }
-  // The first gain is no kp of each joint.
+  // The goals below need a kp of each joint as the first gain.
   if (!by_joint_ || law_.parameters.front().unit != "N m/rad") {
     if (!goal_.start_error && !goal_.least_kp) return;
     throw Failure(ExitCode::bad_usage,

@@ -64,8 +64,7 @@ Shape shape_of(const robot::MassProperties& body) {
   constexpr double most = 1e30;  // far more than any finite matrix needs
   for (double more = 1e-6; more < most; more *= 2) {
     P.diagonal().head<3>().array() += more * P(3, 3) * smallest * smallest;
-    // Reversing rows and columns of the reversed matrix's lower factor gives an upper triangular
-    // factor.
+    // The lower factor of the reversed matrix is upper triangular after a second reversal.
     const Eigen::LLT<Matrix4d> factor(P.reverse());
     if (factor.info() != Eigen::Success) continue;
     const Matrix4d U = MatrixXd(factor.matrixL()).reverse();
