@@ -41,7 +41,7 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
 }
 
-/// The numbers of a joint that a model has: their keys, and the headings of their columns.
+/// The per-joint numbers of a model: their keys, which are also the headings of their columns.
 constexpr std::array<std::pair<const char*, Vector Model::*>, 6> joint_numbers = {
     {{"lower", &Model::lower},
      {"upper", &Model::upper},
