@@ -204,7 +204,9 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
 
 void GuardedRobot::require_time(const ArmState& before, std::int64_t tick) const {
   const bool stands = state_.time_s == before.time_s && (is_clock() || state_.q != before.q);
-  if (!stands && !(state_.time_s < before.time_s)) return;
+  const bool toggles =
+      before.q.size() != 0 && std::isfinite(state_.time_s) != std::isfinite(before.time_s);
+  if (!stands && !toggles && !(state_.time_s < before.time_s)) return;
   throw Failure(ExitCode::protective_stop,
                 "the robot's driver gave the time {} s {}, and {} s before that: speeds cannot be "
                 "watched; give each reading the robot's time when it was measured, or none",

@@ -103,7 +103,8 @@ class GuardedRobot {
   void apply_conventions();
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
-  /// @throw base::Failure(protective_stop): time went back, or stood still while it moved
+  /// @throw base::Failure(protective_stop) when the time went back, stood still while the robot
+  /// moved, or is given in some readings alone
   void require_time(const ArmState& before, std::int64_t tick) const;
   /// Sets `speed_` of a robot that does not measure it: the mean over at least `speed_window_s`, by
   /// the robot's clock if it has one, else by this computer's. The mean never overestimates.

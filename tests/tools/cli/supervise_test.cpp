@@ -411,10 +411,17 @@ TEST(Supervise, AttendsToSignalsDuringAFloodThatNeverEnds) {
   Process flood = shell("plant", "echo up; exec yes");
   for (const bool relayed : {false, true}) {
     flood.relayed = relayed;
+    SuperviseOptions options;
+    options.most_lines_per_s = 20;
     bool sent = false;
-    const Result result = watch({flood}, [&](const Result& so_far) {
-      if (!std::exchange(sent, sent || up(so_far, "plant")) && sent) kill(getpid(), SIGINT);
-    });
+    const Result result = watch(
+        {flood},
+        [&](const Result& so_far) {
+          if (sent || !up(so_far, "plant") || so_far.lines.at("plant").size() < 20) return;
+          sent = true;
+          kill(getpid(), SIGINT);
+        },
+        options);
     EXPECT_TRUE(result.supervision.interrupted);
     EXPECT_EQ(result.supervision.ends[0].signal, SIGINT);
     EXPECT_GT(result.supervision.ends[0].hidden_lines, 0);
