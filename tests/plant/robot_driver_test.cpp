@@ -398,16 +398,27 @@ TEST_F(AFailingRobot, IsStoppedAndSaysWhy) {
 
 TEST_F(AFailingRobot, IsStoppedWhateverItThrows) {
   robot_.fault = [] { throw std::runtime_error("cable"); };
-  EXPECT_THROW(run_it(), std::runtime_error);
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_EQ(outcome.fault, "the driver threw: cable");
   expect_stopped(robot_);
-  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("cable"));
+  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("the driver threw: cable"));
 }
 
 TEST_F(AFailingRobot, IsStoppedWhenWhatItThrowsIsNoException) {
   robot_.fault = [] { throw 42; };
   const Outcome outcome = run_it();
-  EXPECT_EQ(outcome.code, ExitCode::protocol_violated);
-  EXPECT_THAT(outcome.fault, HasSubstr("an exception was thrown that is no std::exception"));
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver threw an exception that is no std::exception"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenItReadsAnotherNumberOfJoints) {
+  robot_.fault = [this] { robot_.state.q = Vector::Zero(7); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver read 7 positions and 2 velocities of links, 0 "
+                                       "and 0 of motors at tick 10; the scenario has 2 links"));
   expect_stopped(robot_);
 }
 
