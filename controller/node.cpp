@@ -10,7 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/failure.h"
 #include "base/logging.h"
+#include "base/users_code.h"
+#include "controller/spec.h"
 #include "messages/wire.h"
 #include "session/responders.h"
 
@@ -58,6 +61,7 @@ class Node {
   Node(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
       : session_(session),
         law_(std::move(law)),
+        users_(scenario.controller.law == external_law_name),
         info_(law_info(*law_)),
         prefix_(scenario.robot.channel_prefix),
         layout_(law_layout(scenario, *law_)),
@@ -81,12 +85,15 @@ class Node {
   }
 
   /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
-  /// @throw base::Failure(protective_stop) if the result is not finite.
+  /// @throw base::Failure(protective_stop) when the result is not finite, and when a user's law
+  /// throws or returns another number of joints or signals.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
     const messages::Stamp stamp{asked.utime, session_.run(), tick};
-    const Outcome outcome = law_->step(tick, measurement, reference_.at(tick).value);
+    const auto step = [&] { return law_->step(tick, measurement, reference_.at(tick).value); };
+    const Outcome outcome = users_ ? base::call_users("the law", step) : step();
+    if (users_) require_sizes(outcome, tick);
     command_bytes_ = session_.publish(command_, stamp, outcome.command);
     state_bytes_ = session_.publish(state_, stamp, outcome.signals);
 
@@ -102,6 +109,7 @@ class Node {
 
   session::Session& session_;
   ScenarioLaw law_;
+  bool users_;  ///< the law is of another program
   messages::LawInfo info_;
   std::string prefix_;  ///< prefix of the robot's channels
   messages::Layout layout_;
@@ -112,6 +120,21 @@ class Node {
   std::span<const std::byte> command_bytes_, state_bytes_;  ///< messages of the newest tick
 
  private:
+  void require_sizes(const Outcome& outcome, std::int64_t tick) const {
+    const Eigen::Index joints = layout_.num_joints, torques = outcome.command.tau.size();
+    const messages::LawSignals& signals = outcome.signals;
+    bool whole = torques == joints && signals.num == layout_.num_signals;
+    for (int i = 0; whole && i < signals.num; ++i) {
+      whole = signals.value[static_cast<std::size_t>(i)].size() == joints;
+    }
+    if (whole) return;
+    throw base::Failure(base::ExitCode::protective_stop,
+                        "the law {} returned {} torques and {} signals at tick {}; the robot has "
+                        "{} joints and the law declares {} signals, each with a value for each "
+                        "joint",
+                        law_->name(), torques, signals.num, tick, joints, layout_.num_signals);
+  }
+
   template <class Value>
   void receive(Input<Value>& input, Role from) {
     session_.on(input, [this, &input, from](const messages::Stamp& stamp, const Value& value,
