@@ -4,7 +4,8 @@
 
 namespace tachless::logger {
 
-TickTally::TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), entries_(window) {
+TickTally::TickTally(std::int64_t num_ticks)
+    : num_ticks_(num_ticks), entries_(window), expected_(num_ticks) {
   for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
 }
 
@@ -35,9 +36,13 @@ void TickTally::settle_before(std::int64_t end) {
     for (const Slot slot : messages::all_slots) {
       if (entry.tick == settled_ && entry.has[index(slot)]) continue;
       complete = false;
-      missing_[index(slot)].add(settled_);
+      if (settled_ <= expected_) missing_[index(slot)].add(settled_);
     }
-    if (complete) ++complete_;
+    if (complete) {
+      ++complete_;
+    } else if (settled_ <= expected_) {
+      ++incomplete_;
+    }
   }
 }
 

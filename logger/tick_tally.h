@@ -29,6 +29,9 @@ class TickTally {
   /// Returns whether the message is to be recorded (`fresh`), or why not.
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
+  /// The run is being stopped, from `last` on: no tick after it counts as incomplete.
+  void stop_after(std::int64_t last) { expected_ = std::min(expected_, last); }
+
   /// The run is over; `last` is its last tick.
   void finish(std::int64_t last) { settle_before(std::min(last + 1, num_ticks_)); }
 
@@ -37,9 +40,9 @@ class TickTally {
   [[nodiscard]] std::int64_t newest() const { return newest_; }
   /// Ticks with all their messages, and ticks that lack some; of those that are over.
   [[nodiscard]] std::int64_t num_complete() const { return complete_; }
-  [[nodiscard]] std::int64_t num_incomplete() const { return settled_ - complete_; }
+  [[nodiscard]] std::int64_t num_incomplete() const { return incomplete_; }
 
-  /// Ticks that lack the message.
+  /// Ticks that lack the message, up to the one after which the run was stopped.
   [[nodiscard]] const Missing& missing(Slot slot) const { return missing_[index(slot)]; }
 
  private:
@@ -56,6 +59,8 @@ class TickTally {
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
+  std::int64_t incomplete_ = 0;
+  std::int64_t expected_;  ///< ticks up to this one have to be there
   std::array<Missing, messages::num_slots> missing_;
 };
 
