@@ -48,6 +48,18 @@ Integer get(const std::byte* from) {
   return big_endian(value);
 }
 
+/// Writes an event's header and channel. @return their length
+std::size_t put_head(std::byte* to, std::int64_t number, std::int64_t utime,
+                     std::string_view channel, std::size_t data_bytes) {
+  put(to, sync_word);
+  put(to + 4, static_cast<std::uint64_t>(number));
+  put(to + 12, static_cast<std::uint64_t>(utime));
+  put(to + 20, static_cast<std::uint32_t>(channel.size()));
+  put(to + 24, static_cast<std::uint32_t>(data_bytes));
+  std::memcpy(to + event_header_bytes, channel.data(), channel.size());
+  return event_header_bytes + channel.size();
+}
+
 std::string text_of(int error) { return std::generic_category().message(error); }
 
 std::string remedy_for_creating(int error, const std::string& directory) {
@@ -107,12 +119,7 @@ void LogWriter::append(std::int64_t utime, std::string_view channel,
   const std::size_t head = event_header_bytes + channel.size();
   if (filled_ + head + data.size() > buffer_.size()) flush();
   std::byte* const to = &buffer_[filled_];
-  put(to, sync_word);
-  put(to + 4, static_cast<std::uint64_t>(num_events_));
-  put(to + 12, static_cast<std::uint64_t>(utime));
-  put(to + 20, static_cast<std::uint32_t>(channel.size()));
-  put(to + 24, static_cast<std::uint32_t>(data.size()));
-  std::memcpy(to + event_header_bytes, channel.data(), channel.size());
+  put_head(to, num_events_, utime, channel, data.size());
   if (filled_ + head + data.size() <= buffer_.size()) {
     if (!data.empty()) std::memcpy(to + head, data.data(), data.size());
     filled_ += head + data.size();
@@ -221,6 +228,29 @@ std::string Damage::text() const {
   if (!any()) return "none";
   return fmt::format("{} bytes in {} places hold no message; {} message numbers missing",
                      bytes_skipped, stretches, missing_numbers);
+}
+
+void append_event(const std::filesystem::path& path, std::string_view channel,
+                  std::span<const std::byte> data) {
+  std::int64_t number = -1;
+  std::int64_t utime = 0;
+  LogReader reader(path);
+  while (const auto event = reader.next()) {
+    number = event->number;
+    utime = event->utime;
+  }
+  std::vector<std::byte> bytes(event_header_bytes + channel.size() + data.size());
+  const std::size_t head = put_head(bytes.data(), number + 1, utime, channel, data.size());
+  std::ranges::copy(data, bytes.begin() + static_cast<std::ptrdiff_t>(head));
+  const base::FileDescriptor file(open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NOFOLLOW));
+  const off_t end = file.get() < 0 ? 0 : lseek(file.get(), 0, SEEK_END);
+  const ssize_t written = file.get() < 0 ? -1 : write(file.get(), bytes.data(), bytes.size());
+  if (written == static_cast<ssize_t>(bytes.size())) return;
+  const int error = written < 0 ? errno : ENOSPC;
+  if (written > 0) [[maybe_unused]]
+    const int cut = ftruncate(file.get(), end);
+  throw base::bad_usage("{}: the cause of the run's end cannot be added to the log: {}",
+                        path.string(), text_of(error));
 }
 
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {

@@ -80,6 +80,11 @@ class LogWriter {
   std::string failure_;  // what the first error said
 };
 
+/// Appends an event to a closed log: numbered after the last event, with that event's time stamp.
+/// @throw base::Failure(bad_usage) when the log cannot be read or written
+void append_event(const std::filesystem::path& path, std::string_view channel,
+                  std::span<const std::byte> data);
+
 /// One event of a log. Views stay valid as long as the reader.
 struct LogEvent {
   std::int64_t number = 0;

@@ -65,7 +65,7 @@ class Recorder {
         ack_port_(messages::port<messages::LogAck>(scenario.robot.channel_prefix, {})),
         info_channel_(messages::channel<messages::RunInfo>(scenario.robot.channel_prefix)) {
     session_.on_announcement([this](const bus::Datagram& datagram) {
-      keep_fault(datagram);
+      read_fault(datagram);
       on_participant(datagram);
     });
     session_.statistics().logger().log.path = log_path.string();
@@ -111,6 +111,8 @@ class Recorder {
                           const bus::Datagram& datagram) = 0;
   /// A participant's announcement.
   virtual void on_participant(const bus::Datagram& /*datagram*/) {}
+  /// A member has announced a fault: the run ends.
+  virtual void on_stop(std::int64_t /*tick*/) {}
   /// A message has been handled: writes and acknowledges what is due.
   virtual void after_message() = 0;
   /// Returns whether every tick has come, or is never to come.
@@ -169,13 +171,18 @@ class Recorder {
     session_.publish(info_channel_, info_);
   }
 
-  /// The first announcement of a fault after which this process has to end is the cause.
-  void keep_fault(const bus::Datagram& announcement) {
-    if (concluding_ || !fault_.empty() || !session_.membership().failure()) return;
+  /// Looks for a fault in a member's announcement. The first one after which this process has to
+  /// end is the cause.
+  void read_fault(const bus::Datagram& announcement) {
     messages::Stamp stamp;
-    messages::Participant who;
-    if (participant_codec_.decode(announcement.payload, stamp, who) == messages::Rejection::none &&
-        who.state == messages::ParticipantState::fault) {
+    if (participant_codec_.decode(announcement.payload, stamp, announced_) !=
+            messages::Rejection::none ||
+        announced_.fault.empty() || stamp.run != session_.run()) {
+      return;
+    }
+    on_stop(stamp.tick);
+    if (!concluding_ && fault_.empty() && session_.membership().failure() &&
+        announced_.state == messages::ParticipantState::fault) {
       fault_.assign(announcement.payload.begin(), announcement.payload.end());
     }
   }
@@ -208,8 +215,9 @@ class Recorder {
   std::vector<std::byte> info_;    ///< RUN_INFO; empty until it is in the log
   Clock::time_point next_info_{};  ///< when it is published next
   messages::Codec<messages::Participant> participant_codec_{messages::Layout{}};
-  messages::LawInfo law_;         ///< the controller's
-  bool whole_ = false;            ///< every tick is on the disk
+  messages::Participant announced_;  ///< the last announcement
+  messages::LawInfo law_;            ///< the controller's
+  bool whole_ = false;               ///< every tick is on the disk
   std::vector<std::byte> fault_;  ///< announcement of the member's fault that has ended it, if any
 };
 
@@ -314,11 +322,13 @@ class RealtimeRecorder final : public Recorder {
     // RUN_INFO comes first, so that a log begins with what explains it.
     if (introduced_) append(utime(), datagram.channel, datagram.payload);
   }
+  void on_stop(std::int64_t tick) override { tally_.stop_after(tick); }
   void after_message() override {}
   [[nodiscard]] bool is_complete(Clock::time_point now) const override {
     return pace_.over(tally_.newest(), num_ticks_ - 1, now);
   }
   void conclude(bool well) override {
+    if (!well) tally_.stop_after(tally_.newest());
     if (start_) {
       const auto until = Clock::now() + longest_conclusion;
       const int patience = well ? silence : silence_of_a_failing_plant;

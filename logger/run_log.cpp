@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <fstream>
 #include <tuple>
 #include <type_traits>
 
@@ -48,7 +49,7 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
     if (wrong.empty()) return found;
     if (problem.empty()) problem = wrong;
   }
-  if (events == 0) problem = "not one message of an LCM log is in it; name an LCM log";
+  if (events == 0) problem = no_log_text(reader.path());
   if (problem.empty()) {
     problem = fmt::format(
         "none of its {} messages is a RUN_INFO, which says what was run; record from before the "
@@ -66,6 +67,32 @@ struct HeldTick {
 };
 
 }  // namespace
+
+std::string no_log_text(const std::filesystem::path& path) {
+  std::string text(1 << 16, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  const auto type = [&](std::string_view verb) {
+    return fmt::format("tachless {} {}", verb, base::shell_word(path.string()));
+  };
+  if (text.empty()) return "the file is empty; name an LCM log";
+  constexpr std::string_view event_begins = "\xED\xA1\xDA\x01";  // LCM's word of synchronisation
+  if (text.starts_with(event_begins)) {
+    return "an LCM log that ends in its first message; name a log that was written to its end";
+  }
+  if (text.starts_with("\x01\xDA\xA1\xED")) {
+    return "an LCM log in the wrong byte order; write its headers in network byte order";
+  }
+  if (text.find("<robot") != std::string::npos) {
+    return "this is a robot description; type: " + type("robot");
+  }
+  if (text.find("\nrobot:") != std::string::npos &&
+      text.find("\ncontroller:") != std::string::npos) {
+    return "this is a scenario; type: " + type("run");
+  }
+  return "not one message of an LCM log is in it; name an LCM log";
+}
 
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found) {
@@ -117,6 +144,15 @@ std::uint64_t RunSummary::gaps() const {
   return sum;
 }
 
+std::string RunSummary::stop_reason(std::int64_t num_ticks) const {
+  // Before the run begins, a process may fail and another take its place.
+  const bool replaced = plant_finished && stop && stop->tick < 0;
+  if (stop && !replaced) return stop->text.empty() ? "no reason given" : stop->text;
+  if (plant_finished || last_tick + 1 >= num_ticks) return {};
+  return fmt::format("the log ends after {} of {} ticks and does not say why", last_tick + 1,
+                     num_ticks);
+}
+
 std::vector<std::string> RunSummary::gap_texts() const {
   std::vector<std::string> texts;
   for (const auto& piece : pieces) {
@@ -127,6 +163,20 @@ std::vector<std::string> RunSummary::gap_texts() const {
     }
   }
   return texts;
+}
+
+void append_cause(const std::filesystem::path& log, const scenario::Scenario& scenario,
+                  std::int64_t run, const ParticipantFault& cause, base::ExitCode code) {
+  messages::Participant who;
+  who.role = cause.role;
+  who.state = messages::ParticipantState::fault;
+  who.instance = launcher_instance;
+  who.scenario_digest = scenario.digest;
+  who.fault_code = static_cast<int>(code);
+  who.fault = base::printable(cause.text).substr(0, messages::max_participant_text);
+  messages::Codec<messages::Participant> codec(messages::Layout{});
+  append_event(log, messages::channel<messages::Participant>(scenario.robot.channel_prefix),
+               codec.encode({0, run, cause.tick}, who));
 }
 
 /// Puts the messages of a log into their ticks.
@@ -236,7 +286,7 @@ class RunLog::Window {
         messages::put(*record, channel.scratch);
       }
     } else if constexpr (std::is_same_v<Value, messages::Participant>) {
-      note_fault(stamp, channel.scratch);
+      note_end(stamp, channel.scratch);
     }
   }
 
@@ -301,11 +351,20 @@ class RunLog::Window {
            std::abs(static_cast<double>(stamp.utime) - time_us(stamp)) <= 1;
   }
 
-  void note_fault(const messages::Stamp& stamp, const messages::Participant& who) {
-    auto& faults = summary_.faults;
-    if (who.state != messages::ParticipantState::fault || faults.size() >= RunSummary::max_listed) {
-      return;
+  /// Notes what an announcement says of the run's end.
+  void note_end(const messages::Stamp& stamp, const messages::Participant& who) {
+    const bool failed = who.state == messages::ParticipantState::fault;
+    // A process that has not joined the run announces its fault in run 0.
+    if (stamp.run == described_.run_id) {
+      auto& stop = summary_.stop;
+      if (who.role == messages::Role::plant && who.state == messages::ParticipantState::finished) {
+        summary_.plant_finished = true;
+      } else if ((failed || !who.fault.empty()) && (!stop || who.instance == launcher_instance)) {
+        stop = {who.role, stop ? stop->tick : stamp.tick, who.fault};
+      }
     }
+    auto& faults = summary_.faults;
+    if (!failed || faults.size() >= RunSummary::max_listed) return;
     const bool known = std::ranges::any_of(faults, [&](const ParticipantFault& fault) {
       return fault.role == who.role && fault.text == who.fault;
     });
@@ -335,7 +394,11 @@ class RunLog::Window {
 
   /// Ticks from the one after the last that had the piece to the one before `tick`.
   void count_missing(Slot slot, std::int64_t tick) {
-    const TickRange range{last_seen_[index(slot)] + 1, tick - 1};
+    std::int64_t last = tick - 1;
+    if (summary_.stop && described_.scenario.loop.mode == scenario::Mode::realtime) {
+      last = std::min(last, std::max<std::int64_t>(summary_.stop->tick, -1));
+    }
+    const TickRange range{last_seen_[index(slot)] + 1, last};
     if (range.first <= range.last) piece(slot).missing.add(range);
   }
 

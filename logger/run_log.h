@@ -36,6 +36,9 @@ struct RunDescription {
   messages::Layout layout;      ///< `num_signals` is how many signals RUN_INFO declares
 };
 
+/// Returns what a file without any message of a log is, by its beginning, and what to do.
+std::string no_log_text(const std::filesystem::path& path);
+
 /// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
 /// @return what is wrong with it, after "its RUN_INFO"; empty: nothing, and `found` is filled
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
@@ -47,7 +50,7 @@ struct PieceSummary {
   std::uint64_t count = 0;       ///< ticks that have it
   std::uint64_t duplicates = 0;  ///< further copies, the same
   std::uint64_t conflicts = 0;   ///< further copies, different: the first one counts
-  TickRanges<100> missing;       ///< ticks from 0 to the log's last that lack it
+  TickRanges<100> missing;       ///< ticks up to the last that lack it
 
   /// A piece that the log never has was not recorded: absent, rather than full of gaps.
   [[nodiscard]] bool absent() const { return count == 0; }
@@ -59,6 +62,15 @@ struct ParticipantFault {
   std::int64_t tick = 0;                        ///< when it was found
   std::string text;                             ///< cause
 };
+
+/// The instance in the announcement of a fault that `append_cause` writes; no process has it.
+inline constexpr std::int64_t launcher_instance = 0;
+
+/// Appends to the closed log of a run why the run ended: an announcement in the name of `role`, by
+/// `launcher_instance`. It is the cause, whatever the processes have announced.
+/// @throw base::Failure(bad_usage) when the log cannot be read or written
+void append_cause(const std::filesystem::path& log, const scenario::Scenario& scenario,
+                  std::int64_t run, const ParticipantFault& cause, base::ExitCode code);
 
 /// Gains of the law that are not those of the tick before.
 struct GainsSince {
@@ -82,11 +94,19 @@ struct RunSummary {
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
   std::vector<GainsSince> gains;                       ///< changes; the first `max_listed`
+  /// Why the run ended before its plan: the launcher's word, else the first fault of a member. Its
+  /// tick is that of the first fault: the ticks after it belong to the stop.
+  std::optional<ParticipantFault> stop;
+  bool plant_finished = false;  ///< the plant announced that the run has reached its planned end
 
   /// One of `pieces`.
   [[nodiscard]] const PieceSummary& of(Slot piece) const { return pieces[index(piece)]; }
-  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
+  /// Ticks that lack a piece, summed over the pieces that the log records: from 0 to the last
+  /// tick, in realtime to the stop's.
   [[nodiscard]] std::uint64_t gaps() const;
+  /// Returns why a run of `num_ticks` ended before its plan, as far as the log tells; empty: the
+  /// run reached its planned end.
+  [[nodiscard]] std::string stop_reason(std::int64_t num_ticks) const;
   /// "no ARM_TRUTH", "ARM_COMMAND missing in 3 ticks".
   [[nodiscard]] std::vector<std::string> gap_texts() const;
 };

@@ -4,7 +4,8 @@
 
 namespace tachless::logger {
 
-TickTally::TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), entries_(window) {
+TickTally::TickTally(std::int64_t num_ticks)
+    : num_ticks_(num_ticks), entries_(window), expected_(num_ticks) {
   for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
 }
 
@@ -36,9 +37,13 @@ void TickTally::settle_before(std::int64_t end) {
       if (entry.tick == settled_ && entry.has[index(slot)]) continue;
       if (settled_ >= stopped_from_ && !is_due_while_stopped(slot)) continue;
       complete = false;
-      missing_[index(slot)].add(settled_);
+      if (settled_ <= expected_) missing_[index(slot)].add(settled_);
     }
-    if (complete) ++complete_;
+    if (complete) {
+      ++complete_;
+    } else if (settled_ <= expected_) {
+      ++incomplete_;
+    }
   }
 }
 

@@ -32,6 +32,8 @@ class TickTally {
 
   /// The robot is stopped from this tick on: `is_due_while_stopped`.
   void on_stop(std::int64_t tick) { stopped_from_ = std::min(stopped_from_, tick); }
+  /// The run is being stopped, from `last` on: no tick after it counts as incomplete.
+  void stop_after(std::int64_t last) { expected_ = std::min(expected_, last); }
 
   /// The run is over; `last` is its last tick.
   void finish(std::int64_t last) { settle_before(std::min(last + 1, num_ticks_)); }
@@ -41,9 +43,9 @@ class TickTally {
   [[nodiscard]] std::int64_t newest() const { return newest_; }
   /// Ticks with all their messages, and ticks that lack some; of those that are over.
   [[nodiscard]] std::int64_t num_complete() const { return complete_; }
-  [[nodiscard]] std::int64_t num_incomplete() const { return settled_ - complete_; }
+  [[nodiscard]] std::int64_t num_incomplete() const { return incomplete_; }
 
-  /// Ticks that lack the message.
+  /// Ticks that lack the message, up to the one after which the run was stopped.
   [[nodiscard]] const Missing& missing(Slot slot) const { return missing_[index(slot)]; }
 
  private:
@@ -61,6 +63,8 @@ class TickTally {
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
   std::int64_t stopped_from_ = std::numeric_limits<std::int64_t>::max();
+  std::int64_t incomplete_ = 0;
+  std::int64_t expected_;  ///< ticks up to this one have to be there
   std::array<Missing, messages::num_slots> missing_;
 };
 

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "base/failure.h"
+#include "base/text.h"
 
 namespace tachless::base {
 
@@ -66,8 +67,10 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
     file_ = FileDescriptor(::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
   } while (file_.get() < 0 && errno == EEXIST);
   if (file_.get() < 0) {
+    const int cause = errno;
     name_.clear();
-    refuse(std::strerror(errno));
+    if (cause == ENOENT) remedy_ = "type: mkdir -p " + shell_word(path_.parent_path().string());
+    refuse(std::strerror(cause));
   }
 }
 

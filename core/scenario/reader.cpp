@@ -107,10 +107,12 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
     if (std::ranges::find(names, key) != names.end()) continue;
     const auto near = base::nearest(key, names);
     const std::string of = place.path.empty() ? "a scenario" : place.path;
+    const std::vector<std::string> elsewhere = paths_of_key(key);
     throw place.child(key).complaint(
-        near ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
-                           place.path.empty() ? "" : ".", *near)
-             : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
+        !elsewhere.empty() ? fmt::format("unknown; known here: {}", base::joined(elsewhere, " or "))
+        : near             ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
+                             place.path.empty() ? "" : ".", *near)
+                           : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
   }
 }
 

@@ -101,6 +101,22 @@ TEST_F(Info, TellsGapsAndDamage) {
   EXPECT_EQ(info["damage"]["bytes_skipped"], 7);
 }
 
+TEST_F(Info, TellsHowTheRunEnded) {
+  auto run = short_rigid_run();
+  auto info = info_of(run.bytes());
+  EXPECT_EQ(info["run"]["end"], nlohmann::json({{"how", "planned"}, {"text", nullptr}}));
+  EXPECT_THAT(to_text(info), HasSubstr("\nended     as planned\n"));
+  run.messages.resize(1 + 6 * 20);
+  info = info_of(run.bytes());
+  EXPECT_EQ(info["run"]["end"]["how"], "unknown");
+  EXPECT_THAT(to_text(info),
+              HasSubstr("\nended     the log ends after 20 of 40 ticks and does not say why\n"));
+  run.messages.push_back(fault_message(run, "encoder lost"));
+  info = info_of(run.bytes());
+  EXPECT_EQ(info["run"]["end"], nlohmann::json({{"how", "stopped"}, {"text", "encoder lost"}}));
+  EXPECT_THAT(to_text(info), HasSubstr("\nended     encoder lost\n"));
+}
+
 TEST_F(Info, OfLogsThatWereAppendedGivesNoRateAndNamesTheOtherRun) {
   const auto info = info_of(short_rigid_run().bytes() + short_rigid_run(99).bytes());
   ASSERT_FALSE(info["run"].is_null());
@@ -130,9 +146,9 @@ TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
     return "accepted";
   };
   EXPECT_THAT(refusal("<?xml version='1.0'?><robot name='a'/>"),
-              HasSubstr("this is a robot description: tachless robot /"));
+              HasSubstr("this is a robot description; type: tachless robot /"));
   EXPECT_THAT(refusal("name: a\nrobot:\n  urdf: b\ncontroller: {}\n"),
-              HasSubstr("this is a scenario: tachless run /"));
+              HasSubstr("this is a scenario; type: tachless run /"));
   EXPECT_THAT(refusal(""), HasSubstr("the file is empty; name an LCM log"));
   const std::string log = event_text(0, 0, "ARM_RUN_INFO", "<robot name='a'/>");
   EXPECT_THAT(refusal(log.substr(0, log.size() - 1)), HasSubstr("ends in its first message"));

@@ -203,6 +203,80 @@ TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
   EXPECT_EQ(holed.summary().gaps(), 5u);
 }
 
+TEST_F(RunLogTest, TicksOfARealtimeRunsStopAreNoGaps) {
+  auto run =
+      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1", "loop.mode=realtime"}, "POSITION");
+  auto messages = run.messages;
+  messages.resize(1 + 6 * 600);
+  // From tick 500 on the plant alone goes on. The command of tick 300 was lost.
+  std::erase_if(messages, [](const Recorded& message) {
+    const auto tick = message.utime / 50;
+    const bool of_others = message.channel == "ARM_COMMAND" || message.channel == "ARM_REFERENCE";
+    return (of_others && tick >= 500) || (message.channel == "ARM_COMMAND" && tick == 300);
+  });
+  auto silent = open(messages);
+  read_all(silent);
+  EXPECT_EQ(silent.summary().gaps(), 201U);
+  run.stop_tick = 499;
+  messages.insert(messages.begin() + 1 + 6 * 500, fault_message(run, "interrupted"));
+  auto log = open(messages);
+  read_all(log);
+  EXPECT_EQ(log.summary().gaps(), 1U);
+  EXPECT_EQ(log.summary().last_tick, 599);
+  EXPECT_EQ(log.summary().stop_reason(2000), "interrupted");
+}
+
+TEST_F(RunLogTest, SaysHowTheRunEnded) {
+  const auto run = short_rigid_run();
+  const auto reason_of = [&](const std::vector<Recorded>& messages) {
+    auto log = open(messages);
+    read_all(log);
+    return log.summary().stop_reason(40);
+  };
+  auto cut = run.messages;
+  cut.resize(1 + 6 * 30);
+  EXPECT_EQ(reason_of(run.messages), "");
+  EXPECT_EQ(reason_of(cut), "the log ends after 30 of 40 ticks and does not say why");
+  auto finished = cut;
+  finished.push_back(finished_message(run));
+  EXPECT_EQ(reason_of(finished), "") << "a realtime log may lack its last ticks";
+  auto stopped = cut;
+  stopped.push_back(fault_message(run, "encoder lost"));
+  stopped.push_back(fault_message(run, "interrupted"));
+  EXPECT_EQ(reason_of(stopped), "encoder lost");
+  stopped.push_back(finished_message(run));
+  EXPECT_EQ(reason_of(stopped), "encoder lost");
+  // A fault of a process that another has replaced before the run.
+  auto replaced = run;
+  replaced.stop_tick = -1;
+  finished.insert(finished.begin() + 1, fault_message(replaced, "no such law"));
+  EXPECT_EQ(reason_of(finished), "");
+  // A fault of a process that has joined no run.
+  replaced.run = 0;
+  cut.push_back(fault_message(replaced, "there is already a controller"));
+  EXPECT_EQ(reason_of(cut), "the log ends after 30 of 40 ticks and does not say why");
+}
+
+TEST_F(RunLogTest, TheLaunchersWordIsTheCause) {
+  auto run = short_rigid_run();
+  run.messages.resize(1 + 6 * 30);
+  run.messages.push_back(fault_message(run, "interrupted"));
+  write_file(path_, run.bytes());
+  append_cause(path_, run.scenario, run.run,
+               {messages::Role::controller, 29, "controller was killed\nby signal 9"},
+               base::ExitCode::peer_lost);
+  auto log = RunLog::open(path_);
+  std::vector<LogEvent> events;
+  log.watch([&](const LogEvent& event) { events.push_back(event); });
+  read_all(log);
+  EXPECT_FALSE(log.damage().any());
+  EXPECT_EQ(log.damage().numbers_restarted, 0U);
+  EXPECT_EQ(events.back().number, 1 + 6 * 30 + 1);
+  EXPECT_EQ(events.back().utime, events[events.size() - 2].utime);
+  EXPECT_EQ(log.summary().stop_reason(40), "controller was killed?by signal 9");
+  EXPECT_EQ(log.summary().faults.size(), 2U);
+}
+
 TEST_F(RunLogTest, SaysWhichPieceWasNeverRecorded) {
   auto messages = short_rigid_run().messages;
   std::erase_if(messages, [](const Recorded& message) { return message.channel == "ARM_TRUTH"; });

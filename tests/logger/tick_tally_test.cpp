@@ -72,6 +72,24 @@ TEST(TickTally, MissesNoAnswersInAProtectiveStop) {
   EXPECT_EQ(tally.num_complete(), 2490);
 }
 
+TEST(TickTally, CountsNoTickAfterTheStopAsIncomplete) {
+  TickTally tally(3000);
+  for (std::int64_t k = 0; k < 2000; ++k) {
+    if (k == 700) continue;
+    if (k < 1500) {
+      record_all(tally, k);
+    } else {  // the controller has ended; the plant brings the robot to rest
+      tally.on_message(Slot::tick, k, BytesOf(1));
+    }
+    if (k == 1501) tally.stop_after(1500);
+    if (k == 1800) tally.stop_after(1800);  // another one ends
+  }
+  tally.finish(tally.newest());
+  EXPECT_EQ(tally.num_complete(), 1499);
+  EXPECT_EQ(tally.num_incomplete(), 2);
+  EXPECT_EQ(tally.missing(Slot::command).text(), "700, 1500");
+}
+
 TEST(TickTally, ListsTheFirstRangesAndCountsTheRest) {
   TickTally tally(100);
   for (std::int64_t k = 0; k < 100; k += 2) record_all(tally, k);

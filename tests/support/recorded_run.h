@@ -24,6 +24,7 @@ struct RecordedRun {
   scenario::Scenario scenario;
   messages::RunInfo info;
   std::int64_t run = 0;
+  std::int64_t stop_tick = 17;  ///< of `fault_message`
   std::vector<TickRecord> ticks;
   std::vector<Recorded> messages;  ///< RUN_INFO, then six per tick in canonical order
 
@@ -47,6 +48,8 @@ RecordedRun short_rigid_run(std::int64_t run = 7);
 RecordedRun short_flexible_run();
 
 Recorded fault_message(const RecordedRun& run, const std::string& text);
+/// The plant's announcement that the run has reached its planned end.
+Recorded finished_message(const RecordedRun& run);
 
 std::string log_of(const std::vector<Recorded>& messages);
 

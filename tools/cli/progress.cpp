@@ -25,8 +25,12 @@ constexpr const char* wrap_lines = "\033[?7h";
 
 }  // namespace
 
-Progress::Progress(std::int64_t num_ticks, double period_s, const std::string& robot)
-    : num_ticks_(num_ticks), period_s_(period_s), before_(robot.empty() ? "" : robot + ": ") {}
+Progress::Progress(std::int64_t num_ticks, double period_s, std::string unit,
+                   const std::string& robot)
+    : num_ticks_(num_ticks),
+      period_s_(period_s),
+      unit_(std::move(unit)),
+      before_(robot.empty() ? "" : robot + ": ") {}
 
 void Progress::note(std::int64_t tick, double error_norm, Clock::time_point now) {
   if (tick < tick_) return;
@@ -49,10 +53,10 @@ std::string Progress::line() const {
   if (filled < bar_width) bar += '>';
   bar.resize(bar_width, ' ');
   return fmt::format(
-      "{}{:.3f} of {:g} s  [{}]{}  |e| {:.1e} rad", before_, static_cast<double>(done) * period_s_,
+      "{}{:.3f} of {:g} s  [{}]{}  |e| {:.1e} {}", before_, static_cast<double>(done) * period_s_,
       static_cast<double>(num_ticks_) * period_s_, bar,
       ticks_per_s_ ? fmt::format("  {} ticks/s", report::short_rate(*ticks_per_s_)) : "",
-      error_norm_);
+      error_norm_, unit_);
 }
 
 LaggingOutput::LaggingOutput(int descriptor) : descriptor_(descriptor) {

@@ -19,8 +19,10 @@ class Progress {
  public:
   using Clock = std::chrono::steady_clock;
 
+  /// @param unit of the norm of the position error
   /// @param robot stands before it; empty: nothing does
-  Progress(std::int64_t num_ticks, double period_s, const std::string& robot = "");
+  Progress(std::int64_t num_ticks, double period_s, std::string unit = "rad",
+           const std::string& robot = "");
 
   /// The controller has handled tick `tick` (-1: none yet).
   void note(std::int64_t tick, double error_norm, Clock::time_point now);
@@ -30,6 +32,7 @@ class Progress {
  private:
   std::int64_t num_ticks_;
   double period_s_;
+  std::string unit_;
   std::string before_;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;

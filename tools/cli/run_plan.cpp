@@ -5,11 +5,13 @@
 
 #include <cstdlib>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "base/logging.h"
+#include "base/text.h"
 #include "base/this_process.h"
 #include "bus/network_check.h"
 #include "certify/feasibility.h"
@@ -222,7 +224,10 @@ void PlannedRun::print_remarks() const {
 }
 
 Progress PlannedRun::progress() const {
-  return {scenario.loop.num_ticks, scenario.loop.period_s, options.robot};
+  const std::vector<std::string> lengths = robot::joint_labels(*scenario.model).length;
+  const std::set<std::string> units(lengths.begin(), lengths.end());
+  return {scenario.loop.num_ticks, scenario.loop.period_s,
+          base::joined(std::vector<std::string>(units.rbegin(), units.rend())), options.robot};
 }
 
 std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path>& scenarios) {

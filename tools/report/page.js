@@ -269,7 +269,7 @@ var report = (() => {
   function follow() {
     const source = new EventSource('events?robot=' + encodeURIComponent(data.robot));
     source.onmessage = event => take(JSON.parse(event.data));
-    source.onerror = () => part('status').textContent = 'no connection to `tachless watch --web`';
+    source.onerror = () => part('status').textContent = 'no connection to the server; type: tachless watch --web';
     part('play').textContent = '❚❚ pause';
     part('speed').parentElement.hidden = true;
     part('play').onclick = () => part('play').textContent = (state.following = !state.following) ? '❚❚ pause' : '▶ follow';

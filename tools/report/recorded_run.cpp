@@ -178,7 +178,7 @@ std::vector<std::pair<double, double>> RecordedRun::seconds(
 }
 
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
-                              const Certify& certify, bool ended_well) {
+                              const Certify& certify) {
   logger::RunLog log = logger::RunLog::open(path, wanted);
   RecordedRun run(log.description());
   run.log = log.path();
@@ -226,13 +226,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     run.verdict.reason = "a dry run, the robot was sent nothing";
   }
   run.outcome = read_outcome(run);
-  if (run.outcome.is_object() && run.outcome_of("fault").is_null()) ended_well = true;
-  const std::int64_t ticks = run.summary.last_tick + 1;
-  const bool all = ticks >= run.info.num_ticks;
-  if ((!all || !run.summary.faults.empty()) && !ended_well) {
+  if (std::string reason = run.summary.stop_reason(run.info.num_ticks); !reason.empty()) {
     run.verdict.outcome = study::Outcome::stopped;
-    run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);
-    if (all) run.verdict.reason = run.summary.faults.front().text;
+    run.verdict.reason = std::move(reason);
   }
   run.damage = log.damage();
   return run;

@@ -90,13 +90,11 @@ struct RecordedRun : logger::RunDescription {
 using Certify = std::function<std::optional<lyapunov::CertifiedRun>(const scenario::Scenario&)>;
 
 /// Reads `log` from its start to its end. `run` chooses among several; without `certify` the cross
-/// terms of V have no weight. A log that ends early is of a run that was stopped, unless that
-/// `ended_well`, as its summary.json may say too: then it lacks its last ticks.
+/// terms of V have no weight. The log says how the run ended (logger::RunSummary::stop_reason).
 /// @throw base::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
 /// log cannot be made.
 RecordedRun read_recorded_run(const std::filesystem::path& log,
-                              std::optional<std::int64_t> run = {}, const Certify& certify = {},
-                              bool ended_well = false);
+                              std::optional<std::int64_t> run = {}, const Certify& certify = {});
 
 /// Gives each run its number, and a label that the others do not have: scenario, else law, else
 /// log.

@@ -24,12 +24,8 @@ Html outcome_number(const RecordedRun& run, const char* key, fmt::format_string<
 }
 
 std::string ended_text(const RecordedRun& run) {
-  if (const nlohmann::json fault = run.outcome_of("fault"); fault.is_string()) {
-    return fault.get<std::string>();
-  }
-  const std::int64_t ticks = run.summary.last_tick + 1;
-  if (ticks == run.info.num_ticks) return "at its planned end";
-  return fmt::format("early, after {} of {} ticks", ticks, run.info.num_ticks);
+  std::string reason = run.summary.stop_reason(run.info.num_ticks);
+  return reason.empty() ? "at its planned end" : reason;
 }
 
 Html wall_text(const RecordedRun& run) {
@@ -269,11 +265,9 @@ Html results_table(const std::vector<RecordedRun>& runs) {
 
 Html verdicts(const std::vector<RecordedRun>& runs) {
   return each(runs, [&](const RecordedRun& run) {
-    // Only the run itself knows why it ended early.
-    const nlohmann::json by_run = run.outcome_of("verdict");
     return html("<p class=\"{}\">{}{}</p>\n", bad(run.verdict.outcome) ? "alarm" : "verdict",
                 runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html(),
-                by_run.is_string() ? by_run.get<std::string>() : text(run.verdict, run.joints));
+                text(run.verdict, run.joints));
   });
 }
 

@@ -87,8 +87,7 @@ constexpr std::array markers = {Marker::dot, Marker::ring, Marker::cross};
 std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                              const std::vector<double>& column, std::size_t measure,
                              const Ordinate& ordinate) {
-  constexpr std::array meanings = {"", "rests beside, saturated, oscillates",
-                                   "diverging, outside, stopped"};
+  constexpr std::array meanings = {"", "rests beside, saturated, oscillates", "diverging, stopped"};
   std::vector<Curve> curves;
   for (std::size_t law = 0; law < plan.laws.size(); ++law) {
     std::map<double, double> line;  // value by abscissa

@@ -93,9 +93,10 @@ TEST(AnUnfinishedFile, SaysWhyItCannotBeWrittenAndWhatToDo) {
     const UnfinishedFile refused(directory.path() / "missing/table.csv", "name another with -o");
     ADD_FAILURE() << "before anything is written";
   } catch (const Failure& failure) {
-    EXPECT_THAT(failure.what(),
-                HasSubstr("table.csv: cannot be written: No such file or directory; "
-                          "name another with -o"));
+    EXPECT_THAT(
+        failure.what(),
+        HasSubstr("table.csv: cannot be written: No such file or directory; type: mkdir -p " +
+                  (directory.path() / "missing").string()));
   }
   EXPECT_THROW(UnfinishedFile(directory.path() / ".", "name a file"), Failure);
 }

@@ -106,6 +106,13 @@ class Run : public ::testing::Test {
   [[nodiscard]] nlohmann::json summary() const {
     return nlohmann::json::parse(contents(out() / "summary.json"));
   }
+  /// Returns why the run was stopped, as its log says.
+  std::string stop_reason() const {
+    logger::RunLog log = logger::RunLog::open(out() / "lcmlog");
+    logger::TickRecord record;
+    while (log.next(record)) continue;
+    return log.summary().stop_reason(log.info().num_ticks);
+  }
 
   TemporaryDirectory directory_;
   std::string scenario_ = "paper_rigid";
@@ -204,6 +211,7 @@ TEST_F(Run, InOneProcessEndsAsFourDo) {
   EXPECT_EQ(finish(), 130);
   EXPECT_EQ(summary()["fault"], "interrupted");
   EXPECT_GT(ticks_of(out() / "lcmlog"), 0);
+  EXPECT_EQ(stop_reason(), "interrupted");
   fs::remove_all(out());
 
   start_anywhere({"--out", out().string(), "--in-process", "--mode", "realtime"});
@@ -272,6 +280,7 @@ TEST_F(Run, EndsWhenAProcessIsKilledAndKeepsTheLog) {
     EXPECT_EQ(count(errors(), "ended because of"), 0U) << errors();
     EXPECT_THAT(summary()["fault"].get<std::string>(), HasSubstr(role + " was killed")) << role;
     EXPECT_GT(ticks_of(out() / "lcmlog"), 100) << role;
+    EXPECT_THAT(stop_reason(), HasSubstr(role + " was killed by signal 9"));
     fs::remove_all(out());
   }
 }

@@ -194,16 +194,29 @@ TEST_F(Report, TakesSaturationAsAShareOfAllTicksOfTheLog) {
               HasSubstr(number(fmt::format("{:.3g}", percent(0))).markup() + " %</td>"));
 }
 
-TEST_F(Report, OfALogThatEndsEarlyJudgesARunThatIsKnownToHaveEndedWell) {
+TEST_F(Report, LearnsFromTheLogAloneHowTheRunEnded) {
   auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.2"));
   messages.resize(1 + 6 * 150);
   const auto log = write_log("a", messages);
-  EXPECT_EQ(read_recorded_run(log).verdict.reason, "ended after 150 of 200 ticks");
-  EXPECT_FALSE(bad(read_recorded_run(log, {}, {}, true).verdict.outcome));
-  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": null})";
-  EXPECT_FALSE(bad(read_recorded_run(log).verdict.outcome));
-  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": "it fell"})";
-  EXPECT_TRUE(bad(read_recorded_run(log).verdict.outcome));
+  const auto expect_stopped = [&] {
+    const RecordedRun recorded = read_recorded_run(log);
+    EXPECT_EQ(recorded.verdict.outcome, study::Outcome::stopped);
+    EXPECT_EQ(recorded.verdict.reason, "the log ends after 150 of 200 ticks and does not say why");
+    EXPECT_THAT(page_of({recorded}), HasSubstr("does not say why"));
+  };
+  expect_stopped();
+  std::ofstream(log.parent_path() / "summary.json")
+      << R"({"run_id": 7, "fault": null, "verdict": "converged: well"})";
+  expect_stopped();
+
+  logger::RecordedRun of_the_plant;
+  of_the_plant.info.robot = "ARM";
+  of_the_plant.run = 7;
+  messages.push_back(logger::finished_message(of_the_plant));
+  const auto finished = write_log("b", messages);
+  EXPECT_FALSE(bad(read_recorded_run(finished).verdict.outcome));
+  std::ofstream(finished.parent_path() / "summary.json") << R"({"run_id": 7, "fault": "it fell"})";
+  EXPECT_FALSE(bad(read_recorded_run(finished).verdict.outcome));
 }
 
 TEST_F(Report, OfALogWithAllTicksAndAFaultSaysThatItWasStopped) {
@@ -215,8 +228,6 @@ TEST_F(Report, OfALogWithAllTicksAndAFaultSaysThatItWasStopped) {
   const auto log = write_log("a", messages);
   EXPECT_EQ(read_recorded_run(log).verdict.outcome, study::Outcome::stopped);
   EXPECT_EQ(read_recorded_run(log).verdict.reason, "protective stop");
-  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": null})";
-  EXPECT_FALSE(bad(read_recorded_run(log).verdict.outcome));
 }
 
 TEST_F(Report, PlacesAFaultAtTheLastTickThatAMessageCanName) {

@@ -116,7 +116,7 @@ TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   EXPECT_GT(broken.y, 2);
   EXPECT_LT(broken.y, chart.y_range->second);
   EXPECT_LT(chart.y_range->second, 10);
-  EXPECT_EQ(chart.curves.back().label.text, "diverging, outside, stopped");
+  EXPECT_EQ(chart.curves.back().label.text, "diverging, stopped");
 }
 
 TEST_F(SweepPage, DrawsCurvesOfSeveralMeasures) {

@@ -210,7 +210,7 @@ struct Watch {
     for (const auto end = end_after(Clock::now()); !interrupted && Clock::now() < end;) {
       if (!view.running()) {
         throw base::Failure(ExitCode::check_said_no,
-                            "the live page has ended; start `tachless watch --web` again");
+                            "the live page has ended; type: tachless watch --web");
       }
       std::this_thread::sleep_until(std::min(end, Clock::now() + turn));
     }
