@@ -196,9 +196,8 @@ class ErrorLoop {
     auto region = fine().region(weights);
     if (!region) return {};
     // The level from which no prismatic joint reaches the end of its range.
-    if (range_.array().isFinite().any() && !std::isfinite(region->level)) {
-      region = of_1_J(*region, weights);
-    }
+    const bool endless = !std::isfinite(region->level) && range_.array().isFinite().any();
+    if (endless) region = of_1_J(*region, weights);
     const VectorXd reached = region->e_reached.head(range_.size());
     double beyond_range = 0;
     for (Eigen::Index i = 0; i < range_.size(); ++i) {
@@ -206,7 +205,7 @@ class ErrorLoop {
       if (!(range_[i] > 0)) return {};
       beyond_range = std::max(beyond_range, reached[i] / range_[i]);
     }
-    if (beyond_range >= 1) region = scaled(*region, (1 - 1e-9) / beyond_range);
+    if (endless || beyond_range >= 1) region = scaled(*region, (1 - 1e-9) / beyond_range);
     CertifiedRegion result;
     result.starts_in_tube =
         (loop_.initial.head(range_.size()).array().abs() <= range_.array()).all();

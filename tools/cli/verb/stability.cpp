@@ -74,8 +74,8 @@ struct Certify {
     session::with_installed_scenarios(session::add_scenario(command, input, overrides));
     command.add_option(
         "--witness", witness,
-        "Also writes the data that prove a region of the sampled loop of one or two joints, "
-        "for tests/analysis/lyapunov/check_witness.py");
+        "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
+        "the sampled loop of one or two joints");
     auto* const error = command.add_option(
         "--witness-error", errors,
         "Error [rad] of one joint alone, from rest, that the region has to contain: one number, "
