@@ -166,7 +166,7 @@ def complaint(tachless, scenarios, kind, seeds, number):
             problem = (f"ends with {ended.returncode}" if ended.returncode not in range(0, 6) and not long_run else
                        "internal error" if "internal error" in said else
                        "a text of it was executed" if list(place.rglob("*CANARY*")) else
-                       "a control character is printed" if re.search("[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f]", said) else "")
+                       "a control character is printed" if re.search("[\x00-\x08\x0b\x0c\x0e-\x1f]", said) else "")
             if problem:
                 kept = pathlib.Path(tempfile.gettempdir()) / f"tachless-{kind}-{number}"
                 kept.write_bytes(mutant)

@@ -105,15 +105,38 @@ std::size_t count_of(std::string_view word, std::string_view text) {
   return count;
 }
 
-/// Returns an upper bound on the number of faces of a mesh. For a DAE it is a third of the numbers
-/// in <p>.
+std::size_t num_blanks(std::string_view text) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return c == ' ' || c == '\t' || c == '\n'; }));
+}
+
+/// Returns the number of triangles of an OBJ, or more. Each line that is no vertex counts: it may
+/// continue the polygon of the line before.
+std::size_t num_faces_of_obj(std::string_view bytes) {
+  std::size_t faces = 0;
+  while (!bytes.empty()) {
+    const std::string_view line = bytes.substr(0, bytes.find('\n'));
+    if (!line.starts_with('v') && !line.starts_with('#')) {
+      faces += std::max<std::size_t>(num_blanks(line), 3) - 2;
+    }
+    bytes.remove_prefix(std::min(bytes.size(), line.size() + 1));
+  }
+  return faces;
+}
+
+/// Returns an upper bound on the number of triangles of a mesh. For a DAE it is a third of the
+/// numbers in <p>.
 std::size_t num_faces(const std::string& kind, std::string_view bytes) {
-  if (kind == ".obj") return count_of("\nf", bytes);
+  if (kind == ".obj") return num_faces_of_obj(bytes);
   if (kind == ".stl") return std::max(count_of("facet normal", bytes), bytes.size() / 50);
+  constexpr std::string_view after_name = "> \t\r\n";
   std::size_t numbers = 0;
-  for (auto at = bytes.find("<p>"); at != bytes.npos; at = bytes.find("<p>", at + 3)) {
-    const std::string_view list = bytes.substr(at, bytes.find("</p>", at) - at);
-    numbers += static_cast<std::size_t>(std::ranges::count(list, ' ')) + 1;
+  for (auto at = bytes.find("<p"); at != bytes.npos; at = bytes.find("<p", at)) {
+    at += 2;
+    if (after_name.find(bytes.substr(at, 1)) == after_name.npos) continue;
+    const std::string_view list = bytes.substr(at, bytes.find("</p", at) - at);
+    numbers += num_blanks(list) + 1;
+    at += list.size();
   }
   return numbers / 3;
 }

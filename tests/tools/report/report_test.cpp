@@ -253,6 +253,42 @@ TEST(Visuals, HaveTheMeshesAndNoOtherFiles) {
                                           std::pair("hand.obj", base64("hand.obj"))));
 }
 
+TEST(Visuals, FollowNoLinkThatLeadsOutOfTheFolder) {
+  const TemporaryDirectory directory;
+  std::filesystem::create_directory(directory / "robot");
+  std::ofstream(directory / "secret.stl") << "secret";
+  std::ofstream(directory / "robot" / "arm.stl") << "arm";
+  std::filesystem::create_symlink(directory.path() / "secret.stl", directory / "robot" / "out.stl");
+  std::filesystem::create_symlink("arm.stl", directory / "robot" / "in.stl");
+  const Visuals visuals =
+      read_visuals("<visual><mesh filename=\"out.stl\"/><mesh filename=\"in.stl\"/></visual>",
+                   directory.path() / "robot");
+  EXPECT_THAT(visuals.meshes, ElementsAre(std::pair("in.stl", base64("arm"))));
+}
+
+TEST(Visuals, HaveABoundedNumberOfFaces) {
+  const TemporaryDirectory directory;
+  const auto repeated = [](std::string_view part, int times) {
+    std::string text;
+    for (int i = 0; i < times; ++i) text += part;
+    return text;
+  };
+  constexpr int many = 600'000;
+  std::ofstream(directory / "triangles.obj") << repeated("f 1 2 3\n", many);
+  std::ofstream(directory / "polygon.obj") << "f" << repeated(" 1", many);
+  std::ofstream(directory / "continued.obj") << "f" << repeated(" 1\\\n", many);
+  std::ofstream(directory / "list.dae") << "<p>" << repeated("1 2 3 ", many) << "</p>";
+  std::ofstream(directory / "named.dae") << "<p id=\"x\">" << repeated("1 2 3 ", many) << "</p>";
+  std::ofstream(directory / "small.obj") << repeated("v 1 2 3\n", 100'000) << "f 1 2 3\n";
+  std::string urdf = "<visual>";
+  for (const char* name :
+       {"triangles.obj", "polygon.obj", "continued.obj", "list.dae", "named.dae", "small.obj"}) {
+    urdf += std::string("<mesh filename=\"") + name + "\"/>";
+  }
+  const Visuals visuals = read_visuals(urdf + "</visual>", directory.path());
+  EXPECT_THAT(visuals.meshes, ElementsAre(testing::Key("small.obj")));
+}
+
 TEST_F(Report, MarksWhatDiffersBetweenScenarios) {
   const auto log_of = [&](const std::string& name, const std::vector<std::string>& overrides) {
     return run(name, support::in_process_log(

@@ -131,8 +131,8 @@ struct Robot {
     report::RobotFacts facts(read(refusal, doubts), position);
     facts.warnings.insert(facts.warnings.end(), doubts.begin(), doubts.end());
     add_loads(facts);
-    std::cout << (json ? base::json_text(to_json(facts), 2) + "\n"
-                       : file.string() + ": " + to_text(facts));
+    print_text(json ? base::json_text(to_json(facts), 2) + "\n"
+                    : file.string() + ": " + to_text(facts));
     if (!refusal) {
       return strict && !facts.warnings.empty() ? ExitCode::check_said_no : ExitCode::done;
     }
