@@ -37,7 +37,7 @@ constexpr int peer_lost = 3, protective_stop = 5, interrupted = 130;
 const std::string programs = TACHLESS_BINARY_DIR "/bin/";
 const std::string rig = TACHLESS_SOURCE_DIR "/examples/own_driver/rig.yaml";
 
-/// What is run, and with which fault.
+/// One start: a verb, its options, and the fault.
 struct Case {
   std::string fault;      ///< as in FAULT
   bool is_clock = false;  ///< the driver is
@@ -83,7 +83,7 @@ class Launched {
     return end_->exit_code;
   }
 
-  /// What its driver, or law, has written down.
+  /// Events that its driver, or law, has written down.
   [[nodiscard]] Words notes() const {
     std::istringstream text(std::filesystem::exists(notes_path()) ? contents(notes_path()) : "");
     return {std::istream_iterator<std::string>(text), {}};
