@@ -195,6 +195,9 @@ class ErrorLoop {
   std::optional<CertifiedRegion> certified(const Weights& weights) {
     auto region = fine().region(weights);
     if (!region) return {};
+    // The search for the slowest posture may find one at which V grows that the region's missed.
+    const double rate = fine().rate(weights, 0);
+    if (!(rate > 0)) return {};
     // The level from which no prismatic joint reaches the end of its range.
     const bool endless = !std::isfinite(region->level) && range_.array().isFinite().any();
     if (endless) region = of_1_J(*region, weights);
@@ -218,8 +221,7 @@ class ErrorLoop {
     // The level from which no error reaches the tube's end.
     if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
-    static_cast<Certified&>(result) = {weights, *region,
-                                       loop_.weights ? 0 : fine().rate(weights, 0)};
+    static_cast<Certified&>(result) = {weights, *region, loop_.weights ? 0 : rate};
     result.V0 = V0(weights);
     const double room = region->level - result.V0;
     if (loop_.weights) result.unknown_torque = (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt();

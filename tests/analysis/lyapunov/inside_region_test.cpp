@@ -490,6 +490,7 @@ void expect_decay(const std::string& name, const scenario::Scenario& scenario,
       EXPECT_LT(worst.growth, integral ? rounding_per_s : 0)
           << where << " at " << part << " of the level";
       EXPECT_LE(worst.reach, 1 + 1e-9) << where << " at " << part << " of the level";
+      EXPECT_TRUE(region->rate > 0 || found.stability->own_weights) << where;
       // The rate is that of small errors. Sampled postures may miss the slowest by a little.
       if (part < 1 && region->rate > 0) {
         EXPECT_LE(worst.growth,
@@ -498,15 +499,17 @@ void expect_decay(const std::string& name, const scenario::Scenario& scenario,
       }
     }
     // Each joint alone, from rest as far as printed, and as fast as printed.
+    // Sampled postures may miss the largest inertia by a little.
+    const double inside = (1 + (found.stability->proved ? 1e-9 : 1e-5)) * level;
     const Eigen::Index N = loop->errors();
     for (Eigen::Index i = 0; i < region->region.e_at_rest.size(); ++i) {
       VectorXd x = VectorXd::Zero(loop->size());
       x[i] = region->region.e_at_rest[i];
       if (i < found.start_range.size()) x[i] = std::min(x[i], found.start_range[i]);
-      EXPECT_LE(loop->V(0, loop->state(0, x), region->weights), (1 + 1e-9) * level) << where << i;
+      EXPECT_LE(loop->V(0, loop->state(0, x), region->weights), inside) << where << i;
       x.setZero();
       x[2 * N + i] = region->region.edot[i];
-      EXPECT_LE(loop->V(0, loop->state(0, x), region->weights), (1 + 1e-9) * level) << where << i;
+      EXPECT_LE(loop->V(0, loop->state(0, x), region->weights), inside) << where << i;
     }
   };
   look("fastest", found.stability->fastest);
