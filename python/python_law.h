@@ -3,7 +3,9 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <cstddef>
 #include <string>
+#include <typeinfo>
 
 #include "controller/registry.h"
 
@@ -35,6 +37,18 @@ Vector vector_of(const py::handle& object, int size, const std::string& what);
 /// @param name as announced; the law measures what the scenario's controller.measurement says
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt);
+
+/// Declares a class. Python can make objects of it without a value, by `__new__` alone. Each use of
+/// such an object raises TypeError: pybind11 would allocate memory for the value and not initialise
+/// it.
+template <class T>
+py::class_<T> declare_class(py::module_& module, const char* name, const char* doc = "") {
+  py::class_<T> declared(module, name, doc);
+  py::detail::get_type_info(typeid(T))->operator_new = [](std::size_t /*size*/) -> void* {
+    throw py::type_error("the object has no value, because its __init__ was not called");
+  };
+  return declared;
+}
 
 /// The parts of the module with a source of their own.
 void declare_linear(py::module_& module);
