@@ -69,7 +69,7 @@ std::string take(UdpTransport& transport, double seconds) {
 }  // namespace
 
 void declare_listener(py::module_& module) {
-  py::class_<UdpTransport>(module, "Listener").def(py::init(&joined)).def("take", &take);
+  declare_class<UdpTransport>(module, "Listener").def(py::init(&joined)).def("take", &take);
 }
 
 }  // namespace tachless::python

@@ -81,7 +81,7 @@ void declare_robot(py::module_& module) {
   };
   using Robot = const Model&;
   using Given = const py::handle&;  // n numbers
-  py::class_<Model>(module, "Robot")
+  declare_class<Model>(module, "Robot")
       .def(py::init(&read_robot))
       .def_readonly("num_joints", &Model::num_joints, "n.")
       .def_readonly("joints", &Model::joint_names, "Names of the joints, in the order of q.")
@@ -259,20 +259,13 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
   return run;
 }
 
-/// Raises TypeError in `__new__` of a class whose objects only the library makes. An object without
-/// a value would crash the interpreter.
-[[noreturn]] void refuse_new(const py::args& /*given*/, const py::kwargs& /*given*/) {
-  throw py::type_error("objects of this class come from the functions of tachless");
-}
-
 void declare_run(py::module_& module) {
-  py::class_<Run>(
+  declare_class<Run>(
       module, "Run",
       R"(A run, simulated or recorded: run["q"] is an array (ticks, joints), run.t its times.
 
 A quantity that a tick lacks (lost in realtime) is NaN. names lists the quantities:
 true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was measured, ..._measured.)")
-      .def_static("__new__", &refuse_new)
       .def_property_readonly("names", &Run::names, "The quantities of this run.")
       .def_readonly("joints", &Run::joints, "Names of the joints, in the order of the columns.")
       .def_readonly("scenario", &Run::scenario, "Name of the scenario.")
@@ -338,14 +331,12 @@ PYBIND11_MODULE(_tachless, module) {
       PyErr_SetObject(error.ptr(), made.ptr());
     }
   });
-  py::class_<Measurement>(module, "Measurement")
-      .def_static("__new__", &refuse_new)
+  declare_class<Measurement>(module, "Measurement")
       .def_readonly("q", &Measurement::q)
       .def_readonly("v", &Measurement::v)
       .def_readonly("theta", &Measurement::theta)
       .def_readonly("thetadot", &Measurement::thetadot);
-  py::class_<Reference>(module, "Reference")
-      .def_static("__new__", &refuse_new)
+  declare_class<Reference>(module, "Reference")
       .def_readonly("q", &Reference::q)
       .def_readonly("v", &Reference::v)
       .def_readonly("a", &Reference::a)

@@ -3,7 +3,9 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <cstddef>
 #include <string>
+#include <typeinfo>
 
 #include "controller/registry.h"
 
@@ -37,6 +39,18 @@ Vector vector_of(const py::handle& object, int size, const std::string& what);
 /// @param scenario its controller.measurement determines the measurement of the law
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt);
+
+/// Declares a class. Python can make objects of it without a value, by `__new__` alone. Each use of
+/// such an object raises TypeError: pybind11 would allocate memory for the value and not initialise
+/// it.
+template <class T>
+py::class_<T> declare_class(py::module_& module, const char* name, const char* doc = "") {
+  py::class_<T> declared(module, name, doc);
+  py::detail::get_type_info(typeid(T))->operator_new = [](std::size_t /*size*/) -> void* {
+    throw py::type_error("the object has no value, because its __init__ was not called");
+  };
+  return declared;
+}
 
 /// Declare the parts of the module that have their own source files.
 void declare_linear(py::module_& module);

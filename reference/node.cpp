@@ -81,9 +81,8 @@ class Node {
     session_.statistics().ticks = responder_.newest() + 1;
   }
 
-  /// Accepts a change of the law's gains and acknowledges it. The sender must have analysed this
-  /// scenario and received the last change. A replayed recording fulfils neither. A repeated change
-  /// is acknowledged again.
+  /// Accepts a change of the law's gains and acknowledges it. Its sender must have analysed this
+  /// scenario and seen the gains in force. A repeated change is acknowledged again.
   void on_gains(const messages::Stamp& stamp, messages::GainChange& change) {
     if (change.number == acknowledged_ && change.number != 0) return acknowledge();
     if (change.scenario_digest != scenario_digest_ || change.number == 0 ||
@@ -92,7 +91,9 @@ class Node {
       return;
     }
     const std::int64_t newest = responder_.newest();
-    if (stamp.tick <= changed_at_) return session_.count(Verdict::too_old);
+    if (stamp.tick <= changed_at_ || change.replaces != gains_) {
+      return session_.count(Verdict::too_old);
+    }
     if (newest < 0 || stamp.tick > newest) return session_.count(Verdict::not_asked);
     gains_ = std::move(change.gains);
     changed_at_ = newest + 1;

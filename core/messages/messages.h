@@ -156,13 +156,15 @@ struct LogAck {
 
 /// `tachless gains` -> reference; `Stamp::tick` is the newest that the sender has seen.
 struct GainChange {
-  std::string gains;                 ///< in the form of scenario::gains_text
-  std::int64_t scenario_digest = 0;  ///< digest of the scenario that the sender has analysed
+  std::string gains;                 ///< as scenario::gains_text
+  std::string replaces;              ///< gains in force that the sender has seen; empty: none yet
+  std::int64_t scenario_digest = 0;  ///< of the scenario that the sender has analysed
   std::int64_t number = 0;           ///< random; `GainAck` repeats it
 
   static constexpr std::string_view type = "tachless.gains_t", suffix = "GAINS";
   static constexpr auto fields =
       std::tuple{text("gains", max_gains_text, &GainChange::gains),
+                 text("replaces", max_gains_text, &GainChange::replaces),
                  messages::number("scenario_digest", "", Kind::int64, &GainChange::scenario_digest),
                  messages::number("number", "", Kind::int64, &GainChange::number)};
 };

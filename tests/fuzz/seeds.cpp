@@ -86,7 +86,7 @@ std::vector<Message> sample_messages() {
   participant.roster = {5, 6, 7, 8};
   add(all, participant, 3);
   add(all, messages::LogAck{5}, 2);
-  add(all, messages::GainChange{"kp=1,2", 6, 7}, 2);
+  add(all, messages::GainChange{"kp=1,2", "kp=3", 6, 7}, 2);
   add(all, messages::GainAck{7}, 3);
   return all;
 }

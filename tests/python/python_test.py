@@ -49,10 +49,15 @@ class Folder(unittest.TestCase):
 
 
 class AnObjectWithoutAValue(unittest.TestCase):
-    def test_is_not_made(self):
-        for kind in tachless._tachless.Run, tachless._tachless.Measurement, tachless._tachless.Reference:
-            with self.assertRaisesRegex(TypeError, "come from the functions of tachless"):
-                kind.__new__(kind)
+    def test_raises_where_it_is_used(self):
+        module = tachless._tachless
+        for kind, use in ((module.Run, repr), (module.Run, lambda run: run["q"]), (module.Run, lambda run: run.joints),
+                          (module.Measurement, lambda measurement: measurement.q), (module.Reference, lambda reference: reference.q),
+                          (module.Robot, lambda robot: robot.M([0, 0])), (tachless.Robot, lambda robot: robot.joints),
+                          (module.Listener, lambda listener: listener.take(0))):
+            for maker in kind, module.Run.__base__:
+                with self.subTest(kind=kind, maker=maker), self.assertRaisesRegex(TypeError, "has no value"):
+                    use(maker.__new__(kind))
 
 
 class TheRobot(unittest.TestCase):
