@@ -2,6 +2,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "robot/model.h"
@@ -22,6 +23,9 @@ struct RobotFacts {
   double mass_kg = 0;                 ///< of what moves
   double condition_number = 0;        ///< of M(q), in SI units whatever the joints are
   std::vector<std::string> warnings;  ///< the model's, and joints outside their range
+  Vector rotor_inertia;               ///< [kg m2]; of flexible joints it is not in `inertia`
+  /// What of the numbers, and its source: a key and a place in a file. Empty for a bare URDF.
+  std::vector<std::pair<std::string, std::string>> sources;
 };
 
 /// For people: a table of the joints, the inertia matrix (of up to ten joints) and the warnings.

@@ -360,7 +360,7 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
       {"sinusoid:", "sinusiod:", {"f.yaml:27: reference.sinusiod: unknown", "reference.sinusoid"}},
       {"name: test",
        "name: test\nperiod_s: 1",
-       {"f.yaml:2: period_s: unknown; known keys of a scenario: name, robot, "}},
+       {"f.yaml:2: period_s: unknown; it belongs in another section: loop.period_s"}},
       {"  joints: rigid",
        "  joints: {rigid: {rotor_inertia: 1}}",
        {"f.yaml:6: robot.joints.rigid.rotor_inertia: unknown",
