@@ -2,6 +2,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "robot/model.h"
@@ -24,6 +25,9 @@ struct RobotFacts {
   /// Condition number of M(q) in SI units, also for mixed joint types.
   double condition_number = 0;
   std::vector<std::string> warnings;  ///< the model's warnings, and joints outside their range
+  Vector rotor_inertia;  ///< [kg m2]; `inertia` has it for rigid joints alone
+  /// Numbers and their source: a key and a place in a file. Empty for a bare URDF.
+  std::vector<std::pair<std::string, std::string>> sources;
 };
 
 /// Returns text: a table of the joints, the inertia matrix (for up to ten joints) and the warnings.

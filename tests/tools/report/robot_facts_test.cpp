@@ -53,7 +53,7 @@ TEST(RobotFacts, AreWrittenForPeopleAndPrograms) {
   std::vector<std::string> keys;
   for (const auto& [key, value] : json.items()) keys.push_back(key);
   EXPECT_THAT(keys, ElementsAre("joints", "bodies", "mass_kg", "position", "inertia_matrix",
-                                "gravity_torque", "condition_number", "warnings"));
+                                "gravity_torque", "condition_number", "sources", "warnings"));
   EXPECT_EQ(json["joints"][1]["type"], "prismatic");
   EXPECT_EQ(json["joints"][1]["upper"], 0.4);
   EXPECT_TRUE(json["joints"][1]["effort"].is_null());
