@@ -52,7 +52,7 @@ std::vector<std::string> paths_to(std::string_view name) {
   return found;
 }
 
-/// Returns whether the map at `place`, which may have the keys `names`, is of a scenario: other
+/// Returns true if the map at `place`, which may have the keys `names`, is part of a scenario. Other
 /// files are read with the same functions.
 bool is_of_scenario(const Place& place, const std::vector<std::string_view>& names) {
   if (place.path.empty()) return std::ranges::find(names, "robot") != names.end();
@@ -129,17 +129,13 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
     if (std::ranges::find(names, key) != names.end()) continue;
     const auto near = base::nearest(key, names);
     const std::string of = place.path.empty() ? "a scenario" : place.path;
-    std::string remedy = fmt::format("known keys of {}: {}", of, base::joined(names));
-    if (near) {
-      remedy = fmt::format("nearest known key is {}{}{}", place.path, place.path.empty() ? "" : ".",
-                           *near);
-    } else if (is_of_scenario(place, names)) {
-      const std::vector<std::string> elsewhere = paths_to(key);
-      if (!elsewhere.empty()) {
-        remedy = "it belongs in another section: " + base::joined(elsewhere, " or ");
-      }
-    }
-    throw place.child(key).complaint("unknown; " + remedy);
+    const std::vector<std::string> elsewhere =
+        is_of_scenario(place, names) ? paths_to(key) : std::vector<std::string>();
+    throw place.child(key).complaint(
+        !elsewhere.empty() ? fmt::format("unknown; known here: {}", base::joined(elsewhere, " or "))
+        : near             ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
+                             place.path.empty() ? "" : ".", *near)
+                           : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
   }
 }
 
