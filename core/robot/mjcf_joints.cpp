@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <optional>
 #include <sstream>
@@ -115,15 +116,20 @@ class MjcfReader {
     const std::string& element = of.ValueStr();
     const std::string_view known = known_children(element);
     for (const auto* node = of.FirstChild(); node != nullptr; node = node->NextSibling()) {
-      if (node->ToText() != nullptr) {
+      // A mark alone, such as a second >, hides no element.
+      const bool has_words = std::ranges::any_of(
+          node->ValueStr(), [](unsigned char c) { return std::isalpha(c) != 0; });
+      if (node->ToText() != nullptr && has_words) {
         refuse(fmt::format("line {}: text in <{}>; remove it", node->Row(), element));
       }
       const TiXmlElement* const e = node->ToElement();
       if (e == nullptr || known.find(" " + e->ValueStr() + " ") != std::string_view::npos) continue;
       const auto near = base::nearest(e->ValueStr(), base::split(known, ' '));
       if (!near && !holds_joints(*e)) continue;
-      refuse(fmt::format("line {}: <{:.40}> in <{}> is not read; {}", e->Row(), e->ValueStr(),
-                         element, near ? "the nearest known name is " + *near : "remove it"));
+      refuse(fmt::format(
+          "line {}: <{:.40}> in <{}> is not read; {}", e->Row(), e->ValueStr(), element,
+          near ? "the nearest known name is " + *near
+               : "put joints into a <body>, their numbers for a class into a <default>"));
     }
     for (const auto* a = of.FirstAttribute(); a != nullptr; a = a->Next()) {
       const std::string name = a->Name();

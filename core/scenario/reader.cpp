@@ -52,8 +52,8 @@ std::vector<std::string> paths_to(std::string_view name) {
   return found;
 }
 
-/// Returns true if the map at `place`, which may have the keys `names`, is part of a scenario. Other
-/// files are read with the same functions.
+/// Returns true if the map at `place`, which may have the keys `names`, is part of a scenario.
+/// Other files are read with the same functions.
 bool is_of_scenario(const Place& place, const std::vector<std::string_view>& names) {
   if (place.path.empty()) return std::ranges::find(names, "robot") != names.end();
   bool found = false;
@@ -132,10 +132,11 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
     const std::vector<std::string> elsewhere =
         is_of_scenario(place, names) ? paths_to(key) : std::vector<std::string>();
     throw place.child(key).complaint(
-        !elsewhere.empty() ? fmt::format("unknown; known here: {}", base::joined(elsewhere, " or "))
-        : near             ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
-                             place.path.empty() ? "" : ".", *near)
-                           : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
+        near ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
+                           place.path.empty() ? "" : ".", *near)
+        : !elsewhere.empty()
+            ? fmt::format("unknown; known here: {}", base::joined(elsewhere, " or "))
+            : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
   }
 }
 

@@ -71,7 +71,7 @@ TEST_F(JointParametersFile, OfMuJoCoAndOfYamlFillRotorAndFrictionOfTheJointsByNa
 TEST_F(JointParametersFile, OfMuJoCoHasItsOuterClassForAllJointsWhateverItsName) {
   const Scenario s = scenario(R"(<mujoco><default class="arm"><joint armature="0.2"/>
     <default class="small"><joint damping="3"/></default></default><worldbody>
-    <joint name="shoulder"/><joint name="elbow" class="small"/></worldbody></mujoco>)");
+    <body><joint name="shoulder"/><joint name="elbow" class="small"/></body></worldbody></mujoco>)");
   EXPECT_EQ(s.robot.rigid_rotor_inertia_kgm2, Eigen::Vector2d(0.2, 0.2));
   EXPECT_EQ(s.plant.drive.viscous_friction_Nms_per_rad, Eigen::Vector2d(0, 3));
 }
@@ -113,11 +113,15 @@ TEST_F(JointParametersFile, IsRefusedWithWhatIsWrongInIt) {
   EXPECT_THAT(refusal("shoulder: {coulomb_friction_Nm: -1}\nelbow: {}\n"), HasSubstr("-1"));
   EXPECT_THAT(refusal("<robot name='a'/>"), HasSubstr("no <mujoco> element: it is a URDF"));
   EXPECT_THAT(refusal("<mujoco><worldbody/></mujoco>"), HasSubstr("has no named joint"));
-  EXPECT_THAT(
-      refusal("<mujoco><worldbody><joint name='shoulder' damping='-1'/></worldbody></mujoco>"),
-      HasSubstr("damping=\"-1\"; allowed: a finite number from 0 on"));
-  EXPECT_THAT(refusal("<mujoco><worldbody><joint name='elbow' class='no'/></worldbody></mujoco>"),
+  const auto refusal_of_body = [&](const std::string& joint) {
+    return refusal("<mujoco><worldbody><body>" + joint + "</body></worldbody></mujoco>");
+  };
+  EXPECT_THAT(refusal_of_body("<joint name='shoulder' damping='-1'/>"),
+              HasSubstr("damping=\"-1\"; allowed: a finite number from 0 on"));
+  EXPECT_THAT(refusal_of_body("<joint name='elbow' class='no'/>"),
               HasSubstr("class \"no\" is not among its defaults"));
+  EXPECT_THAT(refusal("<mujoco><worldbody><joint name='elbow'/></worldbody></mujoco>"),
+              HasSubstr("<joint> in <worldbody> is not read; put joints into a <body>"));
   EXPECT_THAT(refusal("<mujoco><worldbody>"), HasSubstr("malformed XML"));
   EXPECT_THAT(refusal("<mujoco>" + std::string(100'000, '<')), HasSubstr("robot.joint_parameters"));
 }
