@@ -372,7 +372,7 @@ TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstIsDamaged) {
 
 TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   EXPECT_THAT(failure_of({}), testing::AllOf(HasSubstr(path_.string()),
-                                             HasSubstr("not one message of an LCM log")));
+                                             HasSubstr("the file is empty")));
   EXPECT_THAT(failure_of({{0, "CAMERA", "x"}}), HasSubstr("none of its 1 messages"));
   auto messages = short_rigid_run().messages;
   messages[0].data.pop_back();

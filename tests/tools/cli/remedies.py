@@ -44,7 +44,6 @@ CASES = [
     (["certify", PRACTICAL, "--set", "controller.law=loria_ortega_rigd"], []),
     (["certify", PRACTICAL, "--set", "controller.gains={kpp: 100, kd: 20, a: 100, b: 100}"], []),
     (["certify", PRACTICAL, "--set", "loop.perod_s=0.001"], []),
-    (["certify", PRACTICAL, "--set", "duration_s=1"], []),
     (["certify", PRACTICAL, "--set", "controller.period_s=0.001"], []),
     (["certify", PRACTICAL, "--set", "loop.duration_s=0.10001"], []),
     (["certify", PRACTICAL, "--periods"], []),

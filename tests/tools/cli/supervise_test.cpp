@@ -373,9 +373,9 @@ TEST(Supervise, LeavesSignalsAsTheyWere) {
 
 // A driver whose read hangs: says that it starts its robot, is deaf, and stops it after `seconds`.
 Process blocked_driver(const std::string& seconds) {
-  Process driver =
-      shell("plant", "trap '' INT TERM; eval \"printf s >&$TACHLESS_NOTICE_FD\"; echo up; sleep " +
-                         seconds + "; eval \"printf e >&$TACHLESS_NOTICE_FD\"; exit 5");
+  Process driver = shell(
+      "plant", "trap '' INT TERM; printf s >/proc/self/fd/$TACHLESS_NOTICE_FD; echo up; sleep " +
+                   seconds + "; printf e >/proc/self/fd/$TACHLESS_NOTICE_FD; exit 5");
   driver.drives_robot = true;
   return driver;
 }
