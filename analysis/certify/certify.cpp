@@ -19,12 +19,12 @@ namespace {
 using base::period_text;
 using Json = nlohmann::ordered_json;
 
-/// What is not finite is null.
+/// Returns null for a number that is not finite.
 Json json_of(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 Json json_of(const std::optional<double>& x) { return x ? json_of(*x) : Json(); }
 Json json_of(const Eigen::VectorXd& x) { return std::vector<double>(x.begin(), x.end()); }
 
-/// What is printed, in its order: text and JSON are made of it.
+/// A printed result. Text and JSON are made of these results, in their order.
 struct Entry {
   std::string_view key, label;  ///< without a label only in JSON, without a key only in the text
   Json value;
@@ -180,7 +180,7 @@ std::string reach_text(const Eigen::VectorXd& errors, const Eigen::VectorXd& ran
   return text;
 }
 
-/// Where torque limits end the region.
+/// Returns where torque limits end the region.
 std::string torque_text(const lyapunov::CertifiedRegion& c, const Eigen::VectorXd& range) {
   if (c.torque->level >= c.region.level) return "no limit is reached in the region";
   return fmt::format("without saturation from rest {} (joint {} is first)",
@@ -319,8 +319,9 @@ std::vector<Group> groups(const Certificate& certificate) {
   return all;
 }
 
-/// Of torque or speed the largest share of a limit that the reference asks for, or where no joint
-/// has one the largest value: "57 % of the torque limit (elbow)", "345 N m (elbow, no limit)".
+/// Returns the largest share of a torque or speed limit that the reference asks for: "57 % of the
+/// torque limit (elbow)". If no joint has a limit, returns the largest value: "345 N m (elbow, no
+/// limit)".
 std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
   std::pair<bool, double> largest;
   std::string text;
@@ -371,7 +372,8 @@ std::string no_margins(const Prediction& loop) {
              : "none: at rest it is unstable at q = " + list_text(loop.unstable_q);
 }
 
-/// What matters most: four lines; one more with dry friction, and in realtime.
+/// Returns the most important results in four lines. Missed commands in realtime, dry friction and
+/// uncounted parts of the arm add one line each.
 std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const auto line = [](std::string_view label, std::string_view text) {
     return fmt::format("  {:<17} {}\n", label, text);

@@ -51,7 +51,8 @@ struct Prediction {
   /// friction may hold a joint at rest [rad; m]; empty without friction.
   Vector rest_error;
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
-  /// Of each the least over the postures; nothing with quick effort or where one is unstable.
+  /// The least of each margin over the postures. Nothing: with quick effort, or where a posture is
+  /// unstable.
   std::optional<linear::Margins> margins;
   Vector margin_q;                            ///< the posture with the least modulus margin
   std::optional<linear::MissedTicks> missed;  ///< with full effort, where there are margins
@@ -72,8 +73,8 @@ Eigen::VectorXd own_gain(const linear::LinearLaw& law);
 
 /// Torque per position error at rest, of each joint alone: the least over postures of the reference
 /// [N m/rad; N/m]; of a joint with dry friction F_c over Prediction::rest_error, which is less
-/// where gains couple joints. What an integral adds with time is not in it. Empty for a law that
-/// cannot be linearised. @throw as `analyse`.
+/// where gains couple joints. The growth of an integral with time is not in it.
+/// Empty for a law that cannot be linearised. @throw as `analyse`.
 Vector stiffness(const scenario::Scenario& scenario);
 
 /// Returns why no region of the loop in continuous time is shown: the sampled loop is unstable, or
@@ -86,7 +87,8 @@ std::string growth_text(const Prediction& prediction);
 /// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
 std::string text(const Prediction& prediction);
 
-/// Why a run is refused, and what to type: limit, a stable period nearby. Of an unstable loop.
+/// Returns why a run of an unstable loop is refused, and what to type: limit, a stable period
+/// nearby.
 std::string refusal(const Prediction& prediction, const std::string& scenario_file);
 
 // ---- the numbers as text: one way of each, wherever they are printed ----------------------------
@@ -102,7 +104,8 @@ std::string modulus_text(const linear::Margins& margins);
 std::string pattern_text(int in_a_row);
 /// The same of commands; "; 21 in a row and 4 hits, again and again, is not".
 std::string missed_text(const linear::MissedTicks& missed);
-/// Where dry friction may hold the joints, as a sentence; empty.
+/// Returns a sentence about the errors at which dry friction may hold the joints; empty without
+/// friction.
 std::string friction_text(const Prediction& prediction);
 /// "[1.2, 3]".
 std::string list_text(const Eigen::VectorXd& values);

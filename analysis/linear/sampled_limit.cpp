@@ -27,7 +27,8 @@ class Response {
     MatrixXd closed = open.closed();
     const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
     poles_ = numerics::eigenvalues(closed);
-    // Of the balanced loop, or the rounding of a law's large states hides its small ones.
+    // The decomposition is that of the balanced loop. Otherwise the rounding of a law's large
+    // states would hide its small ones.
     const numerics::Schur A =
         numerics::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
     peaks_ = A.T.diagonal();
@@ -180,9 +181,9 @@ struct Limit {
   double stable, unstable;
 };
 
-/// Returns the first limit above `low`, which is stable, in steps of 2 % up to `high`; nothing
-/// where none is found. Where the radius has a maximum, that is looked at too, if it may be 1: if 1
-/// is within ten times what the maximum stands out by.
+/// Returns the first limit above `low`, which is stable, in steps of 2 % up to `high`. Nothing:
+/// none was found. A maximum of the radius is looked at too, if it may be 1: if 1 is within ten
+/// times what the maximum stands out by.
 template <class F>
 std::optional<Limit> narrow_window(const F& radius, double low, double high) {
   constexpr double step = 1.02, beyond = 10;

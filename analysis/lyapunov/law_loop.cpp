@@ -307,7 +307,7 @@ VelocityBound velocity_bound(const scenario::Scenario& scenario) {
   }
   VectorXd most_jerk = jerk_bound(scenario.reference, trajectory, v.rows());
   VectorXd most_v = VectorXd::Constant(v.rows(), std::numeric_limits<double>::max());
-  // Of sinusoids the sum of their amplitudes bounds each joint at all times.
+  // The amplitudes of the sinusoids' speeds add up to a bound of each joint's speed at all times.
   const auto sines = reference::sines_of(scenario.reference);
   if (!sines.empty()) most_v = VectorXd::Zero(v.rows());
   for (const auto& sine : sines) {

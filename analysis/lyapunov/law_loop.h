@@ -13,8 +13,9 @@ namespace tachless::lyapunov {
 
 /// Error systems and start of a scenario's law, which the certificate is about.
 struct LawLoop {
-  /// That of the start first. Constant gains have one; gains that follow the reference one for each
-  /// of 25 even instants and for each instant where |v_ref| or the rate of Kp has a large maximum.
+  /// The error systems, that of the start first. Constant gains have one. Gains that follow the
+  /// reference have one for each of 25 even instants. They also have one for each instant where
+  /// |v_ref| or the rate of Kp has a large maximum.
   std::vector<ErrorSystem> systems;
   Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
   std::optional<Weights> weights;  ///< those of a law with an integral, which has no others

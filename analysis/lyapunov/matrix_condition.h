@@ -26,8 +26,8 @@ struct Region {
   Vector q;                  ///< the posture that binds rho
 };
 
-/// What weights are chosen for: the largest level, or the fastest rate in the limit of small
-/// errors, whose region is where V decreases at all.
+/// The aim of a choice of weights: the largest level, or the fastest rate in the limit of small
+/// errors. The region of the fastest rate is where V decreases at all.
 enum class Goal { level, rate };
 
 /// L, lower triangular, with |L^-1 delta|^2 the least of e' Kp e + nu' Kd B^-1 nu for that delta:

@@ -228,8 +228,8 @@ SampledRegion region_of(const Reduced& map, const MatrixXd& P) {
   return result;
 }
 
-/// What P is made of: the postures' distance from q_ref [rad; m], and by how much the scales of
-/// each joint, and those of rates and memory, are changed.
+/// A candidate for P. Its parameters are the postures' distance from q_ref [rad; m] and factors of
+/// scales: one for each joint, and one for rates and memory.
 struct Candidate {
   double spread = 0;
   VectorXd joint;

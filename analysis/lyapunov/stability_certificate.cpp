@@ -97,7 +97,7 @@ class ErrorLoop {
     if (!torque_limited()) return {true, true, true, {}};
     return {true, true, true, torque_share(of_1, V0({})).maxCoeff()};
   }
-  /// Whether what is certified holds for all postures.
+  /// Returns true if the certified results hold for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
 
   /// The search is over few postures, to which those that bind are added, and then what is found is
@@ -266,7 +266,7 @@ class ErrorLoop {
     return region;
   }
 
-  /// Of each joint's limit what the torque may take where V <= level.
+  /// Returns the share of each joint's limit that the torque may take where V <= level.
   [[nodiscard]] VectorXd torque_share(const Region& region, double level) const {
     const VectorXd reach =
         (region.e_reached * std::sqrt(level / region.level)).cwiseMin(std::numbers::pi);
@@ -310,9 +310,10 @@ class ErrorLoop {
     return result;
   }
 
-  /// Where errors end from a quarter of the level on, by Vdot <= -mu V + sqrt(2 V) s + power with
-  /// V = 1/2 y' M y + 1/2 (e, nu)' S (e, nu); empty: nothing is certified, as of a law with an
-  /// integral, whose part of V does not decay at mu.
+  /// Returns bounds of the errors that remain after a start within a quarter of the level. They
+  /// follow from Vdot <= -mu V + sqrt(2 V) s + power with V = 1/2 y' M y + 1/2 (e, nu)' S (e, nu).
+  /// Empty: nothing is certified. A law with an integral has no such bounds: its part of V does not
+  /// decay at mu.
   VectorXd ultimate(const CertifiedRegion& c) {
     if (loop_.weights) return {};
     const double mu = fine().rate(c.weights, c.region.rho / 2);

@@ -385,7 +385,7 @@ std::string witness(const scenario::Scenario& scenario, const Vector& errors) {
     // JSON has no infinity.
     json["torque_limit"] = json_of(Vector(given->cwiseMin(std::numeric_limits<double>::max())));
   }
-  // Of the text whose checksum is empty.
+  // The checksum is that of the text whose checksum is empty.
   json["checksum"] = fmt::format("{:016x}", base::fnv(json.dump(1) + "\n"));
   return json.dump(1) + "\n";
 }

@@ -14,8 +14,8 @@
 namespace tachless::study {
 namespace {
 
-/// What stands in for the velocity in a law that does not measure it: the v_hat that it logs, or
-/// v_ref + nu of one that filters the error.
+/// The substitute for the velocity in a law that does not measure it. It is the v_hat that the law
+/// logs, or v_ref + nu of a law that filters the error.
 class VelocityInUse {
  public:
   explicit VelocityInUse(const controller::LawFacts& law) {

@@ -88,7 +88,8 @@ class RowFile {
       throw base::bad_usage(
           "{}: another process runs this part of the sweep; wait for it, or end it", path.string());
     }
-    // What a broken off write has left of its line makes room for the next.
+    // A write that was broken off may have left part of a line. The file is cut after its last
+    // whole line.
     const std::string before = base::file_text(path).value_or("");
     const std::size_t end = before.rfind('\n');
     const auto whole = static_cast<off_t>(end == std::string::npos ? 0 : end + 1);

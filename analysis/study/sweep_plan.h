@@ -39,7 +39,7 @@ struct SweepLaw {
   std::vector<std::string> overrides;  ///< its parameters
 };
 
-/// What a row of the results is about.
+/// The case that a row of the results is about.
 struct SweepCase {
   std::int64_t index = 0;
   std::string law;

@@ -47,7 +47,7 @@ TEST(Certify, OfThePapersRigidScenario) {
 
 constexpr const char* limits = "plant.drive.torque_limit_Nm=[900, 300]";
 
-/// Of initial states, V decides. From where no bound holds none is printed.
+/// V decides which initial states are certified. Without a bound that holds, none is printed.
 TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"plant.initial.position_rad=[3, -3]",

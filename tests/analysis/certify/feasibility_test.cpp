@@ -51,7 +51,7 @@ TEST(Feasibility, SeesTheSpeedOfALongRunsSinusoid) {
 }
 
 TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
-  // Of 25 Hz at pi/4 10 ms later is a quarter of a period later: |cos| is 0.7071 at each.
+  // At 25 Hz, 10 ms are a quarter of a period. The instants begin at pi/4: |cos| is 0.7071 at each.
   const auto joints =
       demands_of("{amplitude_rad: 0.00636619772, frequency_hz: 25, phase_rad: 0.78539816}",
                  "loop.duration_s=20");
@@ -83,8 +83,8 @@ TEST(Feasibility, CountsTheRotorsOfFlexibleJoints) {
   EXPECT_NEAR(torque("[1.1, 0.1]") - torque("[0.1, 0.1]"), 31.4, 1);
 }
 
-/// Of a slow motion up to where gravity is largest, which is what the torque is there: link and
-/// motor move the same way until just before they stop.
+/// The motion is slow and ends where gravity is largest, so that the largest torque is there. Link
+/// and motor move the same way until just before they stop.
 TEST(Feasibility, CountsDryFriction) {
   const auto torque = [](const std::string& scenario, const std::string& friction) {
     return feasibility(

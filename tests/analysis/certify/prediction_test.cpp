@@ -212,7 +212,7 @@ TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
   EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = [0.0095, 0.04]"));
 }
 
-/// What a run's verdict divides friction by.
+/// A run's verdict divides friction by this stiffness.
 TEST(Prediction, StiffnessOfAJointWithFrictionIsThatOfItsRestError) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid",

@@ -65,7 +65,8 @@ class Witness(unittest.TestCase):
             other = text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1:]
             with self.assertRaises(Rejected, msg=f"digit {at}"):
                 check(other)
-        # What is not so, with the right checksum; few boxes, or refusals would take as long as proofs.
+        # False values have the right checksum. The boxes are few: refusals would take as long as
+        # proofs.
         for key, value in wrong.items():
             with self.assertRaises(Rejected, msg=key):
                 check(changed(json.loads(text), **{key: value, "boxes": 300}))

@@ -92,7 +92,7 @@ TEST(SweepPlan, SetsMultipliesAndChangesSingleJoints) {
       plan_of({"controller.gains.kp*=2,3", "plant.initial.position_rad[1]=0.25,1",
                "plant.payload.mass_kg=0.5,1"});
   const scenario::Scenario scenario = plan.scenario(plan.at(0));
-  // As written in the scenario: kp [40000, 2400], position [0, 0].
+  // The scenario has kp [40000, 2400] and position [0, 0].
   EXPECT_EQ(scenario.controller.gains.at("kp")[0], 80000);
   EXPECT_EQ(scenario.controller.gains.at("kp")[1], 4800);
   EXPECT_EQ(scenario.plant.initial.position_rad[0], 0);
@@ -114,7 +114,7 @@ TEST(SweepPlan, AVariedPeriodKeepsWholePeriodsInTheRun) {
   const scenario::LoopSpec loop = plan.scenario(plan.at(0)).loop;
   EXPECT_EQ(loop.num_ticks, 7143);  // 5 s / 0.7 ms = 7142.9
   EXPECT_NEAR(loop.duration_s, 5, 7e-4);
-  // Of a factor the period is that times what the scenario has: 1 ms.
+  // A factor multiplies the period of the scenario: 1 ms.
   const SweepPlan factor = plan_of({"loop.period_s*=0.7,3"});
   EXPECT_EQ(factor.scenario(factor.at(0)).loop.num_ticks, 7143);
 }

@@ -41,7 +41,7 @@ SweepPlan small_plan() {
   return plan;
 }
 
-/// As one thread makes it, undisturbed.
+/// Returns the table that one undisturbed thread makes.
 const std::string& expected_table() {
   static const std::string table = [] {
     const TemporaryDirectory directory;
@@ -214,7 +214,7 @@ TEST(Measures, TorqueNoiseIsThatOfTheLawsGainOnCounts) {
   const double rounding = 2 * std::numbers::pi / (1 << 20) / std::sqrt(12);
   EXPECT_NEAR(torque_noise(scenario({})) / (rounding * std::sqrt(sum / 2)), 1, 0.1);
   EXPECT_TRUE(std::isnan(torque_noise(scenario({"plant.encoder.resolution_bits=null"}))));
-  // Of a run that diverges there is none.
+  // A run that diverges has no torque noise.
   EXPECT_TRUE(std::isnan(torque_noise(
       scenario({"controller.gains.kd=[20000, 1200]", "plant.integrator.accuracy=1e-5"}))));
 }

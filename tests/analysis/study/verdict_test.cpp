@@ -36,7 +36,7 @@ Tracking run(const std::vector<OverTime>& errors, const OverTime& q_ref) {
   return tracking;
 }
 
-/// Of one joint, with an encoder of 20 bits.
+/// Returns the verdict on one joint, with an encoder of 20 bits.
 Verdict verdict(const OverTime& error, const OverTime& q_ref, double friction = 0,
                 bool realtime = false) {
   return judge(run({error}, q_ref), {.resolution = Vector::Constant(1, 6e-6),
@@ -104,7 +104,7 @@ TEST(Verdict, TellsWhatTheMotionMakesFromWhatDecays) {
   const Verdict lags = verdict(lag(0.2), five_hertz);
   EXPECT_EQ(lags.word(), "lags");
   EXPECT_THAT(text(lags, rotary), HasSubstr(" 20 % of its scale; the motion makes it"));
-  // Where nothing is to move, its scale is the error itself.
+  // Without a motion the scale is the error itself.
   Yardsticks yardsticks;
   yardsticks.disturbed = [](double from_s, double to_s) { return from_s < 2 && to_s > 1; };
   const Verdict disturbed = judge(run({five_hertz}, still), yardsticks);
@@ -192,8 +192,8 @@ TEST(Verdict, OfAGrowingErrorIsDiverging) {
 }
 
 TEST(Verdict, OfASwingThatDecaysOnASlowErrorIsThatOfTheError) {
-  // As the fast swing decays it turns the slow error ever more seldom: what is between two turns is
-  // more and more the slow error's, and grows.
+  // The fast swing turns the slow error ever more seldom as it decays. The part between two turns
+  // is more and more the slow error's, and grows.
   const auto motion = [](double t) { return 0.1 * std::sin(2 * std::numbers::pi * t); };
   const auto swing = [&](double per_s) {
     return [=](double t) {
@@ -251,7 +251,8 @@ TEST(Verdict, IsThatOfTheWorstJoint) {
             {})
           .word(),
       "converged");
-  // So is one that starts next to its place: a count beside it is no scale for what the others do.
+  // A joint that starts next to its place is measured by that motion too. A small distance at the
+  // start is no scale for the errors that the other joints make.
   const OverTime coupled = [](double t) { return 1e-7 + 3e-5 * (t < 0.5 ? 0.1 : t); };
   EXPECT_EQ(judge(run({decay(0.5, 20), coupled}, step), {}).word(), "converged");
 }
@@ -360,7 +361,8 @@ TEST(VerdictOfACase, RestsBesideThoughNoiseShakesIt) {
 
 TEST(VerdictOfACase, IsConvergedWhereOnlyNoiseMakesTheError) {
   for (const char* seed : {"1", "2", "3", "4"}) {
-    const Verdict seen = of_case("noise_is_no_limit_cycle", {std::string("plant.encoder.seed=") + seed});
+    const Verdict seen =
+        of_case("noise_is_no_limit_cycle", {std::string("plant.encoder.seed=") + seed});
     EXPECT_EQ(seen.word(), "converged") << text(seen, rotary);
   }
 }
@@ -386,7 +388,8 @@ TEST(VerdictOfACase, StillSettlesWhereTheLoopNeedsLongerThanTheRun) {
              "paper_flexible");
   EXPECT_EQ(seen.word(), "lags") << text(seen, rotary);
   EXPECT_EQ(seen.cause, Cause::settling);
-  EXPECT_THAT(text(seen, rotary), HasSubstr("; the loop settles in 4.4 s, the run gave it 0.066 s"));
+  EXPECT_THAT(text(seen, rotary),
+              HasSubstr("; the loop settles in 4.4 s, the run gave it 0.066 s"));
 }
 
 TEST(Verdict, SaysThatAReferenceWhichWasToMoveDidNot) {
