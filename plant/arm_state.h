@@ -14,7 +14,7 @@ struct ArmState {
   Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
   /// Torque on the links that no drive gives [N m; N]; empty: none. Only the log uses it.
   Vector disturbance{};
-  /// Torque of the drives whose current loops lag [N m; N]; empty: none lags.
+  /// Torque of the drives where a current loop lags [N m; N]; empty: zero.
   Vector torque{};
   /// The robot's own time since an arbitrary instant [s]; NaN: the robot tells none.
   double time_s = std::numeric_limits<double>::quiet_NaN();
