@@ -23,8 +23,8 @@ inline constexpr std::size_t event_header_bytes = 28;
 inline constexpr std::size_t max_channel_bytes = 63;
 
 /// Appends events to a log. Nothing is allocated between construction and `sync`. The first error
-/// of the file system ends the log: the file is cut after its last whole event, and this and every
-/// further call throws a Failure that names path, bytes kept and remedy.
+/// of the file system ends the log and cuts the file after its last whole event. This and every
+/// further call then throws a Failure that names path, bytes kept and remedy.
 class LogWriter {
  public:
   /// Time between two flushes. A killed logger loses at most twice that, as a busy machine may

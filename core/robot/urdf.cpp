@@ -332,8 +332,7 @@ class Loader {
   const std::string& source_;
   const UrdfOptions& options_;
   const UrdfTree urdf_;
-  std::map<std::string, MimicRelation>
-      relations_;  ///< relation of each joint to the joint that drives it
+  std::map<std::string, MimicRelation> relations_;  ///< relation of a joint to its driver
   std::map<std::string, int> coordinate_;
   std::map<int, std::vector<std::string>> impossible_;  ///< by body: faults of its links
   Model model_;

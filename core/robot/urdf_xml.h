@@ -24,8 +24,7 @@ Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy);
 /// The <inertial> of a link; zero without one.
 struct UrdfLink {
   MassProperties mass;  ///< mass properties; I_Bcm is in the inertial's axes
-  Eigen::Matrix3d R =
-      Eigen::Matrix3d::Identity();  ///< rotation of the inertial's axes in the link's
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();  ///< rotation from the inertial's axes
   double largest_angle = 0;         ///< largest angle of the inertial's rpy as written [rad]
 };
 

@@ -141,7 +141,7 @@ class Dart {
   VectorXd offset_;
 };
 
-/// Returns the largest difference relative to DART's or our largest component.
+/// Returns the largest difference, relative to our largest component if that is not 0.
 double difference(const MatrixXd& ours, const MatrixXd& theirs) {
   const double largest = theirs.cwiseAbs().maxCoeff();
   const double apart = (ours - theirs).cwiseAbs().maxCoeff();
@@ -150,7 +150,9 @@ double difference(const MatrixXd& ours, const MatrixXd& theirs) {
 
 struct Differences {
   double inverse = 0, inertia = 0, gravity = 0, forward = 0;
-  [[nodiscard]] double largest() const { return std::max({inverse, inertia, gravity, forward}); }
+  [[nodiscard]] double largest() const {
+    return std::max({inverse, inertia, gravity, forward});
+  }
 };
 
 Differences compare(const Model& model, Dart& dart) {
