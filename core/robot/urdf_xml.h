@@ -25,7 +25,7 @@ Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy);
 struct UrdfLink {
   MassProperties mass;  ///< mass properties; I_Bcm is in the inertial's axes
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();  ///< rotation from the inertial's axes
-  double largest_angle = 0;         ///< largest angle of the inertial's rpy as written [rad]
+  double largest_angle = 0;  ///< largest angle of the inertial's rpy as written [rad]
 };
 
 /// The position of a joint as an affine map of another's: multiplier q + offset.
@@ -94,8 +94,8 @@ int line_of_unread_markup(const TiXmlNode& node);
 /// lines of other programs. A name is printable, short, and has no character with a meaning there.
 bool is_urdf_name(std::string_view text);
 
-/// Returns the kind of an XML text and a remedy, for a message that wants another kind: "a URDF;
-/// …".
+/// Returns the kind of an XML text and a remedy: "a URDF; …". Messages that want another kind use
+/// it.
 /// @param source its file's name
 std::string xml_kind(std::string_view text, const std::string& source);
 

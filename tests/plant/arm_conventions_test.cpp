@@ -100,8 +100,8 @@ TEST(ArmConventions, MakeAnArmThatAddsGravityTheLoopOfTheEmulator) {
   MakersArm arm(told);
   const Vector q = end_of_run(told, &arm);
   EXPECT_GT(arm.moved, 0.01);
-  // The plant takes g away one tick after the law's own g. The error is 40 N m/rad times the 1e-3 rad
-  // or so of a tick's motion. The law's 100 N m/rad act against it.
+  // The plant takes g away one tick after the law's own g. The error is 40 N m/rad times the 1e-3
+  // rad or so of a tick's motion. The law's 100 N m/rad act against it.
   const Vector emulated = end_of_run(scenario({away}), nullptr);
   EXPECT_LT((q - emulated).norm(), 2e-3) << q << "\n" << emulated;
 }
