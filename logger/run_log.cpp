@@ -17,7 +17,7 @@
 namespace tachless::logger {
 namespace {
 
-// Ticks held at once: those waited for, and as many ahead of them.
+// Number of ticks held at once. Half of them are ahead of the awaited ticks.
 constexpr std::int64_t num_held = 2 * RunLog::window;
 
 /// The fingerprint of RUN_INFO in version 0.1.0, whose messages were others.
@@ -58,7 +58,7 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
   throw base::bad_usage("{}: {}", reader.path().string(), problem);
 }
 
-/// One tick's messages, also as they are in the log.
+/// Messages of one tick, decoded and as bytes of the log.
 struct HeldTick {
   TickRecord record;
   std::array<std::span<const std::byte>, messages::num_slots> bytes;
@@ -181,7 +181,7 @@ void append_cause(const std::filesystem::path& log, const scenario::Scenario& sc
 /// Puts the messages of a log into their ticks.
 class RunLog::Window {
  public:
-  /// @param held of the window before: its pages, some megabytes, are costly to have anew
+  /// @param held ticks of the previous window, whose pages (some megabytes) are costly to allocate
   explicit Window(RunLog& log, std::vector<HeldTick> held = {})
       : reader_(log.reader_),
         described_(log.described_),
@@ -231,7 +231,7 @@ class RunLog::Window {
   template <class Value>
   struct Channel {
     std::string name;
-    std::optional<messages::Codec<Value>> codec;  ///< nothing when its messages are not read
+    std::optional<messages::Codec<Value>> codec;  ///< nothing: its messages are not read
     Value scratch;
   };
   template <class... Value>
@@ -239,7 +239,7 @@ class RunLog::Window {
   template <class Value>
   void make(Channel<Value>& channel) {
     if (messages::is_measurement<Value> && described_.info.measurement != Value::suffix) return;
-    if (std::is_same_v<Value, messages::LogAck>) return;  // says nothing of a run
+    if (std::is_same_v<Value, messages::LogAck>) return;  // the message tells nothing of a run
     channel.name = messages::channel<Value>(described_.info.robot);
     channel.codec.emplace(described_.layout);
     if constexpr (messages::once_per_tick<Value>) {
@@ -251,7 +251,8 @@ class RunLog::Window {
 
   HeldTick& held_at(std::int64_t tick) { return held_[static_cast<std::size_t>(tick % num_held)]; }
 
-  /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
+  /// Returns false for a tick that has only a reference, at the end of a run that was cut short.
+  /// The reference is a tick ahead.
   [[nodiscard]] bool has_begun(const HeldTick& held) const {
     const std::int64_t tick = held.record.tick;
     return !at_end_ || ready_ || tick != newest_ || summary_.last_tick < 0 ||
@@ -271,7 +272,7 @@ class RunLog::Window {
   void take(const LogEvent& event, Channel<Value>& channel) {
     messages::Stamp stamp;
     const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
-    // Another run may have another number of joints: look at the run even where the size is wrong.
+    // Another run may have another number of joints, so the run counts before the size.
     if (is_foreign(event, std::is_same_v<Value, messages::Participant>)) return;
     if (rejection != messages::Rejection::none) {
       ++summary_.undecodable[rejection];
@@ -286,7 +287,8 @@ class RunLog::Window {
     }
   }
 
-  /// Whether the message is of another run; who has not joined one yet announces itself in run 0.
+  /// Returns true if the message is of another run. A process that has not joined a run announces
+  /// itself in run 0.
   bool is_foreign(const LogEvent& event, bool announcement) {
     if (event.data.size() < messages::stamp_end) return false;
     const std::int64_t run = messages::stamp_of(event.data).run;
@@ -297,10 +299,11 @@ class RunLog::Window {
     return true;
   }
 
-  /// Where a message of a tick belongs; null when it is not to be used, or not yet.
+  /// Returns the record that a message belongs to. Returns null for a message that is not used,
+  /// or not yet.
   TickRecord* place(const LogEvent& event, const messages::Stamp& stamp, Slot slot) {
     const std::int64_t num_ticks = described_.info.num_ticks;
-    // The reference answers one tick ahead, so that one may lie just past the end of the run.
+    // The reference answers one tick ahead, so its last message may lie past the end of the run.
     const bool past_end = slot == Slot::reference && stamp.tick == num_ticks;
     if (stamp.tick < 0 || (stamp.tick >= num_ticks && !past_end) || !time_agrees(stamp)) {
       ++summary_.wrong_tick;
@@ -337,11 +340,11 @@ class RunLog::Window {
     return &held.record;
   }
 
-  /// When the tick begins, if no later.
+  /// Returns the planned time of the tick [us].
   [[nodiscard]] double time_us(const messages::Stamp& stamp) const {
     return static_cast<double>(stamp.tick) * described_.info.period_s * 1e6;
   }
-  /// In lockstep, time is the tick's: a number that was damaged gives itself away.
+  /// Returns false in lockstep when time and tick disagree, as after damage to one of them.
   [[nodiscard]] bool time_agrees(const messages::Stamp& stamp) const {
     return described_.scenario.loop.mode != scenario::Mode::lockstep ||
            std::abs(static_cast<double>(stamp.utime) - time_us(stamp)) <= 1;
@@ -384,7 +387,7 @@ class RunLog::Window {
     }
   }
 
-  /// Ticks from the one after the last that had the piece to the one before `tick`.
+  /// Counts the ticks that lack the piece, after the last tick that had it and before `tick`.
   void count_missing(Slot slot, std::int64_t tick) {
     std::int64_t last = tick - 1;
     if (summary_.stop && described_.scenario.loop.mode == scenario::Mode::realtime) {
@@ -399,12 +402,12 @@ class RunLog::Window {
   const std::function<void(const LogEvent&)>& on_event_;
   RunSummary& summary_;
   decltype(channels_of(messages::AllMessages())) channels_;
-  const HeldTick none_{};  ///< assigned in place of {}, which would be cleared byte by byte first
+  const HeldTick none_{};  ///< source of assignments; {} would first be cleared byte by byte
   std::vector<HeldTick> held_;
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
   std::int64_t newest_ = -1;        // highest tick that is held
-  std::optional<LogEvent> ready_;   // to be taken once what is below `release_below_` is handed out
+  std::optional<LogEvent> ready_;   // event to place after the ticks below `release_below_`
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, messages::num_slots> last_seen_{};

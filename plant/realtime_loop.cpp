@@ -27,7 +27,7 @@ using messages::Role;
 using messages::truth::DriveFault;
 using session::Verdict;
 
-// From the last confirmation of the roster to the first tick.
+// Time from the last confirmation of the roster to the first tick.
 constexpr auto lead_in = 5ms;
 // A flood of datagrams must not delay the next tick.
 constexpr int most_at_once = 64;
@@ -66,7 +66,7 @@ class RealtimeLoop : PlantLoop {
         end_tick();
       }
     } catch (...) {
-      robot_.stop();  // before anything else
+      robot_.stop();  // the robot stops before anything else
       const Failure failure = base::current_failure();
       come_to_rest(failure);
       robot_.require_stopped(&failure);
@@ -87,11 +87,11 @@ class RealtimeLoop : PlantLoop {
     if (robot_.is_clock()) {
       return acted_ ? Time() : asked_ + nanoseconds_of(scenario_.loop.period_s / 2);
     }
-    // Caught up with in no time, late ticks would all miss their commands.
+    // Late ticks in immediate succession would all miss their commands.
     return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds_of(scenario_.loop.period_s / 2));
   }
 
-  /// The run and its log are whole, whatever this says about its real time.
+  /// Judges the share of missed deadlines. The run and its log are complete in either case.
   void judge_deadlines() {
     const auto missed = session_.statistics().plant().missed_deadlines;
     const double share =
@@ -119,12 +119,12 @@ class RealtimeLoop : PlantLoop {
                   datagram.channel, datagram.sender, messages::stamp_of(datagram.payload).run);
   }
 
-  /// The longest that a torque may be held.
+  /// Returns the longest time for which a torque may be held.
   [[nodiscard]] std::chrono::nanoseconds longest_hold() const {
     return nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2));
   }
 
-  /// Reads a robot that tells its time until this time has passed as fast as this computer's for a
+  /// Reads a robot that tells its time until its clock runs as fast as this computer's for one
   /// window. The first readings may be older than the others.
   /// @throw Failure(bad_usage) when it never does
   void require_seconds() {
@@ -237,7 +237,7 @@ class RealtimeLoop : PlantLoop {
       const auto now = Clock::now();
       if (now < deadline) session_.poll(now);
     }
-    // What was there in time and is not read yet counts.
+    // A datagram that arrived in time counts, although it is read only now.
     for (int i = 0; i < most_at_once && session_.receive(Time()); ++i) {
     }
   }
@@ -297,7 +297,7 @@ class RealtimeLoop : PlantLoop {
   void come_to_rest(const Failure& failure) {
     try {
       session_.announce_stop(failure, Clock::now());
-      if (tick_ < 0) return;  // it has not begun
+      if (tick_ < 0) return;  // the run has not begun
       if (begun_ && !acted_) act(DriveFault::protective_stop);
       const auto most = static_cast<std::int64_t>(
           std::chrono::duration<double>(longest_stop).count() / scenario_.loop.period_s);
@@ -307,14 +307,14 @@ class RealtimeLoop : PlantLoop {
           session_.attend(std::min(deadline(tick_), session_.next_poll()));
           session_.announce_if_due(Clock::now());
         }
-        session_.announce_if_due(Clock::now());  // behind time too
+        session_.announce_if_due(Clock::now());  // a late loop announces too
         ask(Clock::now());
         act(DriveFault::protective_stop);
         note_completed(tick_);
         if (robot_.at_rest()) break;
       }
     } catch (...) {
-      // Neither the bus nor the robot can be relied on any more: `failure` is the one to report.
+      // The bus or the robot has failed too. The caller reports `failure`.
     }
   }
 

@@ -21,7 +21,7 @@ struct Child {
   pid_t pid = -1;
   bool running = false;
   base::FileDescriptor output;   ///< its stdout and stderr; -1 once it has closed them
-  base::FileDescriptor notices;  ///< receives what it passes to `give_notice`; -1: not asked for
+  base::FileDescriptor notices;  ///< source of the child's notices; -1: not asked for
   std::string partial;           ///< the line that has not ended yet
 };
 
@@ -38,57 +38,57 @@ struct StartOptions {
 };
 inline constexpr std::string_view dropped_mark = "<dropped> ";
 
-/// What a robot's driver reports with `give_notice`.
+/// Event that a robot's driver reports with `give_notice`.
 enum class Notice : char { robot_starts = 's', robot_stopped = 'e' };
 
 /// Reports to the process that started this one with `gives_notices`; does nothing without one.
 /// Never waits.
 void give_notice(Notice notice) noexcept;
 
-/// How a process ended.
+/// End of a process.
 struct End {
-  int exit_code = 0;  ///< when `signal` is 0
-  int signal = 0;     ///< that killed it
+  int exit_code = 0;  ///< valid when `signal` is 0
+  int signal = 0;     ///< signal that killed the process; 0: none
 
   [[nodiscard]] bool well() const { return exit_code == 0 && signal == 0; }
 };
-/// "was killed by signal 9 (Killed)", "ended with exit code 3", "ended".
+/// Returns "was killed by signal 9 (Killed)", "ended with exit code 3" or "ended".
 std::string text(const End& end);
 
-/// Signals that this thread has blocked.
+/// Returns the signals that this thread has blocked.
 sigset_t blocked_signals();
 
-/// Starts a program (a path, or a name on the search path) with its arguments in a process group of
-/// its own, so that Ctrl-C reaches this process alone. The child gets SIGTERM when this process
-/// dies. May be called from any thread: the child does not end with the thread.
+/// Starts a program (a path, or a name on the search path) with its arguments. The child has its
+/// own process group, so that Ctrl-C reaches this process alone. The child gets SIGTERM when this
+/// process dies. Any thread may call this; the child does not end with the thread.
 /// @throw base::Failure(bad_usage) naming the program that cannot be started
 Child start(const std::vector<std::string>& command, const StartOptions& options = {});
 
 /// Hands over each line that the process has written since the last call, but reads at most 64 kB.
 /// Does not wait. A last line without an end follows once the process has ended.
-/// @return whether more may be there
+/// @return true if there may be more
 bool read_lines(Child& child, const std::function<void(std::string)>& on_line);
 
-/// Reads the rest of the output of a child that has ended: to its end, or for at most `patience`
-/// where another process holds the pipe.
+/// Reads the rest of the output of a child that has ended. Reads for at most `patience` if another
+/// process holds the pipe.
 void read_rest(Child& child, std::chrono::milliseconds patience,
                const std::function<void(std::string)>& on_line);
 
-/// The notices since the last call. Does not wait.
+/// Returns the notices since the last call. Does not wait.
 std::vector<Notice> take_notices(Child& child);
 
-/// How a running child has ended; nothing while it runs, and after the first call that told it.
-/// Waits only with `wait`.
+/// Returns the end of a running child. Returns nothing while it runs, and after the first call that
+/// returned the end. Waits only with `wait`.
 std::optional<End> take_end(Child& child, bool wait = false);
 
 using OnLine = std::function<void(std::string line)>;
 
-/// Waits for a running child's end, at most `patience`, then kills it. Kills what it has left in
-/// its process group in any case. Hands over its last lines.
-/// @return how it ended
+/// Waits for a running child's end, at most `patience`, then kills it. Always kills the rest of its
+/// process group. Hands over its last lines.
+/// @return its end
 End end_within(Child& child, std::chrono::milliseconds patience, const OnLine& on_line);
 
-/// How a program ended, and what it wrote.
+/// End of a program, with its output.
 struct Finished : End {
   std::vector<std::string> lines;
 };

@@ -103,7 +103,7 @@ TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
     largest = std::max(largest, std::abs(error));
   }
   EXPECT_LE(largest, count / 2 * (1 + 1e-9));  // rounding at half a count
-  // count^2 / 12; the sample's standard deviation is 0.9 / sqrt(n) = 0.6 %: five of them.
+  // The variance is count^2 / 12. The bound is five standard deviations of 0.9 / sqrt(n) = 0.6 %.
   EXPECT_NEAR(sum_of_squares / n / (count * count / 12), 1, 0.032);
 }
 
@@ -128,7 +128,7 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
     beside += x[0] * last / n;
     last = x[0];
   }
-  // Five standard deviations of each sample statistic: 1, sqrt 2 and sqrt 96 over sqrt n.
+  // The bounds are five standard deviations: 1, sqrt 2 and sqrt 96 over sqrt n.
   for (int i = 0; i < 4; ++i) {
     EXPECT_NEAR(mean[i], 0, 5 / std::sqrt(n));
     EXPECT_NEAR(square[i], 1, 5 * std::sqrt(2.0 / n));
@@ -189,7 +189,8 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   }
 }
 
-/// Of POSITION, MOTOR_POSITION, LINK_STATE and STATE, those whose encoders the robot has: 1.
+/// Returns a digit each for POSITION, MOTOR_POSITION, LINK_STATE and STATE. A 1 means that the
+/// robot has the encoders.
 std::string measurable(bool flexible, EncoderSide side) {
   scenario::Scenario s = scenario(flexible);
   s.plant.encoder.side = side;

@@ -34,7 +34,7 @@ inline scenario::Scenario scenario(std::vector<std::string> overrides) {
       std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
-/// A torque that tells its tick.
+/// Returns a torque that tells its tick.
 inline Vector torque_of(std::int64_t tick) {
   Vector tau(2);
   tau << 1 + 0.5 * static_cast<double>(tick), -0.25 * static_cast<double>(tick);
@@ -53,8 +53,8 @@ class Peers : public bus::Transport {
   std::function<void()> on_run_info = [] {};
   std::function<void()> on_first_announcement = [] {};
 
-  std::string law = "loria_ortega_rigid";  ///< what the controller announces
-  std::string measurement = "POSITION";    ///< what it asks for
+  std::string law = "loria_ortega_rigid";  ///< law that the controller announces
+  std::string measurement = "POSITION";    ///< measurement that it asks for
 
   std::vector<messages::truth::PlantTruth> truths;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
@@ -65,7 +65,7 @@ class Peers : public bus::Transport {
     messages::Codec<messages::TorqueCommand> codec(layout_);
     queue("ARM_COMMAND", codec.encode({0, run != 0 ? run : run_, tick}, {tau}), std::move(sender));
   }
-  /// The same with NaN for the last torque.
+  /// Sends a command with NaN for the last torque.
   void non_finite_command(std::int64_t tick, std::string sender) {
     messages::Codec<messages::TorqueCommand> codec(layout_);
     const auto sound = codec.encode({0, run_, tick}, {torque_of(tick)});
@@ -73,7 +73,7 @@ class Peers : public bus::Transport {
     std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
     queue("ARM_COMMAND", bytes, std::move(sender));
   }
-  /// Torques come this long after their measurements, however long the plant sleeps.
+  /// Time from a measurement to its torque, even while the plant sleeps.
   std::chrono::microseconds answering_time{0};
 
   void queue(std::string channel, std::span<const std::byte> bytes, std::string sender) {
@@ -84,7 +84,7 @@ class Peers : public bus::Transport {
 
   int subscribe(const std::string& channel) override { return channels_.add(channel); }
 
-  /// What the bus does to the plant's announcement of a fault.
+  /// Action of the bus at the plant's announcement of a fault.
   std::function<void()> on_fault = [] {};
 
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
@@ -146,7 +146,7 @@ class Peers : public bus::Transport {
     std::string channel;
     std::vector<std::byte> payload;
     std::string sender;
-    base::Clock::time_point at;  ///< it arrives then
+    base::Clock::time_point at;  ///< time of its arrival
   };
 
   void start_members() {
@@ -184,7 +184,7 @@ struct Outcome {
   session::Statistics statistics;
 };
 
-/// The plant's part; `driver`: of the robot in the emulator's place.
+/// Runs the plant. A `driver` replaces the emulator.
 inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
                    const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
   session::Session session(scenario, peers,

@@ -58,7 +58,7 @@ class Recording : public RobotDriver {
   }
   int failing_stops = 0;
 
-  /// Of the run, as soon as it has seen so many torques.
+  /// Number of torques after which `fault` is called.
   int at = -1;
   std::function<void()> fault = [] {};
 
@@ -74,9 +74,9 @@ class Recording : public RobotDriver {
 
 scenario::Scenario limited(std::vector<std::string> overrides = {}) {
   overrides.insert(overrides.begin(), {"plant.drive.torque_limit_Nm=[4, 1000]",
-                                       // What belongs to the emulator changes nothing.
+                                       // The emulator's keys change nothing.
                                        "plant.encoder.noise_std_rad=1", "plant.payload.mass_kg=3",
-                                       // Longer than a busy machine stands still.
+                                       // A busy machine misses fewer ticks in a row.
                                        "loop.max_missed=1000"});
   return scenario(std::move(overrides));
 }
@@ -100,7 +100,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   robot.state.q << 0.004, -0.003;
   const Outcome outcome = run(s, peers, nullptr, &robot);
   ASSERT_EQ(outcome.fault, "");
-  std::string expected = "rrs";  // where it stands is looked at before it may move
+  std::string expected = "rrs";  // the plant reads its position before it may move
   for (int k = 0; k < 30; ++k) expected += "rh";
   EXPECT_EQ(robot.calls, expected + 'x');
   ASSERT_EQ(robot.torques.size(), 30U);
@@ -109,7 +109,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   EXPECT_EQ(robot.torques[20][0], 4) << "within the limit";
   EXPECT_EQ(robot.torques[20][1], torque_of(19)[1]);
   EXPECT_DOUBLE_EQ(robot.ends[29], 0.03);
-  // TRUTH is what the driver knows, bit for bit.
+  // TRUTH equals the driver's state, bit for bit.
   EXPECT_EQ(peers.truths[12].q, robot.state.q);
   EXPECT_TRUE(peers.truths[20].saturated[0]);
 }
@@ -129,13 +129,13 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   EXPECT_EQ(truth.tau, torque_of(4)) << "the log has the whole torque";
   const Vector sent = torque_of(4) - robot::gravity_torque(*s.model, truth.q);
   EXPECT_EQ(robot.torques[5], Vector(Eigen::Vector2d(-sent[0], sent[1])));
-  // Before the first command: what holds it at rest is what it adds itself, but for the 4 mrad
-  // between where it is and where the scenario begins.
+  // Before the first command, the arm's own torque holds it, except for the 4 mrad between its
+  // position and the scenario's start.
   EXPECT_LT(robot.torques[0].norm(), 1);
 }
 
-/// Is the clock. Its ticks last `period_s`, `unit` times that by its own time. One that tells no
-/// time goes on as soon as it is answered.
+/// Robot that is the clock. Its ticks last `period_s`, and `unit` times that by its own time. A
+/// robot that tells no time goes on at each answer.
 class Ticking : public ClockDriver {
  public:
   [[nodiscard]] bool measures_velocity() const override { return false; }
@@ -225,7 +225,7 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   EXPECT_FALSE(outcome.statistics.plant().robot_is_clock);
   EXPECT_EQ(robot.calls.find_first_not_of("r-"), std::string::npos) << robot.calls;
   EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 32);
-  // The log has what it would have been sent, within its limits.
+  // The log has the torques within the limits, although the robot got none.
   ASSERT_EQ(peers.truths.size(), 30U);
   EXPECT_EQ(peers.truths[5].tau, torque_of(4));
   EXPECT_EQ(peers.truths[20].tau[0], 4);
@@ -237,7 +237,7 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   EXPECT_FALSE(clock.stopped);
 }
 
-/// In 2 of each 20 ticks, for `commission`.
+/// Torques are withheld in 2 of each 20 ticks, as in `commission`.
 TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
   const scenario::Scenario s = limited({"plant.withheld_ticks=2"});
   Peers peers(s);
@@ -250,8 +250,8 @@ TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
 }
 
 TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
-  /// Its elbow moves on by `step` in each of its ticks. An exchange takes 50 us, so that the run
-  /// lasts longer than the time over which speed is measured however fast the machine is.
+  /// Robot whose elbow moves by `step` in each tick. An exchange takes 50 us, so that the run lasts
+  /// longer than the window of the speed on any machine.
   class Moving final : public Ticking {
    public:
     ArmState exchange(const Vector& tau) override {
@@ -277,7 +277,7 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
   EXPECT_THAT(fault(1.6e-3, true),
               AllOf(HasSubstr("joint 2 (elbow) moves at 1."),
                     HasSubstr("faster than its limit of 1.5 rad/s"), Not(HasSubstr("on_limit"))));
-  // By this process's time: a tick of 1 rad lasts less than 0.6 s however busy the machine is.
+  // The speed is by this process's time. A tick of 1 rad lasts less than 0.6 s on a busy machine.
   EXPECT_THAT(fault(1, false), HasSubstr("faster than its limit of 1.5 rad/s"));
   EXPECT_EQ(fault(0, false), "");
 }
@@ -351,7 +351,7 @@ TEST(RobotDriver, IsStoppedWhenItsTimeBeginsToRunAtAnotherSpeed) {
     EXPECT_THAT(outcome.fault, HasSubstr("times as fast as this computer's clock: speeds cannot"));
     EXPECT_TRUE(clock.stopped);
 
-    Recording robot;  // its time stands, as it does
+    Recording robot;  // its time and its position stand still
     robot.tells_time = true;
     robot.at = 30;
     robot.fault = [&] {
@@ -527,7 +527,7 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
   expect_stopped(robot_);
   EXPECT_EQ(peers_.truths.back().fault, DriveFault::protective_stop);
   EXPECT_EQ(peers_.truths.back().tau, Vector::Zero(2));
-  // It never comes to rest, so for as long as that may take.
+  // The robot never comes to rest, so the plant reads it for the longest stop.
   EXPECT_EQ(std::ranges::count(robot_.calls.substr(robot_.calls.find('x')), 'r'), 500);
 }
 
@@ -548,7 +548,7 @@ TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
 }
 
 TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
-  /// Counts what is allocated from the beginning of `read` to that of `hold`, after some ticks.
+  /// Driver that counts allocations from the beginning of `read` to that of `hold`.
   class Counting : public RobotDriver {
    public:
     [[nodiscard]] bool measures_velocity() const override { return false; }

@@ -185,7 +185,7 @@ TEST(Urdf, AcceptsAMasslessLinkThatCarriesMass) {
   EXPECT_EQ(model_from_urdf(text, "t").num_joints, 2);
 }
 
-/// A two-joint arm that is right, and what makes it wrong.
+/// A two-joint arm without faults.
 const char* const right_arm = R"(<?xml version="1.0"?>
 <robot name="r">
   <link name="base"/>
@@ -388,7 +388,7 @@ UrdfOptions options_with(const std::map<std::string, double>& locked,
   return options;
 }
 
-/// What the loading of `text` warns of.
+/// Returns the warnings from the loading of `text`.
 std::vector<std::string> warnings(const std::string& text, const UrdfOptions& options = {}) {
   return model_from_urdf(text, "arm.urdf", options).warnings;
 }
@@ -412,7 +412,7 @@ TEST(Urdf, AcceptsTheArmThatTheWrongOnesAreMadeFrom) {
   EXPECT_EQ(model_from_urdf(right_arm, "arm.urdf").num_joints, 2);
 }
 
-/// What does not touch the motion is a warning.
+/// Returns arms whose faults do not affect the motion. Each gives a warning.
 const std::vector<Wrong>& doubtful_arms() {
   static const std::vector<Wrong> arms{
       {"NoLimits",
@@ -596,7 +596,7 @@ TEST(Urdf, LocksAMimicWithTheJointThatDrivesIt) {
   const Model free = testing::branching();
   const Vector q = Eigen::Vector3d(0.1, -0.4, 0.7), q_free = Eigen::Vector4d(0.1, 0.2, -0.4, 0.7);
   for (const char* link : {"hand", "finger", "claw"}) {
-    // A handful of rotations of entries up to 1 each.
+    // The rounding is that of a few rotations with entries up to 1.
     EXPECT_LT((link_position(model, link, q) - link_position(free, link, q_free)).norm(), 32 * eps)
         << link;
   }
@@ -761,7 +761,7 @@ std::string duo_with(const std::string& from, const std::string& to) {
   return text;
 }
 
-/// The warnings of a URDF, or why it is refused, on lines.
+/// Returns the warnings of a URDF, or the reason for its refusal, on lines.
 std::string said_of(const std::string& text) {
   try {
     return fmt::format("{}", fmt::join(model_from_urdf(text, "duo.urdf").warnings, "\n"));

@@ -34,7 +34,7 @@ std::string text_of(const std::variant<T...>& value) {
   return std::visit([](const auto& alternative) { return std::string(alternative.name); }, value);
 }
 
-/// What the documentation says stands in for the value of `key`.
+/// Returns the documentation's text for the default of `key`.
 template <class Struct, class Member>
 std::string fallback_text(const base::Key<Struct, Member>& key) {
   switch (key.fallback) {
@@ -57,7 +57,7 @@ std::string fallback_text(const base::Key<Struct, Member>& key) {
   }
 }
 
-/// The table of docs/scenario.md, in Markdown.
+/// Returns the table of docs/scenario.md, in Markdown.
 std::string scenario_key_table() {
   std::string table =
       "| key | unit | default | allowed | meaning |\n"

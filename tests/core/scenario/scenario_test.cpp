@@ -193,7 +193,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(s.loop.give_up_s, 2);
 }
 
-/// Of every key whose default is the struct's, in this struct and those in it.
+/// Expects the struct's default for every key that has it, also in nested structs.
 template <class Struct>
 void expect_defaults(const Struct& read) {
   const Struct fresh;
@@ -537,8 +537,8 @@ TEST(Scenario, MalformedReferencesAreRefused) {
   EXPECT_THAT(with("{hold: null}"), HasSubstr("reference.hold: null; allowed: a map"));
 }
 
-/// Processor time that it takes to read so many waypoints: the least of three, as others may be in
-/// the way.
+/// Returns the processor time to read so many waypoints. The least of three counts, as other
+/// processes may interfere.
 double time_to_read_waypoints(int num_waypoints) {
   std::string times, positions;
   for (int i = 0; i < num_waypoints; ++i) {
@@ -560,8 +560,7 @@ double time_to_read_waypoints(int num_waypoints) {
 }
 
 TEST(Scenario, ReadingWaypointsTakesTimeInProportionToTheirNumber) {
-  // Linear is 16 and quadratic 256 (a message about each entry made in advance was that). Between
-  // them is room for a busy machine: factors of 2 were seen.
+  // Linear time gives 16, quadratic time 256. A busy machine changes the ratio by a factor of 2.
   EXPECT_LT(time_to_read_waypoints(3200) / time_to_read_waypoints(200), 64);
 }
 
