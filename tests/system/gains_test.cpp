@@ -1,4 +1,4 @@
-// Gains changed while the four programs run: `tachless gains`, the log, and its replay.
+// These tests change gains while the four programs run: `tachless gains`, the log, its replay.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -33,14 +33,14 @@ using ::testing::StartsWith;
 
 class GainsInARun : public testing::Test {
  protected:
-  /// Two joints in simulation time, for as long as the test wants.
+  /// Starts a run of two joints in simulation time, for as long as the test wants.
   void play(std::vector<std::string> more = {}) {
     run.settings = {"--set", "loop.duration_s=10000"};
     run.settings.insert(run.settings.end(), more.begin(), more.end());
     run.start_all();
     wait_until("the log grows", [&] { return run.log_size() > 50'000; });
   }
-  /// The verb's exit code; `said` is what it printed.
+  /// Runs the verb and returns its exit code. `said` becomes its output.
   int change(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "gains");
     Program program("tachless", arguments, run.directory().path());
@@ -70,12 +70,12 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   ASSERT_EQ(change({"arm", "kp=[300, 100]", "--json"}), 0) << said;
   const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(first.at("gains").get<std::string>(), HasSubstr("kp=300,100"));
-  // What is not named stays as the first change has left it.
+  // Gains that are not named stay as the first change has left them.
   ASSERT_EQ(change({"ARM", "kd=[40, 12]", "--json"}), 0) << said;
   const auto second = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(second.at("gains").get<std::string>(),
               AllOf(HasSubstr("kp=300,100"), HasSubstr("kd=40,12")));
-  // The plant has begun that tick, but need not have ended it: a run that ends now may lack it.
+  // The plant has begun that tick, but may not have ended it. A run that ends now may lack it.
   wait_until("the log has the tick of the second change, and later ones", [&] {
     const std::string log = contents(run.log_path());
     const std::size_t at = log.find(second.at("gains").get<std::string>());
@@ -96,7 +96,7 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   EXPECT_EQ(tachless({"replay", run.log_path()}), 0) << said;
   EXPECT_EQ(tachless({"info", run.log_path()}), 0) << said;
   EXPECT_THAT(said, HasSubstr("gains     from tick " + std::to_string(changes[0].tick)));
-  // The log without its changes is not what the controller has computed.
+  // The log without its changes differs from the results of the controller.
   std::string bytes = contents(run.log_path());
   const std::string gains = changes[0].gains;
   std::string other = gains;
@@ -130,7 +130,7 @@ TEST_F(GainsInARun, AreRefusedWhereTheyAreUnstableUnknownOrNotAllowed) {
   EXPECT_TRUE(log.summary().gains.empty());
 }
 
-/// Another count would end the run: the law's memory has its size.
+/// Another count would end the run: the law's memory has the size of the first.
 TEST_F(GainsInARun, KeepTheCountsThatTheRunBeganWith) {
   play({"--set",
         "controller={law: kalman_velocity, gains: {kp: [4000, 240], kd: [200, 12], "

@@ -13,18 +13,18 @@
 /// Progress of runs and long computations, in lines on stderr.
 namespace tachless::cli {
 
-/// What a running loop looks like in one line, from the controller's heartbeats:
-/// "0.842 of 2 s  [========>           ]  9.3 k ticks/s  |e| 3.2e-04 rad". Prints nothing itself.
+/// A line that shows a running loop, made from the controller's heartbeats:
+/// "0.842 of 2 s  [========>           ]  9.3 k ticks/s  |e| 3.2e-04 rad". It prints nothing.
 class Progress {
  public:
   using Clock = std::chrono::steady_clock;
 
   /// @param unit of the norm of the position error
-  /// @param robot stands before it; empty: nothing does
+  /// @param robot stands at the beginning of the line, unless it is empty
   Progress(std::int64_t num_ticks, double period_s, std::string unit = "rad",
            const std::string& robot = "");
 
-  /// The controller has handled tick `tick` (-1: none yet).
+  /// Records that the controller has handled tick `tick` (-1: none yet).
   void note(std::int64_t tick, double error_norm, Clock::time_point now);
 
   [[nodiscard]] std::string line() const;
@@ -44,8 +44,9 @@ class Progress {
   std::optional<double> ticks_per_s_;
 };
 
-/// Text to stderr that never waits for a reader who is slow: what does not fit into the pipe or the
-/// terminal stays in a bounded buffer, and what does not fit there is dropped and counted.
+/// Text to stderr that does not wait for a slow reader. A bounded buffer holds the text that does
+/// not fit into the pipe or the terminal. Text that does not fit into the buffer is dropped and
+/// counted.
 class LaggingOutput {
  public:
   explicit LaggingOutput(int descriptor);
@@ -55,12 +56,13 @@ class LaggingOutput {
   ~LaggingOutput();
 
   void put(std::string_view text);
-  /// Writes what is possible now. @return whether something is left
+  /// Writes as much as is possible now. @return whether something is left
   bool flush();
 
  private:
   int descriptor_;
-  base::FileDescriptor own_;  ///< the same file, opened without waiting; -1: it cannot be
+  base::FileDescriptor
+      own_;  ///< the same file, opened for writes that do not wait; -1: not possible
   std::string waiting_;
   std::int64_t dropped_ = 0;  ///< texts
 };
@@ -75,9 +77,9 @@ class Screen {
   Screen& operator=(const Screen&) = delete;
   ~Screen() { clear(); }
 
-  /// Shows how far a long computation is.
+  /// Shows the progress of a long computation.
   void show(std::string_view what);
-  /// Shows a line for each run: on a terminal ten times a second.
+  /// Shows a line for each run. A terminal gets new lines ten times a second.
   void show(std::span<const Progress> all);
   void clear();
   /// Prints a line of the program `name`.

@@ -33,7 +33,7 @@ using Clock = std::chrono::steady_clock;
 // Processes of one launcher find each other at once or never.
 constexpr const char* rendezvous_s = "10";
 
-/// Reads the announcements of a robot's processes. Only listens.
+/// A listener to the announcements of a robot's processes. It sends nothing.
 class Heartbeats {
  public:
   Heartbeats(const PlannedRun& run, const std::optional<bus::Key>& key)
@@ -44,7 +44,7 @@ class Heartbeats {
         messages::channel<messages::Participant>(run.scenario.robot.channel_prefix));
   }
 
-  /// What the controller has announced since the last call.
+  /// Notes in `progress` every announcement of the controller since the last call.
   void read_into(Progress& progress) {
     try {
       while (!bus_lost_ && receive({})) {
@@ -58,8 +58,8 @@ class Heartbeats {
   }
 
   /// Listens for an announcement, until `until` at the latest. @return whether one has come yet
-  /// @throw base::Failure(protocol_violated) when a robot of this name has its processes
-  /// here: two announcements of one of them. A single one may be recorded and sent repeatedly.
+  /// @throw base::Failure(protocol_violated) if a process of a robot of this name has announced
+  /// itself twice; a single announcement may come from a recording
   bool require_free_bus(base::Clock::time_point until) {
     const auto sender = receive(until);
     if (!sender || !announced_ || participant_.state == messages::ParticipantState::finished ||
@@ -75,7 +75,7 @@ class Heartbeats {
   }
 
  private:
-  /// The sender of the next datagram; `announced_`: it is an announcement.
+  /// Returns the sender of the next datagram. It sets `announced_` if that is an announcement.
   std::optional<std::string_view> receive(base::Clock::time_point until) {
     const auto datagram = authenticated_.receive(until);
     if (!datagram) return std::nullopt;
@@ -110,7 +110,7 @@ struct OnTheBus {
   std::optional<RunDirectory> out;
 };
 
-/// Path of `program` beside this one, and the arguments that say which experiment on which bus.
+/// Returns the path of `program` beside this one, with the arguments for experiment and bus.
 std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
   std::vector<std::string> command = {(base::program_directory() / program).string(),
                                       options.scenario.string(), "--lcm-url", options.lcm_url};
@@ -121,13 +121,13 @@ std::vector<std::string> command_of(const std::string& program, const RunOptions
   return command;
 }
 
-/// The user's program in the place of a role's; empty: there is none.
+/// Returns the user's program in the place of a role's; empty: there is none.
 std::string program_given(const RunOptions& options, messages::Role role) {
   if (role == messages::Role::controller) return options.law_program;
   return role == messages::Role::plant ? options.plant_program : "";
 }
 
-/// The four processes, in the order in which they are started.
+/// Returns the four processes, in the order in which they are started.
 std::vector<Process> processes_of(const OnTheBus& robot) {
   const RunOptions& options = robot.options;
   const std::string log = (*robot.out / "lcmlog").string();
@@ -152,8 +152,8 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
   return all;
 }
 
-/// Listens for longer than a process on the bus is silent (each announces itself every 100 ms), and
-/// once one has, for its next announcement.
+/// Listens for longer than the 100 ms after which each process on the bus announces itself again.
+/// After an announcement, it listens for the next one of that process.
 /// @throw base::Failure as Heartbeats::require_free_bus
 void require_free_bus(std::deque<OnTheBus>& robots) {
   constexpr std::chrono::milliseconds silence{250};
@@ -166,13 +166,13 @@ void require_free_bus(std::deque<OnTheBus>& robots) {
   }
 }
 
-/// @param own of `progress`, which of all robots is shown
+/// @param own index of the robot in `progress`, which is shown for all robots
 SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progress,
                                    std::size_t own, Screen& screen) {
   const scenario::LoopSpec& loop = robot.run.scenario.loop;
   SuperviseOptions options;
   if (loop.mode == scenario::Mode::realtime) {
-    // The plant first brings the robot to rest, once it misses what was lost.
+    // The plant first notices the loss, and then brings the robot to rest.
     const double noticed_s = std::min(loop.give_up_s, loop.period_s * (loop.max_missed + 1));
     options.grace +=
         plant::longest_stop + std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
@@ -189,8 +189,8 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
   return options;
 }
 
-/// A user's program that ended well, but without the counters that its role leaves: what is wrong;
-/// empty when there is none.
+/// Returns what is wrong if a user's program ended well, but left no counters of its role; else
+/// empty.
 std::string never_joined(const RunOptions& options, const Supervision& supervision,
                          const std::vector<session::Statistics>& statistics) {
   for (const messages::Role role : {messages::Role::controller, messages::Role::plant}) {
@@ -215,8 +215,8 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
   return {};
 }
 
-/// Returns whether a user's program could not start: it ended before the run began, as a shell
-/// (126, 127) or an interpreter (1) ends without the program.
+/// Returns whether a user's program could not start. It then ended before the run began, with the
+/// exit code of a shell (126, 127) or an interpreter (1) that lacks the program.
 bool could_not_start(const RunOptions& options, const Supervision& supervision) {
   if (supervision.interrupted || supervision.begun || !supervision.culprit) return false;
   const ProcessEnd& end = supervision.ends[*supervision.culprit];
@@ -227,7 +227,7 @@ bool could_not_start(const RunOptions& options, const Supervision& supervision) 
          end.signal == 0 && (end.exit_code == 1 || end.exit_code == 126 || end.exit_code == 127);
 }
 
-/// The other processes that ended because of the first cause, and what helps.
+/// Returns the other processes that ended because of the first cause, and remedies.
 std::vector<std::string> consequences(const Supervision& supervision, const PlannedRun& run) {
   const RunOptions& options = run.options;
   std::vector<std::string> lines;
@@ -299,14 +299,14 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
         "--watch: the run is in a private network, which a browser does not reach; run it without "
         "--isolate, and check the bus with tachless doctor");
   }
-  // The page's process copies the memory of this one, so it starts before the key is read.
+  // The page's process copies the memory of this one. It starts before the key is read.
   std::optional<live::LiveView> view;
   if (common.watch) {
     live::RobotVisuals visuals;
     for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
     view.emplace(session::parse_lcm_url(common.lcm_url), visuals);
   }
-  // Last: a process whose memory is private cannot isolate itself.
+  // The key is read last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
   base::survive_broken_pipes();
   Screen screen(common.quiet);

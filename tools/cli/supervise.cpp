@@ -26,7 +26,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds wake_interval{50};
 constexpr Clock::time_point never = Clock::time_point::max();
-/// Another process that holds the pipe of one that has ended may not delay the run's end.
+/// A process may hold the pipe of one that has ended. This bounds its delay of the run's end.
 constexpr std::chrono::milliseconds rest_of_output{2000};
 constexpr std::chrono::seconds reminder_interval{1};
 
@@ -37,26 +37,26 @@ constexpr std::chrono::seconds reminder_interval{1};
 // starts_with, of a line handed over by value: g++ 12 warns falsely of memory that is not set.
 bool has_mark(const std::string& line, std::string_view mark) { return line.rfind(mark, 0) == 0; }
 
-/// "tachless-plant: protective stop …" without the program's name.
+/// Returns "tachless-plant: protective stop …" without the program's name.
 std::string without_program(const std::string& line) {
   constexpr std::string_view separator = ": ";
   const std::size_t end = line.starts_with("tachless-") ? line.find(separator) : std::string::npos;
   return end == std::string::npos ? line : line.substr(end + separator.size());
 }
 
-/// Whether it ended by itself with this code.
+/// Returns whether a process ended by itself with this code.
 bool ended_with(const ProcessEnd& end, ExitCode code) {
   return end.signal == 0 && end.exit_code == static_cast<int>(code);
 }
 
-/// How far from the first cause it ended: by itself, because it missed a peer, because of what a
-/// peer announced.
+/// Returns a process's distance from the first cause. The nearest ended by itself, the next because
+/// it missed a peer, the last because of a peer's announcement.
 int distance_from_cause(const ProcessEnd& end) {
   if (end.signal == 0 && end.cause.starts_with("ended because of ")) return 2;
   return ended_with(end, ExitCode::peer_lost) ? 1 : 0;
 }
 
-/// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
+/// The signals that end a run, and SIGCHLD: blocked, and read from a descriptor instead.
 class Signals {
  public:
   Signals() {
@@ -74,7 +74,7 @@ class Signals {
   [[nodiscard]] int fd() const { return fd_.get(); }
   [[nodiscard]] const sigset_t& mask_before() const { return mask_before_; }
 
-  /// How many signals that end a run have come since the last call.
+  /// Returns the number of signals that end a run since the last call.
   int take_interrupts() {
     int count = 0;
     signalfd_siginfo info;
@@ -119,20 +119,20 @@ class Run {
   [[nodiscard]] bool any_running() const {
     return std::ranges::any_of(children_, &base::Child::running);
   }
-  /// Whether it is being ended before its time because of one of its processes.
+  /// Returns whether the run is being ended early because of one of its processes.
   [[nodiscard]] bool failed() const {
     return result_.failed() && (sent_ != 0 || escalate_at_ != never);
   }
   [[nodiscard]] const Supervision& result() const { return result_; }
 
   void add_outputs(std::vector<pollfd>& fds) const {
-    if (!any_running()) return;  // what still holds an output is none of the processes
+    if (!any_running()) return;  // only another program still holds an output
     for (const base::Child& child : children_) {
       if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
     }
   }
 
-  /// @param signals how many that end a run have come since the last call
+  /// @param signals number of signals that end a run since the last call
   void attend(int signals) {
     if (!any_running()) return;
     for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
@@ -202,13 +202,13 @@ class Run {
     }
   }
 
-  /// Whether its robot waits for it.
+  /// Returns whether process `i` has started its robot and not stopped it.
   [[nodiscard]] bool holds_robot(std::size_t i) const {
     return result_.ends[i].robot_started && !result_.ends[i].robot_stopped;
   }
 
-  /// Names the emergency stop while a driver has not stopped its robot; kills one that has, and
-  /// does not end.
+  /// Names the emergency stop while a driver has not stopped its robot. It kills a driver that has
+  /// stopped its robot and does not end.
   void attend_drivers() {
     const Clock::time_point now = Clock::now();
     bool remind = false;
@@ -239,7 +239,8 @@ class Run {
     note_end(i);
   }
 
-  /// The first that fails is to blame, but of a victim and another one the other.
+  /// Notes the end of process `i`. The first process that fails is the culprit. A process that is
+  /// nearer to the first cause replaces it.
   void note_end(std::size_t i) {
     if (sent_ != 0) return;
     const ProcessEnd& end = result_.ends[i];
@@ -255,7 +256,8 @@ class Run {
     if (first || distance_from_cause(end) < distance_from_cause(result_.ends[*result_.culprit])) {
       result_.culprit = i;
     }
-    // A plant that missed deadlines came to its end, as the others will; a user's program did not.
+    // A plant that missed deadlines came to its end, and the others will too. A user's program did
+    // not come to its end.
     if (first && result_.begun && end.name == "plant" && ended_with(end, ExitCode::check_said_no)) {
       stragglers_at_ = now + options_.end_together;
     } else {
@@ -277,7 +279,7 @@ class Run {
     sent_ == SIGTERM ? send(SIGKILL, never) : send(SIGTERM, now + options_.patience);
   }
 
-  /// To all that run; the next signal follows at `then`.
+  /// Sends `signal` to all processes that run. The next signal follows at `then`.
   void send(int signal, Clock::time_point then) {
     sent_ = signal;
     escalate_at_ = then;
@@ -402,7 +404,7 @@ ExitCode exit_code(const Supervision& supervision) {
     }
     if (ended_with(culprit, own)) return own;
   }
-  // That the robot was stopped matters more than which process was lost.
+  // A stopped robot matters more than the name of the lost process.
   const bool stopped = std::ranges::any_of(supervision.ends, [](const ProcessEnd& each) {
     return ended_with(each, ExitCode::protective_stop);
   });

@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 
 Json list(const Vector& x) { return std::vector(x.begin(), x.end()); }
 
-/// Appends what a reader of the bus wants to see of one field.
+/// Appends one field, for a reader of the bus.
 template <class Value, class Member>
 void describe(const messages::Field<Value, Member>& field, const Value& value,
               std::vector<MessageField>& fields) {
@@ -48,7 +48,7 @@ void describe(const messages::Field<Value, Member>& field, const Value& value,
   }
 }
 
-/// "1.5", or "-" for none.
+/// Returns "1.5", or "-" for none.
 std::string shown(std::optional<double> number) {
   return number ? fmt::format("{:.1f}", *number) : "-";
 }
@@ -79,7 +79,8 @@ messages::Rejection decode(std::span<const std::byte> message, messages::Stamp& 
   return messages::Codec<Value>(*layout).decode(message, stamp, value);
 }
 
-/// What `map` has of that name; nothing, and counted, where it is full of other names.
+/// Returns the entry of `map` for `name`, and adds it if there is room. If `most` other names fill
+/// the map, it counts one in `beyond` and returns null.
 template <class Map>
 typename Map::mapped_type* entry(Map& map, std::string_view name, std::size_t most,
                                  std::uint64_t& beyond) {

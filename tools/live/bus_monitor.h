@@ -25,7 +25,7 @@ struct MessageField {
   nlohmann::ordered_json value;
 };
 
-/// What a message is.
+/// Facts about a message that are known without its run.
 struct Glance {
   std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
   messages::Rejection rejection = messages::Rejection::none;
@@ -34,16 +34,15 @@ struct Glance {
   bool once_per_tick = false;  ///< the type is sent for every tick of a run
 };
 
-/// Reads every type of ours without knowing the run: joints, motors and signals are counted as the
-/// message itself announces, which is believed only when its size is exactly that of such a
-/// message and every further check of the wire agrees. A tag at the end (core/bus/authenticated.h)
-/// is noticed and not verified: that needs the key.
-/// @param fields if not null, appended to it are all fields after utime, run and tick, when not
-/// rejected
+/// Reads every type of ours without knowing the run. The message announces its numbers of joints,
+/// motors and signals. They count only if the message has exactly that size, and every further
+/// check of the wire agrees. A tag at the end (core/bus/authenticated.h) is noticed. It is not
+/// verified: that needs the key.
+/// @param fields if not null, gets all fields after utime, run and tick, unless rejected
 Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
 
 /// Counts of everything received on a bus, per channel and per sender.
-/// Neither receives nor prints. Memory is bounded, whatever the traffic.
+/// It neither receives nor prints. Its memory is bounded, whatever the traffic.
 class BusMonitor {
  public:
   static constexpr std::size_t max_channels = 500;
@@ -51,19 +50,20 @@ class BusMonitor {
 
   void take(const bus::Datagram& datagram);
 
-  /// What the transport itself has lost or skipped so far.
+  /// Sets the counts of messages that the transport has lost or skipped so far.
   void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
 
-  /// Ends the interval over which rate, jitter and bandwidth are taken, and begins a new one.
+  /// Ends the interval of rate, jitter and bandwidth, and begins a new one.
   /// @param seconds its length, > 0
   void end_interval(double seconds);
 
-  /// For people: one row per channel, then the newest values. At most `rows` lines; 0: no limit.
+  /// Returns one row per channel, then the newest values, for people. It has at most `rows` lines;
+  /// 0: no limit.
   /// The last line counts what does not fit.
   [[nodiscard]] std::vector<std::string> table(std::size_t rows = 0) const;
 
-  /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
-  /// another type on a channel that carries one of ours.
+  /// Returns the counts, for programs. `undecodable` counts messages of our types that could not be
+  /// decoded, and messages of another type on a channel that carries one of ours.
   [[nodiscard]] nlohmann::ordered_json to_json() const;
 
  private:
@@ -92,8 +92,8 @@ class BusMonitor {
     messages::Stamp newest_stamp;
     std::vector<std::byte> newest;  ///< message that could be decoded
 
-    /// Messages of our types that could not be decoded, and messages of another type on a channel
-    /// that carries one of ours.
+    /// Returns the number of messages of our types that could not be decoded, and of messages of
+    /// another type on a channel that carries one of ours.
     [[nodiscard]] std::uint64_t undecodable() const;
   };
   struct Sender {

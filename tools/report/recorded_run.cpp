@@ -21,7 +21,7 @@ namespace {
 
 // V of a flexible robot takes microseconds, and is smooth.
 constexpr std::int64_t most_evaluations = 50'000;
-/// Of the model's torque: a run of 100 s at 1 kHz.
+/// The most ticks of a motion for the model's torque: a run of 100 s at 1 kHz.
 constexpr std::size_t most_motion = 100'000;
 constexpr double shortest_motion_s = 2;
 
@@ -94,7 +94,8 @@ nlohmann::json read_outcome(const RecordedRun& run) {
   return ours ? json : nlohmann::json();
 }
 
-/// Those in rad are position errors, which the report has from the true positions.
+/// Returns the law's signals, except for signals in rad. These are position errors, and the report
+/// has them from the true positions.
 std::vector<LoggedSignal> declared_signals(const messages::RunInfo& info, std::size_t num_joints) {
   std::vector<LoggedSignal> signals;
   std::size_t row = 0;
@@ -147,8 +148,8 @@ void add_lyapunov(RecordedRun& run, const controller::LyapunovFunction& lyapunov
   if (!std::isfinite(V)) return;
   run.lyapunov.add(t_s, V);
   if (!run.certified || run.above_bound_s) return;
-  // The bound is of continuous time: what a torque that is held over a tick or an encoder's count
-  // leaves of V is no violation.
+  // The bound is of continuous time. A torque that is held over a tick, or an encoder's count, may
+  // leave a small V: that is no violation.
   const lyapunov::CertifiedRun& certified = *run.certified;
   const double margin = 1e-3 * (std::isfinite(certified.level) ? certified.level : certified.V0);
   if (V > certified.bound(t_s) + margin) run.above_bound_s = t_s;

@@ -20,7 +20,7 @@ const Statistics* of_role(const RunSummary& summary, messages::Role role) {
   return found == summary.statistics.end() ? nullptr : &*found;
 }
 
-/// What `role` counted beyond the common head; zeros without its statistics.
+/// Returns the counters of `role` beyond the common head; zeros without its statistics.
 template <class Own>
 Own own(const RunSummary& summary, messages::Role role) {
   const Statistics* found = of_role(summary, role);
@@ -33,7 +33,7 @@ std::int64_t total(const RunSummary& summary, std::int64_t Statistics::*member) 
   return result;
 }
 
-/// Percentiles and histogram; null where nothing was measured.
+/// Returns percentiles and histogram; null if nothing was measured.
 Json durations(const session::LatencyHistogram& measured) {
   Json result = measured;
   if (measured.count() > 0) return result;
@@ -49,7 +49,7 @@ std::string percentile_row(const session::LatencyHistogram& measured, const char
       measured.max_us());
 }
 
-/// Lines on how punctual a realtime run was.
+/// Returns lines on the punctuality of a realtime run.
 std::string realtime_rows(const session::PlantStatistics& plant) {
   return percentile_row(plant.command_age_us, "command age   ") +
          percentile_row(plant.wake_up_jitter_us, "wake-up jitter") +
@@ -60,7 +60,7 @@ std::string realtime_rows(const session::PlantStatistics& plant) {
              plant.longest_command_miss);
 }
 
-/// A value of each joint's errors or torques; none of a run without a tick.
+/// Returns a value of each joint's errors or torques. A run without a tick has none.
 Json per_joint(const study::Tracking& tracking, study::Extent study::JointTracking::*signal,
                double (study::Extent::*value)() const) {
   Json values = Json::array();
