@@ -130,7 +130,7 @@ class LockstepLoop : PlantLoop {
         break;
     }
     throw base::Failure(base::ExitCode::peer_lost,
-                        "{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
+                        "{} for {:.3g} s: no answer from {}; see its output (loop.give_up_s)", what,
                         scenario_.loop.give_up_s, missing);
   }
 

@@ -224,7 +224,7 @@ class RealtimeLoop : PlantLoop {
     if (held_for <= longest_hold()) return;
     throw protective_stop(fmt::format(
         "the robot's torque has been held for {:.1f} ms, longer than loop.max_missed ({}) allows: "
-        "{}this process, or the driver's read, did not get on; start a new run on a machine that "
+        "{}this process, or the driver's read, made no progress; start a new run on a machine that "
         "is quiet (tachless doctor), with a read that does not wait",
         milliseconds(held_for), scenario_.loop.max_missed,
         commands_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : ""));

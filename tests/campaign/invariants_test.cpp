@@ -133,10 +133,10 @@ TEST(Invariants, SayThatAFaultHasNoCodeOrNoCauseOrTwo) {
   EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the logger tells more than one cause")));
   evidence = failed();
   const std::string sentence =
-      "lost is the controller (process 4123 on host arm-1, 10.0.0.2:4123)"
+      "no answer from the controller (process 4123 on host arm-1, 10.0.0.2:4123)"
       ", silent for 3 s; see its output (loop.give_up_s)";
   evidence.result.of[Role::plant].fault = sentence + ": " + sentence;
-  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the plant says twice 'lost is")));
+  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the plant says twice 'no answer from")));
 }
 
 TEST(Invariants, SayThatTheLogDoesNotEndWithTheFaultThoughTheLoggerLives) {

@@ -513,7 +513,7 @@ TEST_F(AFailingRobot, SaysThatCommandsWereMissingWhenItsTorqueWasHeldForTooLongB
   EXPECT_THAT(outcome.fault, HasSubstr("torque has been held for "));
   EXPECT_THAT(outcome.fault,
               HasSubstr("commands in a row did not come in time from the controller"));
-  EXPECT_THAT(outcome.fault, HasSubstr(", and this process, or the driver's read, did not get on"));
+  EXPECT_THAT(outcome.fault, HasSubstr(", and this process, or the driver's read, made no progress"));
   expect_stopped(robot_);
 }
 
