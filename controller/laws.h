@@ -24,14 +24,14 @@
 #include "controller/law/rivals/wen_bayard.h"
 #include "controller/law/rivals/zhang_dawson.h"
 
-/// The list of all laws. To add a law: a header in law/ or law/rivals/ with a class that has a
-/// `name`, its `#include` and its line here. The registry and the tests follow.
+/// The list of all laws. To add a law, write a header in law/ or law/rivals/ with a class that has
+/// a `name`. Then add its `#include` and its line here. The registry and the tests use this list.
 namespace tachless::controller {
 
 template <class... L>
 struct LawList {};
 
-/// The laws, by name.
+/// The laws in the order of their names.
 using Laws = LawList<law::BerghuisNijmeijer, law::ComputedTorque, law::DifferenceOfError,
                      law::KalmanVelocity, law::KellyFlexible, law::KellyRegulation, law::LanariWen,
                      law::LoriaOrtegaFlexible, law::LoriaOrtegaIntegral, law::LoriaOrtegaMatrix,

@@ -10,7 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/failure.h"
 #include "base/logging.h"
+#include "base/users_code.h"
+#include "controller/spec.h"
 #include "messages/wire.h"
 #include "session/responders.h"
 
@@ -23,8 +26,7 @@ using session::CommandPicker;
 using session::CommandResponder;
 using session::Verdict;
 
-/// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
-/// tick. Preallocated.
+/// One of the law's two inputs: the decoded values of the last ticks in a preallocated ring.
 template <class Value>
 struct Input : messages::Port<Value> {
   struct Message {
@@ -47,8 +49,8 @@ session::LawInput input_of(Role from) {
   return from == Role::plant ? session::measurement_input : session::reference_input;
 }
 
-/// Base of both modes: receives the law's inputs, steps the law over a tick, publishes command
-/// and state. Does not know which tick is due.
+/// Base of both modes: receives the law's inputs, steps the law over a tick, and publishes command
+/// and state. The derived classes decide which tick is due.
 class Node {
  public:
   Node(const Node&) = delete;
@@ -59,6 +61,7 @@ class Node {
   Node(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
       : session_(session),
         law_(std::move(law)),
+        users_(scenario.controller.law == external_law_name),
         info_(law_info(*law_)),
         prefix_(scenario.robot.channel_prefix),
         layout_(law_layout(scenario, *law_)),
@@ -70,7 +73,7 @@ class Node {
     receive(reference_, Role::reference);
   }
 
-  /// Judges a sound message of this run, before it is counted and kept.
+  /// Judges a valid message of this run, before the message is counted and kept.
   virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
   /// Acts on the judged message.
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
@@ -82,16 +85,20 @@ class Node {
   }
 
   /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
-  /// @throw base::Failure(protective_stop) when the result is not finite.
+  /// @throw base::Failure(protective_stop) when the result is not finite, and when a user's law
+  /// throws or returns another number of joints or signals.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
     const messages::Stamp stamp{asked.utime, session_.run(), tick};
-    const Outcome outcome = law_->step(tick, measurement, reference_.at(tick).value);
+    const auto step = [&] { return law_->step(tick, measurement, reference_.at(tick).value); };
+    const Outcome outcome = users_ ? base::call_users("the law", step) : step();
+    if (users_) require_sizes(outcome, tick);
     command_bytes_ = session_.publish(command_, stamp, outcome.command);
     state_bytes_ = session_.publish(state_, stamp, outcome.signals);
 
-    // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
+    // stableNorm avoids overflow of the squares of a finite error. The norm of several joints may
+    // still overflow, hence min.
     const auto& signals = outcome.signals;
     const double error_norm = signals.num > 0 ? signals.value[0].stableNorm() : 0;
     session_.note_progress(tick, std::min(error_norm, std::numeric_limits<double>::max()));
@@ -102,16 +109,32 @@ class Node {
 
   session::Session& session_;
   ScenarioLaw law_;
+  bool users_;  ///< the law is of another program
   messages::LawInfo info_;
-  std::string prefix_;  ///< of the robot's channels
+  std::string prefix_;  ///< prefix of the robot's channels
   messages::Layout layout_;
   Input<messages::AnyMeasurement> measurement_;
   Input<messages::ReferencePoint> reference_;
   messages::Port<messages::TorqueCommand> command_;
   messages::Port<messages::LawSignals> state_;
-  std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
+  std::span<const std::byte> command_bytes_, state_bytes_;  ///< messages of the newest tick
 
  private:
+  void require_sizes(const Outcome& outcome, std::int64_t tick) const {
+    const Eigen::Index joints = layout_.num_joints, torques = outcome.command.tau.size();
+    const messages::LawSignals& signals = outcome.signals;
+    bool whole = torques == joints && signals.num == layout_.num_signals;
+    for (int i = 0; whole && i < signals.num; ++i) {
+      whole = signals.value[static_cast<std::size_t>(i)].size() == joints;
+    }
+    if (whole) return;
+    throw base::Failure(base::ExitCode::protective_stop,
+                        "the law {} returned {} torques and {} signals at tick {}; the robot has "
+                        "{} joints and the law declares {} signals, each with a value for each "
+                        "joint",
+                        law_->name(), torques, signals.num, tick, joints, layout_.num_signals);
+  }
+
   template <class Value>
   void receive(Input<Value>& input, Role from) {
     session_.on(input, [this, &input, from](const messages::Stamp& stamp, const Value& value,
@@ -124,7 +147,7 @@ class Node {
   }
 };
 
-/// Lockstep: every tick once, in order.
+/// Lockstep node, which computes every tick once and in order.
 class LockstepNode final : public Node {
  public:
   LockstepNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
@@ -160,11 +183,12 @@ class LockstepNode final : public Node {
   }
 
   CommandResponder responder_;
-  Action action_ = Action::nothing;  ///< that the message judged last asks for
+  Action action_ = Action::nothing;  ///< action that the last judged message asks for
 };
 
-/// Realtime: acts on the newest measurement whose reference is there. What was lost is passed over,
-/// by the law too (`AnyLaw`); never silently: gaps are counted, and reported at the end.
+/// Realtime node, which acts on the newest measurement whose reference has arrived. It skips ticks
+/// with lost messages, and so does the law (`AnyLaw`). It counts the gaps and reports them at the
+/// end.
 class RealtimeNode final : public Node {
  public:
   RealtimeNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
@@ -183,7 +207,7 @@ class RealtimeNode final : public Node {
       throw;
     }
     session_.leave();
-    count_gap(last_tick_ - acted_);  // the ticks that it never got to, since the run is over
+    count_gap(last_tick_ - acted_);  // ticks after the last command
     report_gaps();
   }
 
@@ -232,7 +256,7 @@ class RealtimeNode final : public Node {
   CommandPicker picker_;
   session::Pace pace_;
   std::int64_t last_tick_;
-  std::int64_t acted_ = -1;  ///< newest tick commanded
+  std::int64_t acted_ = -1;  ///< newest tick with a command
 };
 
 }  // namespace

@@ -312,6 +312,7 @@ class RealtimeRecorder final : public Recorder {
     }
     if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
     append(since_start(begin), datagram.channel, datagram.payload);
+    if (slot == Slot::truth && messages_->is_stopped()) tally_.on_stop(stamp.tick);
     session::Statistics& statistics = session_.statistics();
     session_.note_progress(tally_.newest());
     statistics.ticks = tally_.newest() + 1;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <fstream>
 #include <tuple>
 #include <type_traits>
@@ -220,7 +221,10 @@ class RunLog::Window {
         release_below_ = newest_ + 1;
       } else {
         if (!std::exchange(finished_, true)) {
-          for (const Slot slot : messages::all_slots) count_missing(slot, summary_.last_tick + 1);
+          const std::int64_t end = summary_.last_tick + 1;
+          for (const Slot slot : messages::all_slots) {
+            count_missing(slot, is_due_while_stopped(slot) ? end : std::min(end, stopped_from_));
+          }
         }
         return false;
       }
@@ -371,6 +375,10 @@ class RunLog::Window {
     if (summary_.first_tick < 0) summary_.first_tick = record.tick;
     summary_.last_tick = record.tick;
     ++summary_.ticks;
+    if (record.truth) {
+      const bool stops = record.truth->fault == messages::truth::DriveFault::protective_stop;
+      stopped_from_ = stops ? std::min(stopped_from_, record.tick) : never;
+    }
     if (record.reference && record.reference->gains != gains_) {
       gains_ = record.reference->gains;
       auto& changes = summary_.gains;
@@ -408,7 +416,9 @@ class RunLog::Window {
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, messages::num_slots> last_seen_{};
-  std::string gains_;  ///< of the last reference handed out
+  static constexpr std::int64_t never = std::numeric_limits<std::int64_t>::max();
+  std::int64_t stopped_from_ = never;  ///< first of the ticks of a protective stop at the end
+  std::string gains_;                  ///< of the last reference handed out
 };
 
 RunLog::RunLog(const std::filesystem::path& path, std::optional<std::int64_t> run)

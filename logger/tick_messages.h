@@ -40,6 +40,11 @@ class TickChannels {
     return longest_;
   }
 
+  /// Whether the TRUTH that was checked last belongs to a protective stop.
+  [[nodiscard]] bool is_stopped() const {
+    return truth_->fault == messages::truth::DriveFault::protective_stop;
+  }
+
   /// Precondition: `channel(slot)` is not empty.
   messages::Rejection check(Slot slot, std::span<const std::byte> payload,
                             messages::Stamp& stamp) const {
@@ -51,12 +56,15 @@ class TickChannels {
   void use() {
     struct Checker {
       messages::Codec<Value> codec;
-      Value value;  ///< what messages say is of no interest here
+      Value value;
     };
     constexpr std::size_t at = index(messages::slot_of<Value>());
     const auto checker = std::make_shared<Checker>(Checker{messages::Codec<Value>(layout_), {}});
     channels_[at] = messages::channel<Value>(robot_);
     longest_[at] = checker->codec.longest();
+    if constexpr (std::is_same_v<Value, messages::truth::PlantTruth>) {
+      truth_ = {checker, &checker->value};
+    }
     check_[at] = [checker](std::span<const std::byte> payload, messages::Stamp& stamp) {
       return checker->codec.decode(payload, stamp, checker->value);
     };
@@ -64,6 +72,7 @@ class TickChannels {
 
   std::string robot_;
   messages::Layout layout_;
+  std::shared_ptr<const messages::truth::PlantTruth> truth_;  ///< checked last
   std::array<std::string, messages::num_slots> channels_;
   std::array<std::size_t, messages::num_slots> longest_{};
   std::array<std::function<messages::Rejection(std::span<const std::byte>, messages::Stamp&)>,

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -29,6 +30,8 @@ class TickTally {
   /// Returns whether the message is to be recorded (`fresh`), or why not.
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
+  /// The robot is stopped from this tick on: `is_due_while_stopped`.
+  void on_stop(std::int64_t tick) { stopped_from_ = std::min(stopped_from_, tick); }
   /// The run is being stopped, from `last` on: no tick after it counts as incomplete.
   void stop_after(std::int64_t last) { expected_ = std::min(expected_, last); }
 
@@ -59,6 +62,7 @@ class TickTally {
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
+  std::int64_t stopped_from_ = std::numeric_limits<std::int64_t>::max();
   std::int64_t incomplete_ = 0;
   std::int64_t expected_;  ///< ticks up to this one have to be there
   std::array<Missing, messages::num_slots> missing_;

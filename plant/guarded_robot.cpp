@@ -11,6 +11,7 @@
 #include "base/child.h"
 #include "base/logging.h"
 #include "base/text.h"
+#include "base/users_code.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 #include "robot/dynamics.h"
@@ -25,6 +26,8 @@ using base::Failure;
 std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
 }
+
+constexpr const char* driver_name = "the driver";
 
 /// By more than rounding.
 bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
@@ -123,7 +126,7 @@ void GuardedRobot::start() {
   if (scenario_.plant.dry_run) return;
   started_ = true;
   if (!emulated()) base::give_notice(base::Notice::robot_starts);
-  driver_.start();
+  base::call_users(driver_name, [&] { driver_.start(); });
 }
 
 void GuardedRobot::require_start() const {
@@ -156,7 +159,9 @@ void GuardedRobot::require_period() {
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   const auto asked = emulated() ? Clock::time_point() : Clock::now();
-  const ArmState before = std::exchange(state_, driver_.read());
+  const ArmState before = std::exchange(
+      state_,
+      emulated() ? driver_.read() : base::call_users(driver_name, [&] { return driver_.read(); }));
   if (!emulated()) {
     require_sound(tick);
     apply_conventions();
@@ -193,7 +198,12 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
   const int num_motors = scenario_.robot.flexible ? scenario_.num_joints : 0;
   if (state_.q.size() != scenario_.num_joints || state_.v.size() != scenario_.num_joints ||
       state_.theta.size() != num_motors || state_.thetadot.size() != num_motors) {
-    throw std::logic_error("the robot's driver reads other joints than the scenario has");
+    throw Failure(
+        ExitCode::protective_stop,
+        "the driver read {} positions and {} velocities of links, {} and {} of motors {}; the "
+        "scenario has {} links and {} motors: give ArmState as many numbers",
+        state_.q.size(), state_.v.size(), state_.theta.size(), state_.thetadot.size(), when(tick),
+        scenario_.num_joints, num_motors);
   }
   if (!all_finite(state_)) {
     throw Failure(ExitCode::protective_stop,
@@ -204,7 +214,9 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
 
 void GuardedRobot::require_time(const ArmState& before, std::int64_t tick) const {
   const bool stands = state_.time_s == before.time_s && (is_clock() || state_.q != before.q);
-  if (!stands && !(state_.time_s < before.time_s)) return;
+  const bool toggles =
+      before.q.size() != 0 && std::isfinite(state_.time_s) != std::isfinite(before.time_s);
+  if (!stands && !toggles && !(state_.time_s < before.time_s)) return;
   throw Failure(ExitCode::protective_stop,
                 "the robot's driver gave the time {} s {}, and {} s before that: speeds cannot be "
                 "watched; give each reading the robot's time when it was measured, or none",
@@ -290,27 +302,34 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
 
 std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
   const auto begin = Clock::now();
-  const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
-  try {
+  if (emulated()) {
+    move_emulator(tick);
+  } else {
     if (stopped_) try_to_stop();
-    if (stopped_ || withheld(scenario_.plant, tick)) {
-      driver_.rest(end_s);
-    } else {
-      const Vector tau = emulated()
-                             ? drive_.applied().tau
-                             : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
-      driver_.hold(tau, end_s);
-    }
+    base::call_users(driver_name, [&] { hold_or_rest(tick); });
+  }
+  return Clock::now() - begin;
+}
+
+void GuardedRobot::hold_or_rest(std::int64_t tick) {
+  const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
+  if (stopped_ || withheld(scenario_.plant, tick)) return driver_.rest(end_s);
+  driver_.hold(emulated() ? drive_.applied().tau
+                          : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent())),
+               end_s);
+}
+
+void GuardedRobot::move_emulator(std::int64_t tick) {
+  try {
+    hold_or_rest(tick);
   } catch (const Failure&) {
     throw;
   } catch (const std::runtime_error& problem) {
-    if (!emulated()) throw;
     throw Failure(ExitCode::protective_stop,
                   "the simulation failed at tick {}: {}; a loop that is unstable at this period "
                   "ends like this: shorten loop.period_s or soften the gains",
                   tick, problem.what());
   }
-  return Clock::now() - begin;
 }
 
 void GuardedRobot::stop() noexcept {

@@ -63,8 +63,8 @@ class GuardedRobot {
   /// robot is stopped already, a joint is outside of its range, too fast (by its velocity or, where
   /// that is not measured, on the average of 20 ms; with plant.on_limit: warn an emulated one is
   /// warned of instead, once per joint) or further
-  /// from its reference than plant.following_error_rad; std::logic_error when it has other joints
-  /// than the scenario.
+  /// from its reference than plant.following_error_rad, or when a driver reads another number of
+  /// joints than the scenario has.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
   /// The encoders' readings of the measurement that `feed` chose; of an emulated robot's state some
@@ -102,8 +102,13 @@ class GuardedRobot {
   /// `state_`, as the driver read it, in the scenario's coordinates.
   void apply_conventions();
   void try_to_stop() noexcept;
+  /// Calls the driver's `hold` or `rest` for this tick.
+  void hold_or_rest(std::int64_t tick);
+  /// The same for the emulator, whose errors have other words.
+  void move_emulator(std::int64_t tick);
   void require_sound(std::int64_t tick) const;
-  /// @throw base::Failure(protective_stop): time went back, or stood still while it moved
+  /// @throw base::Failure(protective_stop) when the time went back, stood still while the robot
+  /// moved, or is given in some readings alone
   void require_time(const ArmState& before, std::int64_t tick) const;
   /// Sets `speed_` of a robot that does not measure it: the mean over at least `speed_window_s`, by
   /// the robot's clock if it has one, else by this computer's. The mean never overestimates.

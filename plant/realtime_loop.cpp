@@ -10,6 +10,7 @@
 #include "base/failure.h"
 #include "base/text.h"
 #include "messages/wire.h"
+#include "plant/clock_rate.h"
 #include "plant/node.h"
 #include "plant/plant_loop.h"
 #include "session/responders.h"
@@ -38,7 +39,9 @@ double milliseconds(std::chrono::nanoseconds duration) {
 class RealtimeLoop : PlantLoop {
  public:
   RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver)
-      : PlantLoop(scenario, session, driver), commands_(scenario.loop.max_missed) {
+      : PlantLoop(scenario, session, driver),
+        commands_(scenario.loop.max_missed),
+        clock_rate_(scenario.loop.period_s, base::seconds_of(longest_hold())) {
     session_.on(
         command_port_, [this](const auto&... message) { on_command(message...); },
         [this](auto rejection, const auto& datagram) {
@@ -54,6 +57,7 @@ class RealtimeLoop : PlantLoop {
     prepare();
     session_.note_started(Clock::now());
     try {
+      require_seconds();
       robot_.start();
       start();
       for (tick_ = 0; tick_ < scenario_.loop.num_ticks; ++tick_) {
@@ -115,6 +119,45 @@ class RealtimeLoop : PlantLoop {
                   datagram.channel, datagram.sender, messages::stamp_of(datagram.payload).run);
   }
 
+  /// The longest that a torque may be held.
+  [[nodiscard]] std::chrono::nanoseconds longest_hold() const {
+    return nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2));
+  }
+
+  /// Reads a robot that tells its time until this time has passed as fast as this computer's for a
+  /// window. The first readings may be older than the others.
+  /// @throw Failure(bad_usage) when it never does
+  void require_seconds() {
+    if (robot_.emulated()) return;
+    constexpr int most_windows = 20;
+    for (int windows = 0; windows < most_windows;) {
+      const Time asked = Clock::now();
+      const double own_s = robot_.read(-1).time_s;
+      if (!std::isfinite(own_s)) return;
+      const auto window = clock_rate_.add(own_s, asked, Clock::now());
+      if (window && window->sound) return;
+      if (window && ++windows == most_windows) {
+        throw base::bad_usage(
+            "the driver's time runs {:.3g} times as fast as this computer's clock; give "
+            "ArmState::time_s in seconds, or leave it out",
+            window->rate);
+      }
+      const Time next = asked + nanoseconds_of(scenario_.loop.period_s);
+      while (!robot_.is_clock() && Clock::now() < next) session_.receive(next);
+    }
+  }
+
+  /// @throw Failure(protective_stop) when the driver's time runs at another speed than the clock
+  void watch_time() {
+    if (robot_.emulated()) return;
+    const auto window = clock_rate_.add(robot_.state().time_s, tick_began_, asked_);
+    if (!window || window->sound) return;
+    throw protective_stop(fmt::format(
+        "the driver's time ran {:.3g} times as fast as this computer's clock: speeds cannot be "
+        "watched; give ArmState::time_s in seconds, or leave it out",
+        window->rate));
+  }
+
   void start() {
     start_ = Clock::now() + (robot_.is_clock() ? 0ms : lead_in);
     commanded_at_ = start_;
@@ -124,6 +167,7 @@ class RealtimeLoop : PlantLoop {
   void begin_tick() {
     tick_began_ = Clock::now();
     ask(tick_began_);
+    watch_time();
     note_wake_up(tick_began_);
     if (scenario_.loop.command_delay > 0) {
       act(held_ ? DriveFault::command_missed : DriveFault::none);
@@ -177,8 +221,7 @@ class RealtimeLoop : PlantLoop {
     // A real robot does not wait for a process that stands still. Missed commands alone end the run
     // before this.
     const auto held_for = now - commanded_at_;
-    if (held_for <= nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2)))
-      return;
+    if (held_for <= longest_hold()) return;
     throw protective_stop(fmt::format(
         "the robot's torque has been held for {:.1f} ms, longer than loop.max_missed ({}) allows: "
         "{}this process, or the driver's read, did not get on; start a new run on a machine that "
@@ -276,6 +319,7 @@ class RealtimeLoop : PlantLoop {
   }
 
   session::MissedCommandMonitor commands_;
+  ClockRate clock_rate_;  ///< of a robot that tells its time
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
   Time last_began_;    ///< of a robot that is the clock: when the tick before did

@@ -17,7 +17,7 @@ namespace {
 using Names = std::vector<std::string>;
 using py::literals::operator""_a;
 
-/// "what joint [unit]" of each joint.
+/// Adds "what joint [unit]" for each joint to `names`.
 void add(Names& names, const std::string& what, const Names& joints, const Names& units,
          const char* per = "") {
   for (std::size_t i = 0; i < joints.size(); ++i) {

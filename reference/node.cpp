@@ -60,7 +60,7 @@ class Node {
   }
 
  private:
-  /// A TICK of this run.
+  /// Handles a TICK of this run.
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) {
     if (pace_ && !pace_->possible(tick, Clock::now()) &&
         !session_.membership().knows(datagram.sender)) {
@@ -82,8 +82,7 @@ class Node {
   }
 
   /// Accepts a change of the law's gains and acknowledges it. Its sender must have analysed this
-  /// scenario and seen the last change, which no recording has. A repeated change is acknowledged
-  /// again.
+  /// scenario and seen the gains in force. A repeated change is acknowledged again.
   void on_gains(const messages::Stamp& stamp, messages::GainChange& change) {
     if (change.number == acknowledged_ && change.number != 0) return acknowledge();
     if (change.scenario_digest != scenario_digest_ || change.number == 0 ||
@@ -92,7 +91,9 @@ class Node {
       return;
     }
     const std::int64_t newest = responder_.newest();
-    if (stamp.tick <= changed_at_) return session_.count(Verdict::too_old);
+    if (stamp.tick <= changed_at_ || change.replaces != gains_) {
+      return session_.count(Verdict::too_old);
+    }
     if (newest < 0 || stamp.tick > newest) return session_.count(Verdict::not_asked);
     gains_ = std::move(change.gains);
     changed_at_ = newest + 1;
@@ -106,7 +107,7 @@ class Node {
   }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
-  /// @throw base::Failure(protective_stop) when it is not finite.
+  /// @throw base::Failure(protective_stop) if the reference is not finite.
   std::span<const std::byte> compute(std::int64_t k) {
     const auto begin = Clock::now();
     const double time_s = static_cast<double>(k) * period_s_;
@@ -135,10 +136,10 @@ class Node {
   messages::Port<messages::GainChange> gains_port_;
   messages::Port<messages::GainAck> gains_ack_port_;
   std::int64_t acknowledged_ = 0;  ///< number of the last change; 0: none
-  std::string gains_;              ///< changed in this run; empty: the scenario's
-  std::int64_t changed_at_ = -1;   ///< the tick of the first reference with them
+  std::string gains_;              ///< gains changed in this run; empty: the scenario's
+  std::int64_t changed_at_ = -1;   ///< tick of the first reference with `gains_`
   session::ReferenceResponder responder_;
-  std::optional<session::Pace> pace_;  ///< in realtime
+  std::optional<session::Pace> pace_;  ///< only in realtime
 };
 
 }  // namespace

@@ -264,8 +264,10 @@ Group nonlinear_group(const Certificate& all) {
             fmt::format("searched in {} directions, not proved", r.directions));
   group.add("directions", "", r.directions, "");
   group.add("q_ref", "at q =", json_of(r.q_ref), list_text(r.q_ref));
-  group.add("e_at_rest", "e up to, alone from rest", json_of(r.e_at_rest), list_text(r.e_at_rest));
-  group.add("edot", "edot up to, alone", json_of(r.edot), list_text(r.edot));
+  group.add("e_at_rest", "one error alone, from rest",
+            json_of(within(r.e_at_rest, all.start_range)),
+            reach_text(r.e_at_rest, all.start_range));
+  group.add("edot", "one rate alone, up to", json_of(r.edot), list_text(r.edot));
   group.add("no_end_found", r.cut ? "no end found" : "", r.cut,
             fmt::format("up to where the search ends, an error of {:.3g}", r.widest));
   return group;
@@ -347,17 +349,26 @@ std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::Ve
     rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region, range);
   for (const std::string& proviso : s.provisos) rest += "; " + proviso;
   if (!region)
-    return (s.constant && s.start.certified ? "every start, without a rate"
+    return (s.constant && s.start.certified ? "this start is certified, but without a rate"
                                             : "none: no weights were found") +
            rest;
-  return fmt::format("{}{}: this start is {}; from rest {}, one error at a time{}",
-                     s.proved ? "proved" : "at sampled postures",
-                     region->tube.size() > 0 ? " near the reference" : "",
-                     lyapunov::holds_start(region) ? "in it"
-                     : s.constant && s.start.certified
-                         ? "certified, but without a rate (constant reference)"
-                         : "NOT in it",
-                     reach_text(region->region.e_at_rest, range), rest);
+  return fmt::format(
+      "{}{} in continuous time: this start is {}; from rest {}, one error at a time{}",
+      s.proved ? "proved" : "at sampled postures",
+      region->tube.size() > 0 ? " near the reference,"
+      : s.proved              ? ""
+                              : ",",
+      lyapunov::holds_start(region)     ? "in it"
+      : s.constant && s.start.certified ? "certified, but without a rate (constant reference)"
+                                        : "NOT in it",
+      reach_text(region->region.e_at_rest, range), rest);
+}
+
+/// Returns why a loop has no margins.
+std::string no_margins(const Prediction& loop) {
+  return loop.unstable_q.size() == 0
+             ? "none"
+             : "none: at rest it is unstable at q = " + list_text(loop.unstable_q);
 }
 
 /// What matters most: four lines; one more with dry friction, and in realtime.
@@ -369,7 +380,7 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const auto& margins = all.loop.margins;
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
-                                  : "none");
+                                  : no_margins(all.loop));
   if (all.loop.missed && scenario.loop.mode == scenario::Mode::realtime) {
     const int most = scenario.loop.max_missed;
     text += line("missed commands",

@@ -345,7 +345,7 @@ std::string modulus_text(const linear::Margins& margins) {
 }
 
 std::string pattern_text(int in_a_row) {
-  if (in_a_row == 0) return "no pattern was found that is stable for certain, not even single ones";
+  if (in_a_row == 0) return "not even single ones were found to be stable (searched, not proved)";
   return fmt::format("any pattern of {}{} in a row is stable (searched, not proved)",
                      in_a_row == linear::most_missed ? "" : "at most ", in_a_row);
 }

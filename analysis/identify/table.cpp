@@ -19,8 +19,8 @@ namespace {
 
 using base::bad_usage;
 
-constexpr double most = 1e12;       ///< of a number in a table
-constexpr double longest_gap = 20;  ///< of the median step
+constexpr double most = 1e12;       ///< largest number in a table
+constexpr double longest_gap = 20;  ///< in median steps
 constexpr double shortest_step_s = 1e-6, longest_step_s = 0.5;
 
 /// Names or numbers of columns, one for each joint.
@@ -89,7 +89,7 @@ class Rows {
     while (table_.next()) add_row();
   }
 
-  /// A column per instant.
+  /// Returns the values with one column per instant.
   [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> all() const {
     const auto width = std::ssize(columns_);
     return {values_.data(), width, std::ssize(values_) / width};
@@ -119,7 +119,7 @@ class Rows {
   std::vector<double> values_;
 };
 
-/// Refuses a median step that no recording has: the times are in another unit.
+/// Throws for a median step that no recording has, because the times are then in another unit.
 void require_seconds(double step, const std::string& source) {
   if (step >= shortest_step_s && step <= longest_step_s) return;
   throw bad_usage(
@@ -129,7 +129,7 @@ void require_seconds(double step, const std::string& source) {
       base::shortest(longest_step_s));
 }
 
-/// Onto an even grid, by straight lines between the rows.
+/// Interpolates the rows linearly on an even grid.
 void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording& to) {
   const Eigen::Index count = rows.cols(), n = to.scenario.num_joints;
   if (count < 2) throw bad_usage("{}: {} rows of numbers; allowed: at least 2", source, count);
@@ -163,7 +163,7 @@ void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording&
 }  // namespace
 
 Recording read_table(const std::filesystem::path& description) {
-  scenario::Scenario file;  // for complaints
+  scenario::Scenario file;  // source of complaints
   file.source = description.string();
   const scenario::YamlNode root =
       scenario::parse_yaml(base::given_text(description, base::max_text_bytes), file.source);

@@ -19,12 +19,13 @@
 /// Both operators are the same for all joints, so that they commute with any constant matrix, and
 /// the small-gain theorem (Zames, 1966) on the loop between them and the rest holds with any
 /// scaling: the loop is stable where gamma_u |G_u| < 1, or where the spectral radius of the matrix
-/// of the four gains of both is below 1, |G| the largest singular value over all frequencies.
+/// of the four gains of both is below 1, |G| the largest singular value over all frequencies. That
+/// supremum is searched, not bounded: the numbers are searched, not proved.
 namespace tachless::linear {
 
 /// Largest numbers in a row, up to `most_missed`.
 struct MissedTicks {
-  int commands = 0;                 ///< stable for every pattern with at most so many
+  int commands = 0;                 ///< found stable for every pattern with at most so many
   std::optional<int> measurements;  ///< the same; nothing for a law that measures velocities
   std::optional<int> unstable;  ///< fewest commands in a row of an unstable pattern that was found
   int hits = 0;                 ///< that follow them in it, again and again

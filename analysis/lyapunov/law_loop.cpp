@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <initializer_list>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <string>
@@ -85,12 +86,37 @@ std::vector<double> maxima(const std::vector<double>& t, const F& f, std::size_t
 /// Bursts of a motion that are examined, the fastest first.
 constexpr std::size_t most_bursts = 3;
 
-/// Returns instants at which |v_ref| or a joint's |v_ref| is largest.
+/// Returns instants evenly over the burst at `peak_s`, in which |v_ref| is at least half of that at
+/// the peak. @param dense increasing times of the motion
+std::vector<double> instants_of_burst(const std::vector<double>& dense,
+                                      const reference::Trajectory& trajectory, double peak_s) {
+  constexpr int count = 9;
+  const double least = trajectory.at(peak_s).v_ref.norm() / 2;
+  const auto fast = [&](double t_s) { return trajectory.at(t_s).v_ref.norm() >= least; };
+  const auto peak = std::ranges::lower_bound(dense, peak_s);
+  auto begin = peak, end = peak;
+  while (begin != dense.begin() && fast(*std::prev(begin))) --begin;
+  while (end != dense.end() && fast(*end)) ++end;
+  if (begin == end) return {};
+  const double first_s = *begin, last_s = *std::prev(end);
+  std::vector<double> result;
+  for (int k = 0; k < count; ++k) {
+    result.push_back(first_s + (last_s - first_s) * k / (count - 1));
+  }
+  return result;
+}
+
+/// Returns instants at which |v_ref| or a joint's |v_ref| is largest, and those of the fastest
+/// burst.
 std::vector<double> fastest_instants(const reference::Motion& motion,
                                      const reference::Trajectory& trajectory) {
   const std::vector<double> dense = motion.closely();
   std::vector<double> result = maxima(
       dense, [&](double t_s) { return trajectory.at(t_s).v_ref.norm(); }, most_bursts);
+  if (!result.empty()) {
+    const std::vector<double> burst = instants_of_burst(dense, trajectory, result[0]);
+    result.insert(result.end(), burst.begin(), burst.end());
+  }
   for (Eigen::Index i = 0; i < trajectory.at(0).v_ref.size(); ++i) {
     for (const double t_s : maxima(
              dense, [&](double t) { return std::abs(trajectory.at(t).v_ref[i]); }, 1)) {

@@ -195,10 +195,12 @@ class ErrorLoop {
   std::optional<CertifiedRegion> certified(const Weights& weights) {
     auto region = fine().region(weights);
     if (!region) return {};
+    // The search for the slowest posture may find one at which V grows that the region's missed.
+    const double rate = fine().rate(weights, 0);
+    if (!(rate > 0)) return {};
     // The level from which no prismatic joint reaches the end of its range.
-    if (range_.array().isFinite().any() && !std::isfinite(region->level)) {
-      region = of_1_J(*region, weights);
-    }
+    const bool endless = !std::isfinite(region->level) && range_.array().isFinite().any();
+    if (endless) region = of_1_J(*region, weights);
     const VectorXd reached = region->e_reached.head(range_.size());
     double beyond_range = 0;
     for (Eigen::Index i = 0; i < range_.size(); ++i) {
@@ -206,7 +208,7 @@ class ErrorLoop {
       if (!(range_[i] > 0)) return {};
       beyond_range = std::max(beyond_range, reached[i] / range_[i]);
     }
-    if (beyond_range >= 1) region = scaled(*region, (1 - 1e-9) / beyond_range);
+    if (endless || beyond_range >= 1) region = scaled(*region, (1 - 1e-9) / beyond_range);
     CertifiedRegion result;
     result.starts_in_tube =
         (loop_.initial.head(range_.size()).array().abs() <= range_.array()).all();
@@ -219,8 +221,7 @@ class ErrorLoop {
     // The level from which no error reaches the tube's end.
     if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
-    static_cast<Certified&>(result) = {weights, *region,
-                                       loop_.weights ? 0 : fine().rate(weights, 0)};
+    static_cast<Certified&>(result) = {weights, *region, loop_.weights ? 0 : rate};
     result.V0 = V0(weights);
     const double room = region->level - result.V0;
     if (loop_.weights) result.unknown_torque = (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt();

@@ -2,8 +2,8 @@
 
 namespace tachless::numerics {
 
-/// Returns where f, which has one maximum from `low` to `high`, is largest: by golden sections, to
-/// about a millionth of the interval.
+/// Returns the point between `low` and `high` where f is largest. Searches by golden sections to
+/// about a millionth of the interval. f must have a single maximum in the interval.
 template <class F>
 double largest_between(const F& f, double low, double high) {
   constexpr double golden = 0.6180339887498949;

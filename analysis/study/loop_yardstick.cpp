@@ -42,9 +42,7 @@ LoopYardstick at_rest(const scenario::Scenario& scenario, const std::vector<Vect
         linear::error_by_noise(loop, h, measurement_noise(scenario, loop.law(h).measured));
     if (!modes.stable || !error) return {};
     result.noise = result.noise.cwiseMax(Vector(*error));
-    if (modes.settling_s < result.settling_s) continue;
-    result.settling_s = modes.settling_s;
-    result.decay_per_s = modes.decay_per_s;
+    result.settling_s = std::max(result.settling_s, modes.settling_s);
   }
   return result;
 }

@@ -49,14 +49,24 @@ void read_range(Axis& axis, const std::string& range, bool drawn) {
                            : "allowed: KEY=from:to:number, KEY=from:to:number:log, KEY=a,b,c";
   if (parts.size() != (drawn ? 2 : 3)) throw refused(axis.text, form);
   const auto low = number(parts[0]), high = number(parts[1]);
-  if (!low || !high || *low > *high) throw refused(axis.text, form);
-  if (axis.logarithmic && *low <= 0) throw refused(axis.text, "log needs values greater than 0");
+  for (const std::size_t end : {0, 1}) {
+    if (!number(parts[end])) {
+      throw refused(axis.text, fmt::format("\"{}\" is no number; {}", parts[end], form));
+    }
+  }
+  if (*low > *high) {
+    throw refused(axis.text, fmt::format("from {0} to {1}; write {1}:{0}", parts[0], parts[1]));
+  }
+  if (axis.logarithmic && *low <= 0) {
+    throw refused(axis.text, fmt::format("log from {}; allowed: above 0", parts[0]));
+  }
   axis.low = *low;
   axis.high = *high;
   if (drawn) return;
   const auto count = number(parts[2]);
   if (!count || *count < 1 || *count > 1e6 || *count != std::floor(*count)) {
-    throw refused(axis.text, "the number of values must be whole, from 1 to 1000000");
+    throw refused(axis.text,
+                  fmt::format("{} values; allowed: a whole number from 1 to 1000000", parts[2]));
   }
   for (int i = 0; i < *count; ++i) {
     axis.values.push_back(between(axis, *count > 1 ? i / (*count - 1) : 0));
@@ -135,10 +145,15 @@ Axis parse_axis(const std::string& text, bool drawn) {
     if (open == std::string::npos) throw refused(text, "no '[' before ']'; write KEY[ENTRY]=…");
     const auto entry = number(axis.key.substr(open + 1, axis.key.size() - open - 2));
     if (!entry || *entry < 0 || *entry != std::floor(*entry) || *entry > 1000) {
-      throw refused(text, "the entry in [ ] must be a whole number from 0 on");
+      throw refused(text, fmt::format("entry {}; allowed: a whole number from 0 to 1000",
+                                      axis.key.substr(open)));
     }
     axis.entry = static_cast<int>(*entry);
     axis.key.resize(open);
+  }
+  if (axis.key.empty() || axis.key.find_first_of("[]*") != std::string::npos) {
+    throw refused(text, fmt::format("the key is \"{}\"; write KEY=…, KEY[ENTRY]=… or KEY*=…",
+                                    text.substr(0, equals)));
   }
   const std::string range = text.substr(equals + 1);
   if (range.find(',') == std::string::npos) {
@@ -148,7 +163,7 @@ Axis parse_axis(const std::string& text, bool drawn) {
   if (drawn) throw refused(text, "a list cannot be drawn from; write KEY=from:to");
   for (const std::string_view part : split(range, ',')) {
     const auto value = number(part);
-    if (!value) throw refused(text, fmt::format("\"{}\" is no number", part));
+    if (!value) throw refused(text, fmt::format("\"{}\" is no number; write KEY=a,b,c", part));
     axis.values.push_back(*value);
   }
   return axis;

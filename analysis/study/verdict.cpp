@@ -106,6 +106,9 @@ struct Context {
   double rested_s = 0;     ///< time from the end of all motion to the end of the run
   double period_s = 0;     ///< of the reference
   LoopYardstick loop{};
+
+  /// Returns true if the run, from the end of all motion on, is shorter than the loop's settling.
+  [[nodiscard]] bool unsettled() const { return loop.stable && rested_s < loop.settling_s; }
 };
 
 /// A joint's run in the numbers that decide.
@@ -146,11 +149,12 @@ struct Joint {
   [[nodiscard]] int turns_in(const std::vector<Point>& points, int i, double amplitude) const {
     return turns(points, i * quarter, (i + 1) * quarter, amplitude);
   }
-  /// Returns how often an error turns in a quarter, at least, if the reference does not make it.
-  [[nodiscard]] int unasked(int i) const {
-    const int asked = turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
-    return std::max(6, 3 * (asked + 1) + 1);
+  /// Returns how often the reference turns in a quarter.
+  [[nodiscard]] int asked(int i) const {
+    return turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
   }
+  /// Returns how often an error turns in a quarter, at least, if the reference does not make it.
+  [[nodiscard]] int unasked(int i) const { return std::max(6, 3 * (asked(i) + 1) + 1); }
 
   /// Returns the size of the swings in a quarter that the reference does not make: by how much the
   /// error goes back that often. A slow error on which they ride is not in it. 0: noise.
@@ -178,7 +182,8 @@ struct Joint {
   /// each eighth of it. A swing that is faster than the reference does not repeat.
   [[nodiscard]] bool repeats(double period_s) const {
     if (period_s <= 0 || 2 * period_s > end) return false;
-    if (fast >= unasked(3)) return false;  // a swing faster than the reference
+    // Inertia and gravity make errors of twice the reference's frequency, not faster ones.
+    if (fast > 2 * (asked(3) + 1)) return false;
     const double extent = span(error, end - period_s, end).extent();
     // A curve's points are so far apart; a sine changes by up to pi extents in a period.
     const double apart = end / (static_cast<double>(error.size()) / 2);
@@ -205,7 +210,7 @@ struct Joint {
     const double first_half = std::max(in[0].peak(), in[1].peak());
     constexpr double growth = 4;  // an error's quarters on a motion differ by less
     if (within(small_share) || last.peak() <= growth * first_half + by_noise()) return false;
-    if (repeats(context.period_s)) return false;
+    if (repeats(context.period_s) || (context.unsettled() && last.peak() <= scale)) return false;
     const double asked_before = span(q_ref, 0, 2 * quarter).extent();
     return last.peak() > scale || of(q_ref, 3).extent() <= asked_before;
   }
@@ -223,17 +228,13 @@ struct Joint {
     return position.extent() <= hardly * of(q_ref, 3).extent() &&
            sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
-  /// Returns true if the error still falls: nearly as fast as in the quarter before; or, before the
-  /// linear loop has settled, faster and faster, or as slowly as its slowest mode.
+  /// Returns true if the error still falls nearly as fast as in the quarter before, or if the loop
+  /// has not had the time in which it settles.
   [[nodiscard]] bool still_settles(const Context& context) const {
+    if (context.unsettled()) return true;
     const double before = in[2].extent(), fall = in[2].peak() - last.peak();
-    const bool falls =
-        fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), 0.5 * before);
-    if (falls) return true;
-    if (!context.loop.stable || context.rested_s >= context.loop.settling_s) return false;
-    const bool begins = in[1].extent() < before && before < last.extent() && fall > 2 * by_noise();
-    if (begins) return true;
-    return fall >= 0.5 * last.peak() * std::expm1(context.loop.decay_per_s * quarter);
+    const double moving = 0.5 * std::min(before, last.peak());
+    return fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), moving);
   }
   void found(Outcome word, Cause why = Cause::unknown) {
     outcome = word;
@@ -248,8 +249,6 @@ struct Joint {
     const bool beside = middle > std::max(converged_share * scale, noise) + by_noise();
     if (beside || half <= std::max(noise, by_noise())) return found(Outcome::rests_beside);
     // Nothing but the loop itself makes a swing at rest.
-    if (context.loop.stable && context.rested_s < context.loop.settling_s)
-      return found(Outcome::lags, Cause::settling);
     found(half > small ? Outcome::oscillates : Outcome::lags);
   }
   void judge(const Context& context) {
@@ -264,7 +263,8 @@ struct Joint {
       return still_settles(context) ? found(Outcome::lags, Cause::settling)
                                     : found(Outcome::rests_beside);
     }
-    const bool settles = !within(1) || last.peak() < 0.95 * in[2].peak();
+    const bool had_time = context.loop.stable && !context.unsettled();
+    const bool settles = !had_time && (!within(1) || last.peak() < 0.95 * in[2].peak());
     found(Outcome::lags, settles             ? Cause::settling
                          : context.disturbed ? Cause::disturbance
                                              : Cause::motion);
@@ -490,7 +490,7 @@ std::string lag_text(const Verdict& verdict) {
     case Cause::settling:
       if (verdict.loop_settles_s > verdict.rested_s) {
         return fmt::format(
-            "; still settling: the loop settles in {:.2g} s, the run gave it {:.2g} s",
+            "; the loop settles in {:.2g} s, the run gave it {:.2g} s",
             verdict.loop_settles_s, verdict.rested_s);
       }
       return "; still settling: the error decays";

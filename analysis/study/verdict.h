@@ -42,8 +42,7 @@ constexpr bool bad(Outcome outcome) { return outcome >= Outcome::rests_beside; }
 struct LoopYardstick {
   bool stable = false;     ///< false: unstable or unknown, and the rest is empty
   Vector noise{};          ///< standard deviation of each joint's error by its encoders [rad; m]
-  double settling_s = 0;   ///< until an initial error is below 1 %
-  double decay_per_s = 0;  ///< of the slowest mode
+  double settling_s = 0;  ///< until an initial error is below 1 %
 };
 
 /// Facts beside the signals that a verdict needs. An empty vector means that nothing is known.

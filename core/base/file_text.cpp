@@ -20,6 +20,32 @@ namespace tachless::base {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+// A file without a name has the name of its descriptor here. Such a file vanishes with its process,
+// whatever ends that. Not every file system has files without a name.
+constexpr const char* open_files = "/proc/self/fd/";
+
+bool is_unnamed(const fs::path& name) { return name.string().starts_with(open_files); }
+
+bool link_as(const fs::path& name, const fs::path& other) {
+  return linkat(AT_FDCWD, name.c_str(), AT_FDCWD, other.c_str(), AT_SYMLINK_FOLLOW) == 0;
+}
+
+/// Returns a random name beside `path` that no file has and that `take` has taken. Returns an empty
+/// one if `take` fails.
+template <class Take>
+std::string new_name(const fs::path& path, Take take) {
+  std::random_device random;
+  while (true) {
+    std::string name = fmt::format("{}.{:08x}.partial", path.string(), random());
+    if (take(name)) return name;
+    if (errno != EEXIST) return {};
+  }
+}
+
+}  // namespace
+
 std::optional<std::string> file_text(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file || fs::is_directory(path)) return {};
@@ -61,22 +87,24 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
   if (fs::is_directory(status)) refuse("it is a directory");
   direct_ = fs::exists(status) && !fs::is_regular_file(status);
   if (direct_) return;
-  std::random_device random;
-  do {
-    name_ = fmt::format("{}.{:08x}.partial", path_.string(), random());
-    file_ = FileDescriptor(::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-  } while (file_.get() < 0 && errno == EEXIST);
-  if (file_.get() < 0) {
-    const int cause = errno;
-    name_.clear();
-    if (cause == ENOENT) remedy_ = "type: mkdir -p " + shell_word(path_.parent_path().string());
-    refuse(std::strerror(cause));
-  }
+  const fs::path folder = path_.has_parent_path() ? path_.parent_path() : fs::path(".");
+  file_ = FileDescriptor(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666));
+  name_ = open_files + std::to_string(file_.get());
+  if (file_.get() >= 0 && ::access(name_.c_str(), F_OK) == 0) return;
+  const auto create = [&](const std::string& name) {
+    file_ = FileDescriptor(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    return file_.get() >= 0;
+  };
+  name_ = new_name(path_, create);
+  if (!name_.empty()) return;
+  const int cause = errno;
+  if (cause == ENOENT) remedy_ = "type: mkdir -p " + shell_word(path_.parent_path().string());
+  refuse(std::strerror(cause));
 }
 
 UnfinishedFile::~UnfinishedFile() {
   std::error_code ignored;
-  if (!name_.empty()) fs::remove(name_, ignored);
+  if (!name_.empty() && !is_unnamed(name_)) fs::remove(name_, ignored);
 }
 
 void UnfinishedFile::write_all(std::string_view content) {
@@ -96,7 +124,7 @@ void UnfinishedFile::write(std::string_view content) {
 
 bool UnfinishedFile::write_new(std::string_view content) {
   write_all(content);
-  if (direct_ || ::link(name_.c_str(), path_.c_str()) == 0) return true;
+  if (direct_ || link_as(name_, path_)) return true;
   if (errno == EEXIST) return false;
   finish();  // the file system has no hard links
   return true;
@@ -104,6 +132,12 @@ bool UnfinishedFile::write_new(std::string_view content) {
 
 void UnfinishedFile::finish() {
   if (direct_) return;
+  if (is_unnamed(name_)) {  // a link does not replace a file
+    const std::string name =
+        new_name(path_, [&](const std::string& free) { return link_as(name_, free); });
+    if (name.empty()) refuse(std::strerror(errno));
+    name_ = name;
+  }
   std::error_code error;
   fs::rename(name_, path_, error);
   if (error) refuse(error.message());

@@ -23,10 +23,10 @@ std::optional<std::string> file_text(const std::filesystem::path& path);
 /// @throw Failure(bad_usage) with the file's name and why it cannot be read
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
 
-/// A file that is written under a temporary name and renamed when it is complete. Until then, and
-/// if it never is, the earlier file stays. The temporary name (X.1a2b3c4d.partial) is random and is
-/// created exclusively: two writers of one file never share it. A pipe or a terminal is written to
-/// directly.
+/// A file that gets its name when it is complete. Until then, and if it never is, the earlier file
+/// stays. It has no name before, and a signal leaves nothing of it. Where the file system needs a
+/// name, that name (X.1a2b3c4d.partial) is random and is created exclusively: two writers of one
+/// file never share it. A pipe or a terminal is written to directly.
 class UnfinishedFile {
  public:
   /// @param remedy what to do if the file cannot be written: "name another file with -o"
@@ -55,7 +55,7 @@ class UnfinishedFile {
   void write_all(std::string_view content);
 
   std::filesystem::path path_;
-  std::filesystem::path name_;  ///< temporary; empty if there is none any more
+  std::filesystem::path name_;  ///< temporary, or of the descriptor; empty if complete
   FileDescriptor file_;
   std::string remedy_;
   bool direct_ = false;

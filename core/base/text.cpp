@@ -171,7 +171,7 @@ std::string csv_field(std::string_view given) {
   const bool is_number = std::from_chars(given.data(), end, number).ptr == end;
   const bool formula = !is_number && given.find_first_of("=+-@\t\r") == 0;
   std::string text = (formula ? "'" : "") + std::string(given);
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  if (text.find_first_of(",#\"\r\n") == std::string::npos) return text;
   std::string result = "\"";
   for (const char c : text) result += c == '"' ? "\"\"" : std::string(1, c);
   return result + "\"";

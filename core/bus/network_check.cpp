@@ -34,7 +34,7 @@ constexpr milliseconds patience{250};  // per attempt; loopback takes far less t
   throw std::system_error(errno, std::generic_category(), "network check: " + what);
 }
 
-/// Flags of an interface; nothing if it does not exist.
+/// Returns the flags of an interface; nullopt if it does not exist.
 std::optional<short> interface_flags(const std::string& name) {
   const base::FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (socket.get() < 0) fail("cannot open a socket");
@@ -44,7 +44,7 @@ std::optional<short> interface_flags(const std::string& name) {
   return request.ifr_flags;
 }
 
-/// The interface of the narrowest route to the group; empty if there is none.
+/// Returns the interface of the narrowest route to the group; empty if there is none.
 std::string outgoing_interface(const LcmUrl& url) {
   in_addr group{};
   inet_pton(AF_INET, url.group.c_str(), &group);
@@ -92,7 +92,7 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
   UdpTransport receiver(here);
   const std::string channel = fmt::format("TACHLESS_NETWORK_CHECK_{}", ::getpid());
   receiver.subscribe(channel);
-  // Another program may send on this channel, too: only the random number counts.
+  // Another program may send on this channel too, so the random number identifies the probe.
   const std::string probe = fmt::format("{} {}", channel, random_number());
   const auto payload = std::as_bytes(std::span(probe));
   for (int i = 0; i < attempts; ++i) {

@@ -40,7 +40,7 @@ messages::Stamp stamp_of(std::span<const std::byte> payload) {
   return {utime, run, from.int64()};
 }
 
-/// The type that lcm-gen makes; looked at here alone, and for its hash alone.
+/// Type that lcm-gen generates. Only this file uses it, and only for its hash.
 template <class Value>
 struct Generated;
 

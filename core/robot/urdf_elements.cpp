@@ -1,5 +1,7 @@
 #include "robot/urdf_elements.h"
 
+#include <algorithm>
+#include <array>
 #include <map>
 
 namespace tachless::robot {
@@ -30,6 +32,14 @@ const ElementRule* rule_of(std::string_view element) {
       {"mimic", {{}, {}, {"joint", "multiplier", "offset"}}}};
   const auto found = rules.find(element);
   return found == rules.end() ? nullptr : &found->second;
+}
+
+bool is_mechanics(std::string_view attribute) {
+  static constexpr std::array<std::string_view, 17> names{
+      "xyz",      "rpy",     "quat_xyzw", "lower",      "upper",  "effort",
+      "velocity", "damping", "friction",  "multiplier", "offset", "ixx",
+      "ixy",      "ixz",     "iyy",       "iyz",        "izz"};
+  return std::ranges::find(names, attribute) != names.end();
 }
 
 const std::vector<std::string_view>& robot_children() {

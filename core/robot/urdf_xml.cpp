@@ -40,6 +40,10 @@ class Reader {
       refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(),
              why.substr(0, why.find_last_not_of('.') + 1));
     }
+    if (const int line = line_of_unread_markup(document_); line != 0) {
+      refuse("line {}: malformed XML: a < without the name of an element; correct the file's XML",
+             line);
+    }
     robot_ = document_.FirstChildElement("robot");
     if (robot_ == nullptr) {
       refuse("no <robot> element: it is {}; give a URDF file", xml_kind(text, source));
@@ -64,6 +68,7 @@ class Reader {
   }
 
   UrdfTree tree(const std::map<std::string, double>& locked) {
+    check_no_mechanics(*robot_, "robot");
     for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
       if (is_link(*e)) {
         const std::string name = named(*e, tree_.links);
@@ -195,7 +200,9 @@ class Reader {
                  e.ValueStr(), name);
         }
         check_known(*child, of);
-      } else if (!has(rule.others, name)) {
+      } else if (has(rule.others, name)) {
+        check_passed_over(*child, of);
+      } else {
         warn_unknown(of, fmt::format("<{}> in <{}> is not read; {}", name, e.ValueStr(),
                                      known_text(name, children)));
       }
@@ -206,6 +213,36 @@ class Reader {
     if (names.empty() || names.back() != of) names.push_back(of);
   }
 
+  /// Warns of attributes with mechanics in an element that has none.
+  void check_no_mechanics(const TiXmlElement& e, const std::string& of) {
+    for (const auto* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
+      if (!is_mechanics(a->Name())) continue;
+      warn_unknown(of,
+                   fmt::format("the attribute {} of <{}> is not read", a->Name(), e.ValueStr()));
+    }
+  }
+
+  /// Warns of mechanics in an element that is not read, such as <visual>.
+  void check_passed_over(const TiXmlElement& e, const std::string& of) {
+    if (e.ValueStr() != "origin") check_no_mechanics(e, of);
+    for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
+      if (rule_of(child->ValueStr()) != nullptr && child->ValueStr() != "origin") {
+        warn_unknown(of, fmt::format("<{}> in <{}> is not read", child->ValueStr(), e.ValueStr()));
+      }
+      check_passed_over(*child, of);
+    }
+  }
+
+  /// Returns whether a link with mass or a joint between links is somewhere below an element.
+  static bool holds_mechanics(const TiXmlElement& e) {
+    for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
+      const bool found = is_link(*child) ? child->FirstChildElement("inertial") != nullptr
+                                         : is_joint(*child) && child->FirstChildElement("parent");
+      if (found || holds_mechanics(*child)) return true;
+    }
+    return false;
+  }
+
   /// Warns of what stands beside the links and joints and was probably meant to be read.
   void check_beside_links(const TiXmlElement& e) {
     const std::string& name = e.ValueStr();
@@ -213,14 +250,24 @@ class Reader {
       refuse("line {}: <{}> is not followed; give a URDF that is whole", e.Row(), name);
     }
     if (name == "transmission") return warn_of_rotor(e);
+    // A model of its own may be in them.
+    if (name == "gazebo" || name.starts_with("xacro:")) return;
+    const char* const given = e.Attribute("name");
+    const std::string of = given == nullptr ? "robot" : given;
+    if (holds_mechanics(e)) {
+      return warn_unknown(of, fmt::format("the links and joints in <{}> are not read", name));
+    }
     const auto& known = robot_children();
     if (std::ranges::find(known, name) != known.end()) return;
+    if (rule_of(name) != nullptr) {
+      return warn_unknown(of, fmt::format("<{}> in <robot> is not read; it belongs in a link or "
+                                          "joint",
+                                          name));
+    }
     const std::vector<std::string_view> meant{"link", "joint"};
     if (const auto near = base::nearest(name, meant)) {
-      const char* const of = e.Attribute("name");
-      warn_unknown(
-          of == nullptr ? "robot" : of,
-          fmt::format("<{}> in <robot> is not read; the nearest known name is {}", name, *near));
+      warn_unknown(of, fmt::format("<{}> in <robot> is not read; the nearest known name is {}",
+                                   name, *near));
     }
   }
 
@@ -420,12 +467,21 @@ class Reader {
       if (warns && !gives(limit, what))
         assumed_[fmt::format("{} limit", what)].push_back(made.name);
     }
-    if (!made.has_range) return;
-    // Exporters without limits write four zeros.
     const bool lower = gives(limit, "lower"), upper = gives(limit, "upper");
+    if (!made.has_range) {
+      if (warns && (lower || upper)) {
+        warn_unknown(made.name, "the range of a continuous joint is not used");
+      }
+      return;
+    }
+    // Exporters without limits write four zeros.
     const bool zeros = made.lower == 0 && made.upper == 0 && made.effort == 0 && made.velocity == 0;
     made.has_range = lower && upper ? !zeros : lower || upper;
     if (warns && !made.has_range) assumed_["range (lower, upper)"].push_back(made.name);
+    if (warns && lower != upper) {
+      warn_unknown(made.name,
+                   fmt::format("{} is not given; 0 is taken", lower ? "upper" : "lower"));
+    }
   }
 
   void find_root() {

@@ -9,6 +9,8 @@
 
 #include "robot/model.h"
 
+class TiXmlNode;
+
 /// A URDF's XML as plain values: syntax, names, tree, types and numbers are checked. Knows nothing
 /// of coordinates, of merged links and of what an inertia can be (urdf.cpp).
 namespace tachless::robot {
@@ -81,6 +83,11 @@ std::string urdf_with_inertials(const std::string& text,
 /// Why a text is not given to the XML parser, which recurses and takes quadratic time; empty when
 /// it is.
 std::string why_too_large(std::string_view text);
+
+/// Returns the line of the first markup below `node` that is no element, text or comment, such as
+/// `<&axis …>` or `<?axis …>`: the parser passes it over. Returns 0 if there is none. A document
+/// may have a document type and instructions beside its root.
+int line_of_unread_markup(const TiXmlNode& node);
 
 /// Whether a link or joint may be called this (not empty). Names end in files, pages and lines of
 /// other programs: printable, short, and none of the characters that one of those would obey.

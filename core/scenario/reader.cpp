@@ -6,6 +6,7 @@
 #include <charconv>
 
 #include "base/text.h"
+#include "scenario/key_paths.h"
 
 namespace tachless::scenario {
 namespace {
@@ -39,6 +40,27 @@ void read_list(const Written& written, std::vector<Entry>& to) {
                          (refused.value == value ? "" : ": " + refused.value)};
     }
   }
+}
+
+/// Returns the paths of a scenario's keys that end in this name, at most three.
+std::vector<std::string> paths_to(std::string_view name) {
+  std::vector<std::string> found;
+  for_each_path<Scenario>("", [&](const std::string& path, const auto&... /*key*/) {
+    const bool ends = path == name || path.ends_with("." + std::string(name));
+    if (ends && found.size() < 3) found.push_back(path);
+  });
+  return found;
+}
+
+/// Returns true if the map at `place`, which may have the keys `names`, is part of a scenario. Other
+/// files are read with the same functions.
+bool is_of_scenario(const Place& place, const std::vector<std::string_view>& names) {
+  if (place.path.empty()) return std::ranges::find(names, "robot") != names.end();
+  bool found = false;
+  base::for_each_key<Scenario>([&](const auto& key) {
+    found = found || place.path.substr(0, place.path.find('.')) == key.name;
+  });
+  return found;
 }
 
 }  // namespace
@@ -107,7 +129,8 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
     if (std::ranges::find(names, key) != names.end()) continue;
     const auto near = base::nearest(key, names);
     const std::string of = place.path.empty() ? "a scenario" : place.path;
-    const std::vector<std::string> elsewhere = paths_of_key(key);
+    const std::vector<std::string> elsewhere =
+        is_of_scenario(place, names) ? paths_to(key) : std::vector<std::string>();
     throw place.child(key).complaint(
         !elsewhere.empty() ? fmt::format("unknown; known here: {}", base::joined(elsewhere, " or "))
         : near             ? fmt::format("unknown; nearest known key is {}{}{}", place.path,

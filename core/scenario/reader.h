@@ -68,9 +68,6 @@ void read_value(const Written& written, Value& to) {
   }
 }
 
-/// Returns the paths of all keys of a scenario with that name: "loop.period_s".
-std::vector<std::string> paths_of_key(std::string_view name);
-
 /// @throw Failure(bad_usage) when the map at `place`, if one is given, has a key that is not among
 /// `names`: with its right section, the nearest key or all of them.
 void require_known(const Place& place, const std::vector<std::string_view>& names);

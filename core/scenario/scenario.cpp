@@ -40,17 +40,6 @@ void locate(const YamlNode& node, const std::string& path, Scenario& scenario) {
   }
 }
 
-/// Adds the paths of the keys of `Struct` and of the maps in it that have that name.
-template <class Struct>
-void add_paths(const std::string& before, std::string_view name, std::vector<std::string>& paths) {
-  base::for_each_key<Struct>([&]<class Member>(const base::Key<Struct, Member>& key) {
-    using Value = typename base::ValueOf<Member>::Type;
-    const std::string path = before + std::string(key.name);
-    if (key.name == name) paths.push_back(path);
-    if constexpr (base::has_keys<Value>) add_paths<Value>(path + ".", name, paths);
-  });
-}
-
 double nearest_num_ticks(const LoopSpec& loop) {
   return std::max(1.0, std::round(loop.duration_s / loop.period_s));
 }
@@ -220,12 +209,6 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
 }
 
 }  // namespace
-
-std::vector<std::string> paths_of_key(std::string_view name) {
-  std::vector<std::string> paths;
-  add_paths<Scenario>("", name, paths);
-  return paths;
-}
 
 void RobotSpec::set_joints(Joints given) {
   if (auto* rigid = std::get_if<plant::RigidJoints>(&given)) {

@@ -164,7 +164,7 @@ struct LoopSpec {
           .by_default(),
       base::Key{"max_missed", &LoopSpec::max_missed, "ticks",
                 "Realtime: commands missed in a row before the protective stop. Not given, "
-                "`run --plant` takes what the loop is proved to bear, if that is less"}
+                "`run --plant` takes what the loop was found to bear (searched), if that is less"}
           .in({0, 1e6})
           .by_default(),
       base::Key{"max_missed_share", &LoopSpec::max_missed_share, "",

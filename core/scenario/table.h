@@ -45,6 +45,9 @@ class Table {
   /// The number in a field of the row. @throw also for an empty field
   [[nodiscard]] double number(std::size_t column) const;
 
+  /// The text of a field of the row, without its quotes.
+  [[nodiscard]] const std::string& text(std::size_t column) const { return fields_[column]; }
+
   [[noreturn]] void refuse(const std::string& problem) const;
 
  private:

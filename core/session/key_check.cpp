@@ -25,7 +25,8 @@ void KeyCheck::on_foreign(const bus::Stranger& stranger, Time now) {
 std::string KeyCheck::hint() const { return first_.empty() ? "" : "; " + first_ + " (--key-file)"; }
 
 void KeyCheck::poll(Time now) const {
-  // No announcement that verifies among so many for so long: the keys differ.
+  // The keys differ: many announcements have come over a long time, and no announcement has
+  // verified.
   if (accepted_ || num_foreign_ < 5 || now - since_ < std::chrono::milliseconds(1500)) return;
   throw base::Failure(base::ExitCode::protocol_violated,
                       "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)",

@@ -6,7 +6,8 @@
 namespace tachless::session {
 
 Verdict LogWindow::on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes) {
-  // Newer ones would push out what is not yet written; the plant's window keeps it from that.
+  // A newer tick would overwrite unwritten ticks in the ring. The plant's window prevents such
+  // ticks.
   if (tick < 0 || tick >= num_ticks_ || tick > written_ + MessageRing::depth) {
     return Verdict::not_asked;
   }
@@ -16,7 +17,7 @@ Verdict LogWindow::on_message(Slot slot, std::int64_t tick, std::span<const std:
     if (slot != Slot::reference) newest_ = std::max(newest_, tick);
     if (late) filled_late_ = true;
   }
-  // TRUTH is the last of what the plant repeats: one acknowledgement per repeated tick.
+  // The plant repeats TRUTH last, so each repeated tick causes one acknowledgement.
   if (slot == Slot::truth && (late || verdict != Verdict::fresh)) asked_again_ = true;
   return verdict;
 }
@@ -41,7 +42,7 @@ std::optional<LogWindow::Ack> LogWindow::take_ack() {
                    (is_all_written() && written_ > acked_.tick);
   if (!due) return std::nullopt;
   Ack ack{written_, 0};
-  // Messages of the newest two ticks are probably on their way, unless the plant asks again.
+  // Messages of the newest two ticks are probably in transit, unless the plant asks again.
   const std::int64_t last = asked_again_ ? newest_ : newest_ - 2;
   for (std::int64_t tick = written_ + 1; tick <= std::min(last, written_ + 64); ++tick) {
     if (!is_complete(tick)) ack.missing |= std::uint64_t{1} << (tick - written_ - 1);

@@ -20,22 +20,22 @@ using messages::Slot;
 class LogWindow {
  public:
   struct Ack {
-    std::int64_t tick = -1;     ///< last without a gap; -1: none
+    std::int64_t tick = -1;     ///< last tick without a gap; -1: none
     std::uint64_t missing = 0;  ///< bit i: tick + 1 + i has begun but is incomplete
   };
   /// Most ticks between two acknowledgements.
   static constexpr std::int64_t ack_interval = 16;
 
-  /// @param longest message of each slot [bytes]
+  /// @param longest length of the longest message of each slot [bytes]
   LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest)
       : num_ticks_(num_ticks), ring_(longest) {}
 
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// Returns the tick to be written next, if all its six messages are there.
+  /// Returns the tick to be written next, if all its six messages have arrived.
   [[nodiscard]] std::optional<std::int64_t> complete_tick() const;
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, Slot slot) const;
-  /// Takes note that `complete_tick()` is in the log.
+  /// Notes that `complete_tick()` is in the log.
   void on_written();
 
   /// Returns the acknowledgement to send now, if one is due. Call it after writing complete ticks.
@@ -51,10 +51,11 @@ class LogWindow {
   MessageRing ring_;
   std::int64_t written_ = -1;  ///< last tick in the log without a gap
   std::int64_t newest_ = -1;   ///< newest tick with a received message other than the reference
-  Ack acked_;                  ///< the last one taken
-  std::int64_t newest_acked_ = -1;  ///< newest_ at that time
-  bool asked_again_ = false;  ///< the plant has repeated a message: it lacks an acknowledgement
-  bool filled_late_ = false;  ///< a gap has been filled since
+  Ack acked_;                  ///< the acknowledgement returned last
+  std::int64_t newest_acked_ = -1;  ///< `newest_` at that acknowledgement
+  /// The plant has repeated a message, because it lacks an acknowledgement.
+  bool asked_again_ = false;
+  bool filled_late_ = false;  ///< a gap has been filled since the last acknowledgement
 };
 
 }  // namespace tachless::session

@@ -28,7 +28,7 @@ constexpr std::int64_t largest_run_id = 9'000'000'000'000'000;
 struct Program {
   const char* name;
   const char* task;
-  const char* examples;  ///< in addition to those of all; {0} is the program
+  const char* examples;  ///< in addition to the common examples; {0} is the program
 };
 
 const Program& program_of(Role role) {
@@ -63,7 +63,7 @@ void add_role_options(CLI::App& cli, Role role, ProcessOptions& options) {
                              "Positive number in every message of the run; default: the time"));
   }
   if (role == Role::controller) {
-    // For `tachless replay` and `tachless run --in-process`; not in --help.
+    // For `tachless replay` and `tachless run --in-process`; hidden from --help.
     cli.add_option("--serve", options.serve)->group("");
   }
   if (role == Role::logger) {
@@ -91,7 +91,7 @@ void add_options(CLI::App& cli, Role role, ProcessOptions& options) {
          "-v,--verbose", [&] { options.verbosity = base::Verbosity::verbose; },
          "More detail on stderr")
       ->excludes(quiet);
-  // For `tachless run`, which tells the cause of an end from other lines by it; not in --help.
+  // For `tachless run`, which recognises the cause of an end by the marks; hidden from --help.
   cli.add_flag_callback("--mark-levels", [&] { options.marks = base::Marks::levels; })->group("");
 }
 

@@ -33,7 +33,7 @@ Peers::Remembered Peers::remember(const messages::Stamp& stamp, const messages::
     peer.participant = who;
     peer.first_heard = now;
   }
-  if (!known || proves) peer.sender = sender;  // a recording comes from another address
+  if (!known || proves) peer.sender = sender;  // the sender of a recording has another address
   peer.counter = who.counter;
   peer.heard = now;
   if (lived) {
@@ -88,7 +88,8 @@ bool Peers::holds(const Peer& peer) const {
 
 Peers::Peer& Peers::make_room() {
   if (peers_.size() < most) return peers_.emplace_back();
-  // First those that have proven nothing, then the one silent for longest; no holder.
+  // Processes without proof are replaced first, then the one silent for longest. Holders are
+  // replaced last.
   return *std::ranges::min_element(peers_, {}, [&](const Peer& each) {
     return std::tuple(holds(each), each.lived.has_value(), each.heard);
   }) = Peer();

@@ -8,8 +8,7 @@ namespace tachless::session {
 
 ReferenceResponder::Answer ReferenceResponder::on_tick(std::int64_t tick,
                                                        std::span<const std::byte> bytes) {
-  // In lockstep the plant cannot have begun k without command k - 1, hence not without reference
-  // k - 1.
+  // In lockstep the plant begins tick k after command k - 1, which needs reference k - 1.
   if (tick < 0 || tick >= num_ticks_ || (!realtime_ && tick > newest_ + 1)) {
     return {Verdict::not_asked, {}, {}};
   }
@@ -38,7 +37,7 @@ std::span<const std::byte> ReferenceResponder::kept(std::int64_t tick) const {
 CommandResponder::Answer CommandResponder::on_input(LawInput input, std::int64_t tick,
                                                     std::span<const std::byte> bytes) {
   const bool measured = input == measurement_input;
-  // The plant is at tick next() at most, and the reference one ahead of it.
+  // The plant is at most at tick next(), and the reference is one tick ahead of it.
   const std::int64_t newest = measured ? next_ : next_ + 1;
   if (tick < 0 || tick >= num_ticks_ || tick > newest) {
     return {Verdict::not_asked, Action::nothing};
@@ -94,7 +93,7 @@ Verdict CommandPicker::on_input(LawInput input, std::int64_t tick,
 }
 
 std::optional<std::int64_t> CommandPicker::due() const {
-  // A reference that is one tick ahead may have taken the place of a tick `depth` before it.
+  // A reference one tick ahead may have replaced the tick `depth` before it in the ring.
   const std::int64_t oldest = std::max(last_ + 1, newest_ - MessageRing::depth + 2);
   for (std::int64_t tick = newest_; tick >= oldest; --tick) {
     if (ring_.has(tick, measurement_input) && ring_.has(tick, reference_input)) {

@@ -23,7 +23,7 @@ using base::ExitCode;
 using base::Failure;
 
 /// Opens the bus of a process.
-/// @throw base::Failure(bad_usage) naming the URL and what the host refused
+/// @throw base::Failure(bad_usage) naming the URL and the operation that the host refused
 void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& options,
               messages::Role role, const scenario::Scenario& scenario) {
   const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
@@ -33,30 +33,32 @@ void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& optio
     throw base::bad_usage("{}: {}", options.lcm_url, problem.what());
   }
   base::log_detail("bus {}, receive buffer {} bytes", where.text(), bus->receive_buffer_bytes());
-  // No one waits for a lock-step logger until the plant's window of ticks is full.
+  // No process waits for a lockstep logger until the plant's window of ticks is full.
   if (role == messages::Role::logger && scenario.loop.mode == scenario::Mode::lockstep) {
     bus->read_in_batches(500us);
   }
 }
 
-/// The other processes cannot know: to them the messages are only missing.
+/// Warns of unsent messages. The other processes cannot report them, because to them the messages
+/// are only missing.
 void report_unsent(const std::optional<bus::UdpTransport>& bus) {
   if (!bus || bus->statistics().unsent == 0) return;
   base::log_warning("{} messages could not be sent ({}); run tachless doctor for details",
                     bus->statistics().unsent, std::strerror(bus->statistics().refusal));
 }
 
-/// What a process of a realtime run requests of the kernel, for the calling thread, before the run
-/// begins: memory that is not paged out (mlockall), timers without slack, and, for all roles but
-/// the logger, the scheduling class SCHED_FIFO, which no ordinary process preempts. Without the
-/// permission the process runs all the same, and one line at level info says what is missing and
-/// how to permit it.
+/// Requests realtime properties of the kernel for the calling thread, before the run begins. The
+/// properties are memory that is not paged out (mlockall), and timers without slack. All roles but
+/// the logger also get the scheduling class SCHED_FIFO, which no ordinary process preempts. Without
+/// permission the process runs nevertheless. One line at level info then says which property is
+/// missing and how to permit it.
 void request_real_time(messages::Role role) {
-  // By role, below the kernel's own threads (99). The plant, which sets the pace, comes first, then
-  // the controller, which has to reply within the tick; the reference is a tick ahead.
+  // Priorities by role, below the kernel's own threads (99). The plant sets the pace and comes
+  // first. The controller comes second, because it has to reply within the tick; the reference is a
+  // tick ahead.
   static constexpr std::array<int, messages::num_roles> priorities = {80, 78, 79, 0};
   std::string missing;
-  ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
+  ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; the kernel's default is 50 us
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
     missing += fmt::format("its memory locked ({}; ulimit -l unlimited)", std::strerror(errno));
   }
@@ -97,7 +99,7 @@ ExitCode run_role(messages::Role role, const ProcessOptions& options, const Role
   base::survive_file_size_limit();
   std::optional<bus::UdpTransport> bus;
   std::optional<Session> session;
-  Statistics early(role);  // of a process that does not get as far as a session
+  Statistics early(role);  // statistics of a process that ends before it has a session
   const auto statistics = [&]() -> Statistics& { return session ? session->statistics() : early; };
   const auto report = [&] {
     report_unsent(bus);
@@ -123,7 +125,7 @@ ExitCode run_role(messages::Role role, const ProcessOptions& options, const Role
     throw;
   }
   report();
-  // The run went to its end, and a check of it said no.
+  // The run is complete, but one of its checks failed.
   if (statistics().fault) throw Failure(statistics().exit_code, *statistics().fault);
   return ExitCode::done;
 }

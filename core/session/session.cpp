@@ -27,13 +27,14 @@ constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;
 constexpr auto leaving_period = 20ms;
 constexpr auto longest_leaving = 1s;
-constexpr auto attending_period = 1ms;  // longest delay in noticing that the wait is over
+constexpr auto attending_period = 1ms;  // longest delay until the end of the wait is noticed
 // Most time that the logger may take at the end beyond the time to give up, to record messages that
-// are on their way.
+// are in transit.
 constexpr auto longest_conclusion = 2s;
 // Most time that a busy disk may take to store the log.
 constexpr auto longest_sync = 60s;
-// Final announcements are not acknowledged, so several are sent, spaced out: loss is bursty.
+// Final announcements are not acknowledged. Several are sent at intervals, because losses come in
+// bursts.
 constexpr int last_announcements = 5;
 constexpr auto last_announcements_period = 5ms;
 
@@ -48,7 +49,7 @@ Membership::Self self_of(const scenario::Scenario& scenario, const Session::Conf
   self.who.instance = config.instance != 0 ? config.instance : bus::random_number();
   self.who.scenario_digest = scenario.digest;
   self.who.pid = static_cast<std::int32_t>(getpid());
-  // A name may have characters that no message may have.
+  // A name may contain characters that are not allowed in a message.
   const auto text = [](const std::string& name) {
     return base::printable(name).substr(0, messages::max_participant_text);
   };
@@ -98,7 +99,7 @@ void Session::fail(const Failure& failure) {
     membership_->on_failed(failure, now);
     announce_repeatedly();
   } catch (const std::exception& problem) {
-    // `failure` came first and is the one to report.
+    // `failure` came first and is the one that is reported.
     base::log_warning("the others cannot be informed of it: {}", problem.what());
   }
 }
@@ -255,8 +256,8 @@ void Session::announce_stop(const Failure& failure, Time now) {
 }
 
 void Session::announce_repeatedly() {
-  // After a long computation the queue holds acknowledgements that are too old to count: they are
-  // handled first.
+  // The queue is emptied first. After a long computation it holds acknowledgements that are too old
+  // to count.
   announce(Clock::now());
   const auto until_empty = Clock::now() + longest_leaving;
   while (Clock::now() < until_empty) {
@@ -264,7 +265,8 @@ void Session::announce_repeatedly() {
     if (!datagram) break;
     handle(*datagram);
   }
-  // Before a run, long enough for a process started at the same time to learn the reason.
+  // Before a run, this lasts long enough for a process started at the same time to receive the
+  // reason.
   const auto until = Clock::now() + (membership_->has_joined() ? 0ms : Membership::simultaneous);
   for (int i = 0; i < last_announcements || Clock::now() < until; ++i) {
     announce(Clock::now());
@@ -276,9 +278,9 @@ void Session::leave() {
   const auto begin = Clock::now();
   note_end(begin);
   membership_->on_finished(begin);
-  // The plant succeeds only after the others have. The others wait until it has acknowledged their
-  // end, and for the end of all: the logger, which alone knows whether the log is whole, may still
-  // fail.
+  // The plant finishes successfully only after the others. The others wait until the plant has
+  // acknowledged their end and all have ended. The reason is that the logger may still fail: it
+  // alone knows whether the log is complete.
   const auto over = [&] {
     if (membership_->failure()) return true;
     if (self_.who.role == Role::plant) return membership_->have_all_finished();
@@ -318,7 +320,7 @@ void Session::name_missing(Time now) {
 }
 
 std::string Session::silent_among(std::initializer_list<Role> roles) const {
-  // Several announcements missed in a row.
+  // This equals several consecutive missed announcements.
   constexpr auto silent_after = 10 * Membership::period;
   std::vector<std::string> silent;
   std::vector<std::string> all;

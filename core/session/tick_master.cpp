@@ -13,7 +13,7 @@ TickMaster::TickMaster(const Config& config)
       commands_(std::array{MessageRing::digest_only}),
       repeat_at_(Time::max()),
       timeout_(config.first_timeout) {
-  // The reference is two ticks ahead of the oldest that may have to be repeated.
+  // The reference is two ticks ahead of the oldest tick that may have to be repeated.
   if (config.window < 1 || config.window > MessageRing::depth - 2) {
     throw std::logic_error("lockstep window does not fit the messages kept");
   }
@@ -76,7 +76,7 @@ std::optional<TickMaster::Repeat> TickMaster::next_repeat(Time now) {
     }
     repeat_at_ = now + timeout_;
     if (waiting_for == Waiting::command) return Repeat{Repeat::What::request, next_tick_};
-    // After the oldest tick the logger reports what else it misses.
+    // After the oldest tick, the logger reports which others it misses.
     pending_ |= missing_ | 1;
   }
   if (pending_ == 0) return std::nullopt;
@@ -116,12 +116,12 @@ void TickMaster::progress(Time now) {
 }
 
 void TickMaster::remember_missing(std::uint64_t missing, Time now) {
-  // Only completed ticks: the current one is repeated until its command is in anyway.
+  // Only completed ticks count; the current one is repeated until its command arrives anyway.
   const std::int64_t completed_after = last_completed() - acknowledged_;
   missing_ = missing;
   if (completed_after < 64) missing_ &= (std::uint64_t{1} << completed_after) - 1;
   pending_ = 0;
-  // A message that was sent a moment ago may still be on its way.
+  // A message sent a moment ago may still be in transit.
   const auto settled = config_.first_timeout / 2;
   for (std::uint64_t rest = missing_; rest != 0; rest &= rest - 1) {
     const std::int64_t late = acknowledged_ + 1 + std::countr_zero(rest);

@@ -12,20 +12,20 @@
 
 namespace tachless::session {
 
-/// The plant's side of the protocol. A run is: for each tick a request (TICK and measurement) until
-/// the command is received, an advance of the plant, the TRUTH; at the end the logger's last
-/// acknowledgement. Decides when the next of these may happen, what to repeat when, and when to
-/// give up.
+/// The plant's side of the protocol. Each tick of a run has a request (TICK and measurement) until
+/// the command is received, an advance of the plant, and the TRUTH. The run ends with the logger's
+/// last acknowledgement. The class decides when the next of these may happen, which messages to
+/// repeat and when, and when to give up.
 class TickMaster {
  public:
   using Time = base::Clock::time_point;
 
   struct Config {
     std::int64_t num_ticks = 0;
-    /// Most ticks that may have begun without being acknowledged by the logger.
+    /// Greatest number of begun ticks that the logger has not acknowledged.
     int window = 48;
     /// A request is repeated after the first timeout (docs/decisions/0005-repeats.md),
-    /// `fast_repeats` times; then after twice as long each time, up to the longest.
+    /// `fast_repeats` times. After that each timeout is twice as long, up to the longest.
     std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(1);
     std::chrono::nanoseconds longest_timeout = std::chrono::milliseconds(320);
     int fast_repeats = 8;
@@ -33,11 +33,11 @@ class TickMaster {
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);
   };
 
-  /// One message, or those of one tick, to send again.
+  /// A message, or the messages of one tick, to send again.
   struct Repeat {
     enum class What {
       request,  ///< TICK and measurement
-      all,      ///< TICK, measurement and TRUTH: the logger misses something of this tick
+      all,      ///< TICK, measurement and TRUTH, because the logger misses one of them
     };
     What what = What::request;
     std::int64_t tick = -1;
@@ -45,41 +45,42 @@ class TickMaster {
 
   enum class Waiting { nothing, command, logger_for_window, logger_for_end };
 
-  /// @throw std::logic_error when the window is larger than what the other roles keep.
+  /// @throw std::logic_error if the window exceeds the number of ticks that the other roles keep.
   explicit TickMaster(const Config& config);
 
   /// Returns whether tick `next_tick()` may begin.
   [[nodiscard]] bool may_begin() const;
   [[nodiscard]] std::int64_t next_tick() const { return next_tick_; }
 
-  /// The request of tick `next_tick()` has been published for the first time.
+  /// Notes that the request of tick `next_tick()` has been published for the first time.
   void on_asked(Time now);
 
-  /// A command of this run was received. `fresh`: of the present tick.
+  /// Handles a command of this run. `fresh`: of the present tick.
   Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, Time now);
   [[nodiscard]] bool is_commanded() const { return asking_ && commanded_; }
-  /// From the first request of the newest commanded tick to its command.
+  /// Returns the time from the first request of the newest commanded tick to its command.
   [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
 
-  /// TRUTH of the present tick has been published; the tick is over.
+  /// Notes that TRUTH of the present tick has been published, which ends the tick.
   void on_completed(Time now);
 
-  /// The logger's acknowledgement was received. `not_asked`: of a tick that has not begun.
+  /// Handles the logger's acknowledgement. `not_asked`: of a tick that is not completed.
   Verdict on_ack(std::int64_t tick, std::uint64_t missing, Time now);
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
-  /// Returns the next message to repeat now. Call it until it returns nothing, and again by
-  /// `deadline` or 0.1 s later. Time for which this process was suspended does not count as lack of
-  /// progress.
+  /// Returns the next message to repeat now. Call it until it returns nullopt, and again at
+  /// `deadline` or 0.1 s later, whichever is earlier. Time for which this process was suspended
+  /// does not count as lack of progress.
   std::optional<Repeat> next_repeat(Time now);
 
-  /// When to call `next_repeat` and `has_given_up` again if no message is received.
+  /// Returns the time at which to call `next_repeat` and `has_given_up` again if no message is
+  /// received.
   [[nodiscard]] Time deadline() const;
 
   [[nodiscard]] Waiting waiting() const;
   /// Returns whether `Config::give_up` has passed without progress.
   [[nodiscard]] bool has_given_up(Time now) const;
-  /// Returns whether the logger was heard since the last progress; another peer is lost then.
+  /// Returns whether the logger was heard since the last progress; if so, another peer is lost.
   [[nodiscard]] bool has_heard_logger() const { return logger_heard_; }
 
   /// Returns whether all ticks are completed and acknowledged.
@@ -90,7 +91,7 @@ class TickMaster {
 
   void remember_missing(std::uint64_t missing, Time now);
 
-  /// When all messages of a tick were last sent.
+  /// Returns the time at which all messages of a tick were last sent.
   Time& sent(std::int64_t tick);
   [[nodiscard]] std::int64_t last_completed() const { return next_tick_ - 1; }
   [[nodiscard]] std::int64_t last_asked() const { return asking_ ? next_tick_ : next_tick_ - 1; }
@@ -102,11 +103,11 @@ class TickMaster {
   bool commanded_ = false;
   bool logger_heard_ = false;
   std::int64_t acknowledged_ = -1;
-  std::uint64_t missing_ = 0;  ///< bit i: the logger misses something of acknowledged_ + 1 + i
-  std::uint64_t pending_ = 0;  ///< the same, to be repeated now
+  std::uint64_t missing_ = 0;  ///< bit i: the logger misses a message of acknowledged_ + 1 + i
+  std::uint64_t pending_ = 0;  ///< the ticks of `missing_` to be repeated now
   std::array<Time, MessageRing::depth> sent_{};
   Time progress_;
-  Time waited_;  ///< progress_, later by the time suspended
+  Time waited_;  ///< progress_, increased by the time suspended
   Time looked_;  ///< last call of next_repeat
   Time repeat_at_;
   std::chrono::nanoseconds timeout_{};

@@ -54,7 +54,7 @@ struct MultiSine {
           .by_default(0),
       base::Key{"terms", &MultiSine::terms, "", "One map per sinusoid"}};
 
-  /// Position to snap at t [s], each differentiated in closed form.
+  /// Returns position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const {
     messages::ReferencePoint point = Hold{offset_rad}.at(t_s);
     for (const Sine& term : terms) term.add_to(point, t_s);
@@ -72,7 +72,7 @@ struct Sinusoid : Sine {
       std::tuple{
           base::Key{"offset_rad", &Sinusoid::offset_rad, "rad (m)", "Middle"}.by_default(0)});
 
-  /// Position to snap at t [s], each differentiated in closed form.
+  /// Returns position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const {
     messages::ReferencePoint point = Hold{offset_rad}.at(t_s);
     add_to(point, t_s);

@@ -1,5 +1,5 @@
-// Every law has one header, one page in docs/laws and one test, and the page says what the law
-// declares.
+// Every law must have one header, one page in docs/laws and one test. The page must contain the
+// law's declarations.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -41,7 +41,7 @@ std::vector<std::string> stems(const fs::path& folder, const std::string& holdin
   return found;
 }
 
-/// The law's header: beside law.h, or among the rivals.
+/// Returns the law's header: beside law.h, or among the rivals.
 fs::path header_of(std::string_view law) {
   const fs::path own = root / "controller/law", name = std::string(law) + ".h";
   return fs::exists(own / name) ? own / name : own / "rivals" / name;

@@ -36,7 +36,7 @@ TEST_F(Info, NeedsNoMoreMemoryForALongLog) {
     LogReader run(run_path);
     LogWriter log(path_);
     while (const auto event = run.next()) log.append(event->utime, event->channel, event->data);
-    const std::vector<std::byte> data(1 << 12);  // so that every page is looked at
+    const std::vector<std::byte> data(1 << 12);  // every page must be read
     for (int i = 0; i < 256 * megabytes; ++i) log.append(0, "CAMERA", data);
     log.close();
   }
@@ -49,7 +49,8 @@ TEST_F(Info, NeedsNoMoreMemoryForALongLog) {
   const auto info = read_info(path_);
   EXPECT_FALSE(info["run"].is_null());
   EXPECT_EQ(info["channels"].back()["channel"], "CAMERA");
-  // Two stretches of 4 MB and the window of ticks; 105 MB where no page is given back.
+  // Limit for two blocks of 4 MB and the window of ticks. Without returned pages it would be 105
+  // MB.
   EXPECT_LT(most_kB() - before_kB, 40'000);
 }
 
@@ -61,7 +62,7 @@ TEST_F(Info, TellsRunAndChannelsOfOurLog) {
   EXPECT_EQ(command["channel"], "ARM_COMMAND");
   EXPECT_EQ(command["type"], "tachless.torque_command_t");
   EXPECT_EQ(command["messages"], 40u);
-  // 40 ticks of 10 us, stamped in whole microseconds: exact.
+  // 40 ticks of 10 us, stamped in whole microseconds, are exact.
   EXPECT_DOUBLE_EQ(command["rate_hz"].get<double>(), 1e5);
   EXPECT_EQ(command["longest_silence_us"], 10);
   std::map<std::string, std::string> types;

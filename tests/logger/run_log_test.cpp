@@ -18,7 +18,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// Bit for bit: what is compared went through encoder and decoder, which do not compute.
+/// Compares bit for bit, because encoder and decoder do not compute.
 void expect_equal(const Vector& a, const Vector& b) {
   ASSERT_EQ(a.size(), b.size());
   for (Eigen::Index i = 0; i < a.size(); ++i) EXPECT_EQ(a(i), b(i));
@@ -126,8 +126,8 @@ TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
       recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION");  // 2000 ticks
   auto messages = run.messages;
   std::mt19937_64 random(2);
-  // RUN_INFO at the end, everything else up to 300 messages (50 ticks) from its place, a tenth of
-  // it twice, heartbeats between.
+  // RUN_INFO is last. Other messages are up to 300 messages (50 ticks) from their place. A tenth of
+  // them is doubled, and heartbeats lie between them.
   std::rotate(messages.begin(), messages.begin() + 1, messages.end());
   std::vector<std::pair<std::size_t, Recorded>> places;
   std::uint64_t copies = 0;
@@ -160,7 +160,7 @@ TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
 TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
   const auto run = short_rigid_run();
   auto messages = run.messages;
-  // COMMAND of ticks 5, 6 and 20; everything of 30 to 34; TRUTH of the last tick.
+  // Removes COMMAND of ticks 5, 6 and 20, everything of ticks 30 to 34, and TRUTH of the last tick.
   std::erase_if(messages, [&](const Recorded& message) {
     if (message.channel == "ARM_RUN_INFO") return false;
     const auto tick = message.utime / 50;
@@ -186,7 +186,7 @@ TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
 TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
   const auto run = short_rigid_run();
   auto messages = run.messages;
-  // Cut short after tick 19, when the reference had sent that of 20, as it is a tick ahead.
+  // The log ends after tick 19. The reference had already sent tick 20, because it is a tick ahead.
   std::erase_if(messages, [&](const Recorded& message) {
     if (message.channel == "ARM_RUN_INFO") return false;
     const auto tick = message.utime / 50;
@@ -198,7 +198,7 @@ TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
     EXPECT_EQ(log.summary().last_tick, 19);
     EXPECT_EQ(log.summary().gaps(), 0u);
   }
-  // What lacks pieces in the middle does, also when all that is left of it is a reference.
+  // A tick with missing messages in the middle is a gap, even when only its reference is left.
   std::erase_if(messages, [&](const Recorded& message) {
     return message.utime / 50 == 10 && message.channel != "ARM_RUN_INFO" &&
            message.channel != "ARM_REFERENCE";
@@ -309,7 +309,7 @@ TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
     auto overrides = std::vector<std::string>{"loop.duration_s=0.1"};
     if (realtime) overrides.push_back("loop.mode=realtime");
     auto damaged = recorded_run("paper_rigid.yaml", overrides, "POSITION");
-    // The position of tick 100 (second of its tick) says 1892: its second lowest byte is flipped.
+    // The position of tick 100 (second of its tick) states tick 1892, because a byte is flipped.
     auto& data = damaged.messages[1 + 6 * 100 + 1].data;
     data[8 + 8 + 8 + 6] = static_cast<char>(data[8 + 8 + 8 + 6] ^ 0x07);
     auto log = open(damaged.messages);
@@ -399,7 +399,7 @@ TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   EXPECT_THAT(failure_of(messages), HasSubstr("contradicts"));
 }
 
-/// Whole, of 8 ticks of paper_rigid, recorded by tachless 0.1.0.
+/// A complete log of 8 ticks of paper_rigid, recorded by tachless 0.1.0.
 constexpr const char* old_log = TACHLESS_SOURCE_DIR "/tests/logger/lcmlog_0.1.0";
 
 TEST(LogOf_0_1_0, IsRefusedWithTheVersionThatReadsIt) {

@@ -56,6 +56,22 @@ TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
   EXPECT_EQ(tally.missing(Slot::tick).text(), "1-4999, 5001-9999");
 }
 
+TEST(TickTally, MissesNoAnswersInAProtectiveStop) {
+  TickTally tally(3000);
+  for (std::int64_t k = 0; k < 2500; ++k) {
+    for (const Slot slot : messages::all_slots) {
+      if (!is_due_while_stopped(slot) && k >= 1990) continue;
+      tally.on_message(slot, k, BytesOf(1));
+    }
+    if (k >= 2000) tally.on_stop(k);
+  }
+  tally.finish(tally.newest());
+  EXPECT_EQ(tally.missing(Slot::command).text(), "1990-1999");
+  EXPECT_EQ(tally.missing(Slot::reference).text(), "1990-1999");
+  EXPECT_EQ(tally.num_incomplete(), 10);
+  EXPECT_EQ(tally.num_complete(), 2490);
+}
+
 TEST(TickTally, CountsNoTickAfterTheStopAsIncomplete) {
   TickTally tally(3000);
   for (std::int64_t k = 0; k < 2000; ++k) {

@@ -47,7 +47,7 @@ byte stepped, law;           /* controller: computed; how often its law has step
 byte written, newest, ack_newest, ack_written; /* logger: in the log, seen; both at its last ACK */
 bool filled_late;
 
-/* How the process is: its part, its end (node::Link::leave), ended well, ended with a fault. */
+/* How the process is: its part, its end (session::Session::leave), ended well, ended with a fault. */
 #define PLANT 0
 #define REFERENCE 1
 #define CONTROLLER 2

@@ -38,6 +38,10 @@ class Recording : public RobotDriver {
   void start() override { calls += 's'; }
   ArmState read() override {
     calls += 'r';
+    told_s = state.time_s;
+    if (tells_time) {
+      state.time_s = unit * base::seconds_of(base::Clock::now().time_since_epoch());
+    }
     const int present = static_cast<int>(torques.size());
     if (present == at) fault();
     return state;
@@ -59,6 +63,9 @@ class Recording : public RobotDriver {
   std::function<void()> fault = [] {};
 
   bool velocity = false;
+  bool tells_time = false;
+  double unit = 1;    ///< of its time [s]
+  double told_s = 0;  ///< its time at the reading before
   ArmState state{Vector::Zero(2), Vector::Zero(2), {}, {}};
   std::string calls;
   std::vector<Vector> torques;
@@ -93,7 +100,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   robot.state.q << 0.004, -0.003;
   const Outcome outcome = run(s, peers, nullptr, &robot);
   ASSERT_EQ(outcome.fault, "");
-  std::string expected = "rs";  // where it stands is looked at before it may move
+  std::string expected = "rrs";  // where it stands is looked at before it may move
   for (int k = 0; k < 30; ++k) expected += "rh";
   EXPECT_EQ(robot.calls, expected + 'x');
   ASSERT_EQ(robot.torques.size(), 30U);
@@ -127,7 +134,8 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   EXPECT_LT(robot.torques[0].norm(), 1);
 }
 
-/// Is the clock, and goes on as soon as it is answered.
+/// Is the clock. Its ticks last `period_s`, `unit` times that by its own time. One that tells no
+/// time goes on as soon as it is answered.
 class Ticking : public ClockDriver {
  public:
   [[nodiscard]] bool measures_velocity() const override { return false; }
@@ -135,14 +143,23 @@ class Ticking : public ClockDriver {
   void stop() override { stopped = true; }
   ArmState exchange(const Vector& tau) override {
     if (tau.size() > 0) torques.push_back(tau);
-    state.time_s += torques.size() == 10 ? tenth_s : period_s;
+    const double tick_s = torques.size() == 10 ? tenth_s : period_s;
+    if (std::isfinite(state.time_s)) {
+      next_ += base::nanoseconds_of(std::max(tick_s, 0.0));
+      std::this_thread::sleep_until(next_);
+    }
+    state.time_s += unit * tick_s;
     return state;
   }
 
   double period_s = 1e-3, tenth_s = 2e-3;  // it misses one
+  double unit = 1;
   ArmState state{Vector::Zero(2), Vector::Zero(2), {}, {}, {}, {}, 5};
   std::vector<Vector> torques;
   bool stopped = false;
+
+ private:
+  base::Clock::time_point next_ = base::Clock::now();
 };
 
 TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
@@ -171,8 +188,7 @@ TEST(RobotDriver, ThatIsTheClockComesToRestInItsOwnTime) {
     peers.command(k, torque_of(k));
   };
   Ticking robot;
-  robot.period_s = 0.01;
-  robot.tenth_s = 0.02;
+  robot.state.time_s = NAN;
   const auto begin = base::Clock::now();
   EXPECT_EQ(run(s, peers, nullptr, &robot).code, ExitCode::protective_stop);
   EXPECT_EQ(peers.truths.back().fault, DriveFault::protective_stop);
@@ -208,7 +224,7 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   ASSERT_EQ(outcome.fault, "");
   EXPECT_FALSE(outcome.statistics.plant().robot_is_clock);
   EXPECT_EQ(robot.calls.find_first_not_of("r-"), std::string::npos) << robot.calls;
-  EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 31);
+  EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 32);
   // The log has what it would have been sent, within its limits.
   ASSERT_EQ(peers.truths.size(), 30U);
   EXPECT_EQ(peers.truths[5].tau, torque_of(4));
@@ -227,7 +243,7 @@ TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
   Peers peers(s);
   Recording robot;
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
-  std::string expected = "rs";
+  std::string expected = "rrs";
   for (int tick = 0; tick < 30; ++tick) expected += tick == 18 || tick == 19 ? "r-" : "rh";
   EXPECT_EQ(robot.calls, expected + "x");
   EXPECT_THROW(GuardedRobot{s}, base::Failure);  // emulated
@@ -248,7 +264,8 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
   };
   const auto fault = [](double step, bool tells_time) {
     const scenario::Scenario s =
-        with_limited_elbow(limited({"plant.following_error_rad=1e9", "loop.duration_s=3"}),
+        with_limited_elbow(limited({"plant.following_error_rad=1e9",
+                                    fmt::format("loop.duration_s={}", tells_time ? 0.3 : 3)}),
                            R"(lower="-1e9" upper="1e9" effort="100" velocity="1.5")");
     Peers peers(s);
     Moving robot;
@@ -289,16 +306,76 @@ TEST(RobotDriver, IsStoppedWhenItsTimeGoesBackOrStandsStillWhileItMoves) {
 
     Recording robot;
     robot.at = 10;
-    robot.state.time_s = 5;
+    robot.tells_time = true;
     robot.fault = [&] {
       robot.state.q[0] += 1e-6;
-      robot.state.time_s += step_s;
+      robot.state.time_s = robot.told_s + step_s;
     };
     const Outcome other = drive(s, robot);
     EXPECT_EQ(other.code, ExitCode::protective_stop);
     EXPECT_THAT(other.fault, HasSubstr("s before that: speeds cannot be watched"));
     expect_stopped(robot);
   }
+}
+
+TEST(RobotDriver, IsRefusedWhenItsTimeIsNotInSeconds) {
+  const scenario::Scenario s = limited();
+  for (const double unit : {1e3, 1e-9}) {
+    Ticking clock;
+    Recording robot;
+    clock.unit = robot.unit = unit;
+    robot.tells_time = true;
+    Peers peers(s);
+    const Outcome outcomes[] = {run(s, peers, nullptr, &clock), drive(s, robot)};
+    for (const Outcome& outcome : outcomes) {
+      EXPECT_EQ(outcome.code, ExitCode::bad_usage);
+      EXPECT_THAT(outcome.fault, HasSubstr("times as fast as this computer's clock; give "
+                                           "ArmState::time_s in seconds"));
+    }
+    EXPECT_TRUE(clock.torques.empty());
+    EXPECT_THAT(robot.calls, Not(HasSubstr("s")));
+  }
+}
+
+TEST(RobotDriver, IsStoppedWhenItsTimeBeginsToRunAtAnotherSpeed) {
+  const scenario::Scenario s = limited({"plant.drive.torque_limit_Nm=1000", "loop.duration_s=10"});
+  for (const double unit : {1e3, 0.0}) {
+    Ticking clock;
+    Peers peers(s);
+    peers.on_measurement = [&](std::int64_t k) {
+      if (k == 30) clock.unit = unit == 0 ? 1e-3 : unit;
+      peers.command(k, torque_of(0));
+    };
+    const Outcome outcome = run(s, peers, nullptr, &clock);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+    EXPECT_THAT(outcome.fault, HasSubstr("times as fast as this computer's clock: speeds cannot"));
+    EXPECT_TRUE(clock.stopped);
+
+    Recording robot;  // its time stands, as it does
+    robot.tells_time = true;
+    robot.at = 30;
+    robot.fault = [&] {
+      robot.at = -1;
+      robot.unit = unit;
+      if (unit == 0) robot.tells_time = false;
+    };
+    const Outcome other = drive(s, robot);
+    EXPECT_EQ(other.code, ExitCode::protective_stop);
+    EXPECT_THAT(other.fault, HasSubstr("times as fast as this computer's clock: speeds cannot"));
+    expect_stopped(robot);
+  }
+}
+
+TEST(RobotDriver, IsStoppedWhenItTellsItsTimeInSomeReadingsAlone) {
+  const scenario::Scenario s = limited({"loop.duration_s=1"});
+  Recording robot;
+  robot.tells_time = true;
+  robot.at = 10;
+  robot.fault = [&] { robot.state.time_s = NAN; };
+  const Outcome outcome = drive(s, robot);
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("gave the time nan s at tick 10"));
+  expect_stopped(robot);
 }
 
 class AFailingRobot : public testing::Test {
@@ -321,16 +398,27 @@ TEST_F(AFailingRobot, IsStoppedAndSaysWhy) {
 
 TEST_F(AFailingRobot, IsStoppedWhateverItThrows) {
   robot_.fault = [] { throw std::runtime_error("cable"); };
-  EXPECT_THROW(run_it(), std::runtime_error);
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_EQ(outcome.fault, "the driver threw: cable");
   expect_stopped(robot_);
-  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("cable"));
+  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("the driver threw: cable"));
 }
 
 TEST_F(AFailingRobot, IsStoppedWhenWhatItThrowsIsNoException) {
   robot_.fault = [] { throw 42; };
   const Outcome outcome = run_it();
-  EXPECT_EQ(outcome.code, ExitCode::protocol_violated);
-  EXPECT_THAT(outcome.fault, HasSubstr("an exception was thrown that is no std::exception"));
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver threw an exception that is no std::exception"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenItReadsAnotherNumberOfJoints) {
+  robot_.fault = [this] { robot_.state.q = Vector::Zero(7); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver read 7 positions and 2 velocities of links, 0 "
+                                       "and 0 of motors at tick 10; the scenario has 2 links"));
   expect_stopped(robot_);
 }
 
@@ -502,7 +590,7 @@ TEST(RobotDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
   EXPECT_THAT(outcome.fault,
               HasSubstr("plant.initial.position_rad: 0 for joint 2 (elbow), which is at "
                         "0.02; move the robot to within 0.01"));
-  EXPECT_EQ(robot.calls, "r") << "neither started nor stopped";
+  EXPECT_EQ(robot.calls, "rr") << "neither started nor stopped";
 }
 
 TEST(RobotDriver, IsRefusedInLockstepAndWithoutTorqueLimits) {

@@ -1,5 +1,5 @@
-// Whose bits depend on the processor: the functions of <cmath> that IEEE 754 does not fix. Code
-// whose results go round the loop or into a log uses those of base/elementary.h.
+// Functions of <cmath> that IEEE 754 does not fix give bits that depend on the processor. Code
+// whose results go round the loop or into a log uses base/elementary.h instead.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,8 +20,8 @@ std::vector<std::string> calls_of_libm(std::istream& text, const std::string& fi
   const std::string names =
       "(sin|cos|tan|asin|acos|atan|atan2|sinh|cosh|tanh|asinh|acosh|atanh|exp|exp2|expm1|log|log2|"
       "log10|log1p|pow|cbrt|hypot|fma|erf|erfc|tgamma|lgamma)";
-  // A call of the standard library, with or without its namespace; of an array of Eigen's; and of
-  // Eigen's rotations by an angle.
+  // The pattern matches a call of the standard library with or without its namespace, a method of
+  // an Eigen array, and an Eigen rotation by an angle.
   const std::regex forbidden("(^|[^:\\w.>\"])(std::|::)?" + names + "\\(|std::" + names +
                              "\\b|\\)\\." + names + "\\(\\)|AngleAxis|setFromRPY");
   std::vector<std::string> found;

@@ -29,7 +29,7 @@ class InMemoryNetwork::Endpoint : public Transport {
     std::unique_lock lock(network_.mutex_);
     const auto there = [this] { return !mailbox_.queue.empty(); };
     if (!mailbox_.arrived.wait_until(lock, deadline, there)) {
-      // Nobody comes to overtake them any more.
+      // No later message will overtake them.
       std::ranges::move(mailbox_.held, std::back_inserter(mailbox_.queue));
       mailbox_.held.clear();
       if (mailbox_.queue.empty()) return std::nullopt;

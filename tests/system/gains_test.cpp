@@ -16,6 +16,8 @@
 
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
@@ -153,6 +155,39 @@ TEST_F(GainsInARun, AreChangedWhateverElseIsSentOnTheRunsChannels) {
   EXPECT_EQ(change({"arm", "kp=[300, 100]"}), 0) << said;
   done = true;
   stranger.join();
+  end();
+}
+
+/// A recorded session may show its sender other gains than those in force.
+TEST_F(GainsInARun, AreNotReplacedByASenderThatHasSeenOthers) {
+  play(may_change);
+  ASSERT_EQ(change({"arm", "kd=[40, 12]", "--json"}), 0) << said;
+  const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  const std::string in_force = first.at("gains");
+  wait_until("later ticks are in the log",
+             [&, size = run.log_size()] { return run.log_size() > size + 50'000; });
+
+  messages::Codec<messages::GainChange> codec{messages::Layout{}};
+  auto acks = messages::port<messages::GainAck>("ARM", {});
+  const std::int64_t digest =
+      scenario::load_scenario(system_test::scenarios + "practical_rigid.yaml",
+                              {"loop.duration_s=10000", "controller.gains_may_change=true"})
+          .digest;
+  const messages::Stamp stamp{0, 7, first.at("tick").get<std::int64_t>() + 1};
+  bus::UdpTransport bus;
+  bus.subscribe(acks.channel);
+  const auto send = [&](const std::string& replaces, std::int64_t number) {
+    bus.publish("ARM_GAINS", codec.encode(stamp, {"kp=300,100", replaces, digest, number}));
+  };
+  send("", 5);
+  send("kd=41,12", 6);
+  send(in_force, 7);
+  const auto ack = bus.receive(base::Clock::now() + std::chrono::seconds(60));
+  ASSERT_TRUE(ack);
+  messages::Stamp changed_at;
+  messages::GainAck acknowledged;
+  ASSERT_EQ(acks.codec.decode(ack->payload, changed_at, acknowledged), messages::Rejection::none);
+  EXPECT_EQ(acknowledged.number, 7);
   end();
 }
 

@@ -168,6 +168,11 @@ void expect_stop_recorded(const Recorded& log, const Outcome& plant) {
   ASSERT_TRUE(log.ticks.back().truth);
   EXPECT_EQ(log.ticks.back().truth->fault, DriveFault::protective_stop);
   EXPECT_EQ(log.ticks.back().tick, plant.statistics.ticks - 1) << "the stop is recorded to its end";
+  // Nobody answers while the robot comes to rest: at most a tick at its beginning lacks something.
+  const std::uint64_t lost = plant.statistics.plant().missed_commands;
+  for (const auto slot : {messages::Slot::command, messages::Slot::controller_state}) {
+    EXPECT_LE(log.summary.of(slot).missing.count, lost + 1);
+  }
 }
 
 /// A stranger answers a message of `channel` with the same, but for its last number.

@@ -59,7 +59,7 @@ class ARecordedSession : public testing::Test {
   }
 
   [[nodiscard]] std::vector<std::string> settings(const std::string& period_s) const {
-    return {"--set",      "loop.duration_s=1000",
+    return {"--set",      "loop.duration_s=999",
             "--set",      "loop.mode=realtime",
             "--set",      "loop.max_missed=1000000",
             "--set",      "loop.max_missed_share=1",

@@ -268,7 +268,11 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
   for (const ProcessEnd& each : supervision.ends) {
     end.facts.dropped_output_bytes += each.dropped_bytes;
     end.facts.hidden_output_lines += each.hidden_lines;
-    if (each.robot_started) end.facts.robot_stopped = each.robot_stopped;
+    if (!each.robot_started) continue;
+    end.facts.robot_stopped = each.robot_stopped;
+    if (supervision.begun || each.robot_stopped) continue;  // a run that has begun has a table
+    base::log_warning(robot.options.named(fmt::format(
+        "{}: robot NOT stopped: its driver ended first; use the emergency stop", each.name)));
   }
   if (supervision.interrupted) {
     end.facts.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");

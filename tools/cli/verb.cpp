@@ -28,9 +28,20 @@ std::string above_zero(const std::string& text) {
   return number > 0 && std::isfinite(number) ? "" : text + "; allowed: a number above 0";
 }
 
+void print_text(std::string_view text) {
+  const auto lines = base::split(text, '\n');
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    std::cout << (i > 0 ? "\n" : "") << base::printable(lines[i]);
+  }
+}
+
 void print(bool json, nlohmann::ordered_json all, const std::string& text) {
   all["text"] = text;
-  std::cout << (json ? base::json_text(all, 2) + "\n" : text);
+  if (json) {
+    std::cout << base::json_text(all, 2) << "\n";
+  } else {
+    print_text(text);
+  }
 }
 
 void require_writable(const std::filesystem::path& file, bool force) {

@@ -51,6 +51,9 @@ void add_quiet(CLI::App& command, bool& quiet);
 /// Checks an option's value: a number above 0.
 std::string above_zero(const std::string& text);
 
+/// Prints text for people. Names of files may contain control characters: question marks replace
+/// all of them but line ends.
+void print_text(std::string_view text);
 /// Prints `text`, or with --json `all` including `text`.
 void print(bool json, nlohmann::ordered_json all, const std::string& text);
 

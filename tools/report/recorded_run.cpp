@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <set>
 #include <variant>
 #include <vector>
 
+#include "base/file_text.h"
 #include "certify/prediction.h"
 #include "controller/registry.h"
 #include "controller/stepped_law.h"
@@ -86,8 +86,8 @@ class Motion {
 };
 
 nlohmann::json read_outcome(const RecordedRun& run) {
-  std::ifstream file(run.log.parent_path() / "summary.json");
-  nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
+  const auto text = base::file_text(run.log.parent_path() / "summary.json");
+  nlohmann::json json = nlohmann::json::parse(text.value_or(""), nullptr, false);
   const bool ours = json.is_object() && json.contains("run_id") &&
                     json["run_id"].is_number_integer() &&
                     json["run_id"].get<std::int64_t>() == run.run_id;

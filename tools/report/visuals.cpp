@@ -40,14 +40,14 @@ std::vector<std::string> names_in(std::string_view urdf) {
   return names;
 }
 
-/// Returns the kind of a mesh that the page can draw, ".stl", or "".
+/// Returns the extension of a mesh that the page can draw, for example ".stl", or "".
 std::string kind_of(const std::string& name) {
   std::string kind = fs::path(name).extension().string();
   std::ranges::transform(kind, kind.begin(), [](unsigned char c) { return std::tolower(c); });
   return kind == ".stl" || kind == ".obj" || kind == ".dae" ? kind : "";
 }
 
-/// A mesh, and the folder that it must be in after all links are followed.
+/// A mesh, and the folder in which it has to be after all links are followed.
 struct Place {
   fs::path file, root;
 };
@@ -80,7 +80,7 @@ std::optional<std::string> mesh_bytes(const Place& place, std::uintmax_t most) {
   if (error) return std::nullopt;
   const fs::path root = fs::canonical(place.root, error);
   if (error || std::ranges::mismatch(root, file).in1 != root.end()) return std::nullopt;
-  // One descriptor for all: the name may come to mean another file meanwhile.
+  // One descriptor serves all checks, because the name may refer to another file later.
   const base::FileDescriptor opened(
       ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   struct stat status {};
@@ -105,14 +105,38 @@ std::size_t count_of(std::string_view word, std::string_view text) {
   return count;
 }
 
-/// Returns the number of faces of a mesh, or more: of a DAE a third of its numbers in <p>.
+std::size_t num_blanks(std::string_view text) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return c == ' ' || c == '\t' || c == '\n'; }));
+}
+
+/// Returns the number of triangles of an OBJ, or more. Each line that is no vertex counts: it may
+/// continue the polygon of the line before.
+std::size_t num_faces_of_obj(std::string_view bytes) {
+  std::size_t faces = 0;
+  while (!bytes.empty()) {
+    const std::string_view line = bytes.substr(0, bytes.find('\n'));
+    if (!line.starts_with('v') && !line.starts_with('#')) {
+      faces += std::max<std::size_t>(num_blanks(line), 3) - 2;
+    }
+    bytes.remove_prefix(std::min(bytes.size(), line.size() + 1));
+  }
+  return faces;
+}
+
+/// Returns an upper bound on the number of triangles of a mesh. For a DAE it is a third of the
+/// numbers in <p>.
 std::size_t num_faces(const std::string& kind, std::string_view bytes) {
-  if (kind == ".obj") return count_of("\nf", bytes);
+  if (kind == ".obj") return num_faces_of_obj(bytes);
   if (kind == ".stl") return std::max(count_of("facet normal", bytes), bytes.size() / 50);
+  constexpr std::string_view after_name = "> \t\r\n";
   std::size_t numbers = 0;
-  for (auto at = bytes.find("<p>"); at != bytes.npos; at = bytes.find("<p>", at + 3)) {
-    const std::string_view list = bytes.substr(at, bytes.find("</p>", at) - at);
-    numbers += static_cast<std::size_t>(std::ranges::count(list, ' ')) + 1;
+  for (auto at = bytes.find("<p"); at != bytes.npos; at = bytes.find("<p", at)) {
+    at += 2;
+    if (after_name.find(bytes.substr(at, 1)) == after_name.npos) continue;
+    const std::string_view list = bytes.substr(at, bytes.find("</p", at) - at);
+    numbers += num_blanks(list) + 1;
+    at += list.size();
   }
   return numbers / 3;
 }
@@ -124,7 +148,7 @@ std::string base64(std::string_view bytes) {
   std::string text(sodium_base64_encoded_len(bytes.size(), variant), '\0');
   sodium_bin2base64(text.data(), text.size(), reinterpret_cast<const unsigned char*>(bytes.data()),
                     bytes.size(), variant);
-  text.pop_back();  // the NUL that ends it
+  text.pop_back();  // removes the terminating NUL
   return text;
 }
 

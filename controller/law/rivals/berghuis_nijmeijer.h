@@ -22,17 +22,17 @@ struct BerghuisNijmeijerGains {
       gain("observer_ld", &BerghuisNijmeijerGains::observer_ld, "1/s", "Gain of the observer")};
 };
 
-/// Tracking of a rigid robot from link positions alone, by passivity of controller and observer
-/// together, `source`,
+/// Tracking of a rigid robot from link positions alone (`source`). Controller and observer together
+/// are passive:
 ///
 ///   v_r = v_ref - Lambda (q_hat - q_ref),   v_0 = q_hatdot - Lambda (q - q_hat),
 ///   q_hatdot = z + (l_d + Lambda)(q - q_hat),   zdot = v_rdot + l_d Lambda (q - q_hat),
 ///   tau = M(q) v_rdot + C(q, v_0) v_r + g(q) - Kd (v_0 - v_r).
 ///
-/// The observer is in deviations from the reference (see Memory): linear, so that it is exact for
-/// errors that are straight lines between samples. It knows no model. With `feedforward_lead_s`,
-/// v_ref and vdot_ref in the first two terms are taken that much ahead; what is measured or
-/// estimated is not.
+/// The observer's states are deviations from the reference (see Memory). The observer is linear in
+/// them and exact for errors that are linear between samples. It uses no model. With
+/// `feedforward_lead_s`, the first two terms use v_ref and vdot_ref at that time ahead; measured
+/// and estimated values are not taken ahead.
 class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
  public:
   static constexpr std::string_view name = "berghuis_nijmeijer";
@@ -48,8 +48,9 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
 
   using Measurement = messages::PositionMeasurement;
 
-  /// With e = q - q_ref and delta = q - q_hat, rho = z - v_ref - Lambda delta. Both are zero, and
-  /// stay so, while the error is constant: q_hat = q and z = v_ref.
+  /// State of the observer. With e = q - q_ref and delta = q - q_hat, rho = z - v_ref - Lambda
+  /// delta. While the error is constant, delta and rho stay zero if they are zero: q_hat = q and z
+  /// = v_ref.
   struct Memory {
     Vector delta;       ///< [rad]
     Vector rho;         ///< [rad/s]
@@ -93,7 +94,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
  private:
   /// The observer in (delta, rho),
   ///   deltadot = edot - rho - (l_d + 2 Lambda) delta,   rhodot = l_d Lambda delta - Lambda edot,
-  /// over a fixed time in which edot is constant, exactly: x' = Phi x + Gamma (e' - e).
+  /// solved exactly over a fixed time in which edot is constant: x' = Phi x + Gamma (e' - e).
   class Observer {
    public:
     Observer(const Gains& gains, double time_s)
@@ -106,7 +107,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
       for (Eigen::Index i = 0; i < gains.lambda.size(); ++i) {
         const double lambda = gains.lambda[i], ld = gains.observer_ld;
         const double a = ld + 2 * lambda, b = ld * lambda;
-        // Poles: two real ones, s^2 + a s + b = 0.
+        // The poles are two real ones, s^2 + a s + b = 0.
         const double root = std::sqrt(ld * ld + 4 * lambda * lambda);
         const double fast = -(a + root) / 2, slow = b / fast;
         // f(A) = (f(slow) (A - fast) - f(fast) (A - slow)) / (slow - fast), A = [-a -1; b 0].
@@ -115,7 +116,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
         phi_dr_[i] = (e_fast - e_slow) / root;
         phi_rd_[i] = (e_slow - e_fast) * b / root;
         phi_rr_[i] = (e_fast * slow - e_slow * fast) / root;
-        // The mean of e^(A t) over the time, on the input's (1, -Lambda).
+        // Mean of e^(A t) over the time, applied to the input's (1, -Lambda).
         const double m_slow = base::expm1(slow * time_s) / (slow * time_s);
         const double m_fast = base::expm1(fast * time_s) / (fast * time_s);
         gamma_d_[i] = (m_slow * (-a - fast + lambda) - m_fast * (-a - slow + lambda)) / root;
@@ -136,7 +137,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
     Vector phi_dd_, phi_dr_, phi_rd_, phi_rr_, gamma_d_, gamma_r_;
   };
 
-  /// Of the usual step, one period after the last.
+  /// The observer of one period.
   Observer observer_{gains_, settings_.period_s};
 };
 

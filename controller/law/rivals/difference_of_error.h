@@ -8,12 +8,12 @@
 
 namespace tachless::controller::law {
 
-/// `LoriaOrtegaRigid` with a difference in the place of its filter:
+/// `LoriaOrtegaRigid` with a difference of the error instead of its filter:
 ///
 ///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd nu,   nu = (e_k - e_{k-m}) / (m h).
 ///
-/// `NumericalDifference` with v_ref differenced as the position is: what lags is not on the
-/// trajectory. Before the first tick the error is taken to have been e(0), so nu(0) = 0.
+/// It is `NumericalDifference` with v_ref differenced like the position. On the trajectory the lag
+/// of the two differences cancels. Before the first tick the error counts as e(0), so nu(0) = 0.
 class DifferenceOfError : public RigidLaw<PositionDifference::Gains> {
  public:
   static constexpr std::string_view name = "difference_of_error";

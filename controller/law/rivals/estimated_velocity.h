@@ -6,14 +6,14 @@
 
 namespace tachless::controller::law {
 
-/// `WenBayard` with an estimate v_hat in the place of the measured velocity:
+/// Base of `WenBayard` with an estimate v_hat instead of the measured velocity:
 ///
 ///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd (v_hat - v_ref).
 ///
-/// Base of the laws that differ by where v_hat comes from; no law by itself. `Estimator` has Gains,
-/// a Memory, `start` before the first position is given to `step`, and `velocity` of the position
-/// that was given last [rad/s]. With `feedforward_lead_s`, v_ref and vdot_ref of the first two
-/// terms are taken that much ahead.
+/// Laws derived from it differ by the source of v_hat; the base alone is no law. `Estimator` has
+/// Gains and a Memory. Its `start` returns the memory before the first position is given to `step`.
+/// Its `velocity` returns the velocity at the position given last [rad/s]. With
+/// `feedforward_lead_s`, the first two terms use v_ref and vdot_ref at that time ahead.
 template <class Estimator>
 class EstimatedVelocity : public RigidLaw<typename Estimator::Gains> {
   using Base = RigidLaw<typename Estimator::Gains>;

@@ -11,13 +11,13 @@
 
 namespace tachless::controller::law {
 
-/// Steady-state Kalman filter of each joint's position: a chain of 2 (3) integrators driven by
-/// white noise, an acceleration (jerk) of spectral density Q, observed every period with the
-/// variance R = measurement_noise^2.
+/// Steady-state Kalman filter of each joint's position. Its model is a chain of 2 (3) integrators.
+/// White noise of spectral density Q drives the chain as acceleration (jerk). The position is
+/// observed every period with the variance R = measurement_noise^2.
 class KalmanChain {
  public:
   struct Memory {
-    Vector q, v, a;  ///< of the last sample [rad], [rad/s], [rad/s^2]; order 2: a empty
+    Vector q, v, a;  ///< at the last sample [rad], [rad/s], [rad/s^2]; a is empty if order is 2
 
     static constexpr std::tuple members{&Memory::q, &Memory::v, &Memory::a};
   };
@@ -38,14 +38,15 @@ class KalmanChain {
             .by_default("that of the scenario's encoder: one count / sqrt(12), and its noise")};
   };
 
-  /// Only the ratio of the two noises counts: with this one the estimate's two poles are at sqrt(2)
-  /// times the filter's, so that it lags alike.
+  /// Computes gains by which the estimate's two poles are at sqrt(2) times the filter's pole, so
+  /// that both have the same lag. Only the ratio of the two noises matters, so the measurement
+  /// noise is set to 1.
   static Gains tuned(const Tuning& t) {
     return {t.kp(), t.kd(), t.each(4 * t.filter * t.filter * t.filter * t.filter * t.period_s), 2,
             t.each(1)};
   }
 
-  /// @throw std::invalid_argument when measurement_noise is not given and the encoder is ideal.
+  /// @throw std::invalid_argument if measurement_noise is not given and the encoder is ideal.
   KalmanChain(const Gains& gains, const Settings& settings)
       : order_(gains.order), period_s_(settings.period_s) {
     const Vector& noise =
@@ -57,7 +58,7 @@ class KalmanChain {
     }
     gains_.reserve(static_cast<std::size_t>(noise.size()));
     for (Eigen::Index i = 0; i < noise.size(); ++i) {
-      // Time in periods and angles in standard deviations: one number is left of Q, R and h.
+      // With time in periods and angles in standard deviations, Q, R and h reduce to one number.
       const double h = period_s_;
       const double h_to_2_order_less_1 = order_ == 2 ? h * h * h : h * h * h * h * h;
       const double Q = gains.process_noise[i] * h_to_2_order_less_1 / (noise[i] * noise[i]);
@@ -92,7 +93,7 @@ class KalmanChain {
     return {from.q + time_s * (from.v + time_s / 2 * from.a), from.v + time_s * from.a, from.a};
   }
 
-  /// F of x(t + 1) = F x(t).
+  /// Returns F of x(t + 1) = F x(t).
   [[nodiscard]] Small transition() const {
     Small F = Small::Identity(order_, order_);
     F(0, 1) = 1;
@@ -103,7 +104,7 @@ class KalmanChain {
     return F;
   }
 
-  /// What white noise of density Q adds to the covariance in a period.
+  /// Returns the covariance that white noise of density Q adds in a period.
   [[nodiscard]] Small added_covariance(double Q) const {
     Small added(order_, order_);
     if (order_ == 2) {
@@ -114,8 +115,9 @@ class KalmanChain {
     return Q * added;
   }
 
-  /// Covariance before a sample in the steady state: P = F (P^-1 + C' C)^-1 F' + Q by doubling
-  /// (B. D. O. Anderson, Int. J. of Control 28(2), 1978): step k is 2^k periods.
+  /// Returns the steady-state covariance before a sample. P = F (P^-1 + C' C)^-1 F' + Q is solved
+  /// by doubling (B. D. O. Anderson, Int. J. of Control 28(2), 1978): iteration k covers 2^k
+  /// periods.
   [[nodiscard]] Small steady_prediction(double Q) const {
     constexpr int most_doublings = 64;
     const Small one = Small::Identity(order_, order_);
@@ -144,13 +146,13 @@ class KalmanChain {
 
   int order_;
   double period_s_;
-  /// Of each joint, in units of the period and of the measurement's standard deviation.
+  /// of each joint, in units of the period and of the measurement's standard deviation
   std::vector<Small> gains_;
 };
 
-/// `EstimatedVelocity` by a Kalman filter, `source`, in the form implemented here. Counts of width
-/// Delta are taken for white noise of variance Delta^2 / 12, which they are not where the robot
-/// moves less than some counts per period.
+/// `EstimatedVelocity` with a Kalman filter (`source`), in the form implemented here. The filter
+/// treats counts of width Delta as white noise of variance Delta^2 / 12. This assumption fails if
+/// the robot moves less than some counts per period.
 class KalmanVelocity : public EstimatedVelocity<KalmanChain> {
  public:
   static constexpr std::string_view name = "kalman_velocity";

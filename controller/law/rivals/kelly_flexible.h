@@ -13,7 +13,7 @@ namespace tachless::controller::law {
 ///   tau = g(q_ref) - Kp (theta - theta_ref) - Kd nu,   theta_ref = q_ref + K^-1 g(q_ref),
 ///   nudot = -A nu + B thetadot,   q_ref constant.
 ///
-/// The links are not measured at all. The reference is constant by assumption, so a feed-forward
+/// The law does not measure the links. The reference is constant by assumption, so a feed-forward
 /// lead changes nothing.
 class KellyFlexible : public FlexibleLaw<FilterGains> {
  public:
@@ -34,7 +34,7 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
   using Memory = Filter::Memory;
   using LawOf::LawOf;
 
-  /// The filter passes the springs' resonance.
+  /// Computes gains with a filter fast enough to pass the springs' resonance.
   static Gains tuned(const Tuning& t) {
     const auto [kp, kd] = t.through_spring();
     const Vector filter = t.each(t.filter).cwiseMax(0.6 * t.resonance());
@@ -54,9 +54,9 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
     return {next, {tau}, {signals.size(), {e, next.nu}}};
   }
 
-  /// With U the potential energy: 1/2 v' M_l v + 1/2 thetadot' J thetadot + 1/2 e' [K, -K; -K, K +
-  /// Kp] e + U(q) - U(q_ref) - g(q_ref)' e1 + 1/2 nu' Kd B^-1 nu, with e1 = q - q_ref and e2 the
-  /// motor's error.
+  /// With U the potential energy, e1 = q - q_ref and e2 the motor's error: 1/2 v' M_l v + 1/2
+  /// thetadot' J thetadot + 1/2 e' [K, -K; -K, K + Kp] e + U(q) - U(q_ref) - g(q_ref)' e1 + 1/2 nu'
+  /// Kd B^-1 nu.
   static constexpr std::string_view lyapunov_formula =
       "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + ½ ν′Kd B⁻¹ν";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
@@ -77,7 +77,7 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
     return robot::gravity_torque(robot_.links, reference.q_ref);
   }
 
-  /// theta - theta_ref
+  /// Returns theta - theta_ref [rad].
   [[nodiscard]] Vector error(const Vector& theta, const ReferencePoint& reference,
                              const Vector& g) const {
     return theta - (reference.q_ref + g.cwiseQuotient(robot_.stiffness));

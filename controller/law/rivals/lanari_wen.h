@@ -16,15 +16,15 @@ struct LanariWenGains {
       gain("kv", &LanariWenGains::kv, "N m s/rad", "Weight of the motor's velocity error")};
 };
 
-/// Tracking of a robot with flexible joints from motor position and velocity, with everything
-/// beside them taken from the reference: of the laws of L. Lanari and J. T. Wen (1992-1993) the one
-/// with all-desired feed-forward, in the form implemented here,
+/// Tracking of a robot with flexible joints from motor position and velocity; all other terms come
+/// from the reference. L. Lanari and J. T. Wen (1992-1993) give several laws. This is the one with
+/// all-desired feed-forward, in the form implemented here:
 ///
 ///   theta_ref = q_ref + K^-1 ID(q_ref, v_ref, vdot_ref),
 ///   tau = J thetaddot_ref + K (theta_ref - q_ref) - Kp e2 - Kv e2dot,   e2 = theta - theta_ref.
 ///
-/// Fed with the full state, since no lesser measurement holds motor velocity; uses motor position
-/// and velocity alone.
+/// The law measures the full state, because no smaller measurement holds motor velocity. It uses
+/// motor position and velocity only.
 class LanariWen : public FlexibleLaw<LanariWenGains>, public FullState {
  public:
   static constexpr std::string_view name = "lanari_wen";
@@ -47,7 +47,7 @@ class LanariWen : public FlexibleLaw<LanariWenGains>, public FullState {
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
                                   const ReferencePoint& reference) const {
-    // Of the links on the reference, with two derivatives: K (theta_ref - q_ref).
+    // Torque of the links on the reference, K (theta_ref - q_ref), with two derivatives.
     const robot::JetVector torque = feedforward_torque(robot_.links, reference);
     const robot::JetVector theta_ref =
         ReferenceJets(reference).q + torque.cwiseQuotient(robot_.stiffness);

@@ -27,16 +27,16 @@ struct NicosiaTomeiGains {
            "Gain of the observer from its error to its torque")};
 };
 
-/// Tracking of a rigid robot from link positions alone, with an observer that is a model of the
-/// robot, `source`,
+/// Tracking of a rigid robot from link positions alone (`source`). The observer is a model of the
+/// robot:
 ///
 ///   x1dot = x2 + k_D (q - x1) =: v_hat,
 ///   x2dot = M(q)^-1 [tau - C(q, v_hat) v_hat - g(q) + KO (q - x1)],
 ///   tau = M(q) vdot_ref + C(q, v_hat) v_ref + g(q) - Kp e - Kv (v_hat - v_ref).
 ///
-/// Of the torques commanded up to the sample before, the one that acts is the observer's tau. With
-/// `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken that much ahead; what
-/// is measured or estimated is not.
+/// The observer's tau is the commanded torque that acts after the delay. With `feedforward_lead_s`,
+/// the first two terms use v_ref and vdot_ref at that time ahead; measured and estimated values are
+/// not taken ahead.
 class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
  public:
   static constexpr std::string_view name = "nicosia_tomei";
@@ -55,15 +55,15 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
     Vector delta;       ///< q - x1 [rad]
     Vector x2;          ///< [rad/s]
     Vector q_previous;  ///< [rad]
-    /// Commanded then and in the ticks before, as far back as the delay goes [N m]; empty before
-    /// the first step, and beyond.
+    /// torques commanded at the last tick and the ticks before, as far back as the delay reaches [N
+    /// m]; empty before the first step, and beyond the delay
     std::array<Vector, Settings::most_delay + 1> tau;
 
     static constexpr std::tuple members{&Memory::delta, &Memory::x2, &Memory::q_previous,
                                         &Memory::tau};
   };
 
-  /// The observer has two poles at the filter's.
+  /// Computes gains by which the observer has two poles at the filter's pole.
   static Gains tuned(const Tuning& t) {
     return {t.kp(), t.kd(), 2 * t.filter, t.filter * t.filter * t.inertia};
   }
@@ -80,7 +80,7 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
     return {Vector::Zero(measured.q.size()), reference.v_ref, measured.q, {}};
   }
 
-  /// @throw std::logic_error when M(q) is not positive definite (see robot::forward_dynamics).
+  /// @throw std::logic_error if M(q) is not positive definite (see robot::forward_dynamics).
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
                                   const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
@@ -95,7 +95,7 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
                          gains_.kp.cwiseProduct(e) -
                          gains_.kv.cwiseProduct(v_hat - reference.v_ref);
     next.q_previous = measured.q;
-    // Before the first command that one is taken to have acted.
+    // Before the first command, the first command counts as the acting torque.
     for (std::size_t j = 0; j <= delay_; ++j) {
       next.tau[j] = j == 0 || first_step ? result.command.tau : memory.tau[j - 1];
     }
@@ -104,11 +104,12 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
   }
 
  private:
-  /// delta and x2 after a period in which q goes straight from `q_previous` to `q` under the torque
-  /// that acted, by the implicit midpoint rule,
+  /// Advances delta and x2 by one period, in which q moves linearly from `q_previous` to `q` under
+  /// the acting torque. It uses the implicit midpoint rule,
   ///   d = delta + h/2 (qdot - x - k_D d),   x = x2 + h/2 M^-1 [tau - C v_hat - g + KO d],
-  /// (d, x) the middle of (delta, x2), M, C and g at the middle of q; v_hat in the slow term C
-  /// v_hat is the period's first. Without x that is linear in d, with a positive definite matrix.
+  /// with (d, x) the midpoint of (delta, x2), and M, C and g at the midpoint of q. v_hat in the
+  /// slow term C v_hat is the one at the period's start. After x is eliminated, the equation is
+  /// linear in d, with a positive definite matrix.
   void observe(Memory& memory, const Vector& q) const {
     const double h = settings_.period_s, kd = gains_.observer_kd;
     const Vector advance = q - memory.q_previous;

@@ -11,14 +11,15 @@
 
 namespace tachless::controller::law {
 
-/// v_hat = (q_k - q_{k-m}) / (m h). A position whose tick was lost lies on the straight line
-/// between those measured before and after it; those before the first one on a line of slope v_ref.
+/// The estimate v_hat = (q_k - q_{k-m}) / (m h). The position of a missed tick lies on the straight
+/// line between the measured positions before and after it. Positions before the first one lie on a
+/// line of slope v_ref.
 class PositionDifference {
  public:
   static constexpr int most_samples = 64;
 
   struct Memory {
-    std::array<Vector, most_samples + 1> q;  ///< newest first; beyond m empty [rad]
+    std::array<Vector, most_samples + 1> q;  ///< newest first; empty beyond m [rad]
 
     static constexpr std::tuple members{&Memory::q};
   };
@@ -34,7 +35,8 @@ class PositionDifference {
             .in({1, most_samples})};
   };
 
-  /// A difference over m periods lags by half of them, a filter by 1 / its pole.
+  /// Computes gains with the lag of the filter: a difference over m periods lags by m h / 2, a
+  /// filter by 1 / its pole.
   static Gains tuned(const Tuning& t) {
     const double samples = std::round(2 / (t.filter * t.period_s));
     return {t.kp(), t.kd(), static_cast<int>(std::clamp(samples, 1.0, most_samples * 1.0))};
@@ -67,9 +69,9 @@ class PositionDifference {
   double period_s_;
 };
 
-/// `EstimatedVelocity` by a difference of positions: what most controllers without a tachometer do,
-/// and what section 1 of Loria and Ortega (1995) argues against. With counts of width Delta,
-/// |v_hat - v| <= Delta / (m h) + (m h / 2) sup |vdot|.
+/// `EstimatedVelocity` by a difference of positions. Most controllers without a tachometer use it;
+/// section 1 of Loria and Ortega (1995) argues against it. With counts of width Delta, |v_hat - v|
+/// <= Delta / (m h) + (m h / 2) sup |vdot|.
 class NumericalDifference : public EstimatedVelocity<PositionDifference> {
  public:
   static constexpr std::string_view name = "numerical_difference";

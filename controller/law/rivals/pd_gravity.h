@@ -8,11 +8,11 @@
 
 namespace tachless::controller::law {
 
-/// Regulation of a rigid robot with measured velocity, `source`,
+/// Regulation of a rigid robot with measured velocity (`source`):
 ///
 ///   tau = g(q) - Kp e - Kd v,   q_ref constant.
 ///
-/// What `KellyRegulation` would be with a tachometer. A feed-forward lead changes nothing.
+/// It is `KellyRegulation` with measured velocity. A feed-forward lead changes nothing.
 class PdGravity : public RigidLaw<PdGains>, public FullState {
  public:
   static constexpr std::string_view name = "pd_gravity";

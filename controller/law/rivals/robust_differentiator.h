@@ -9,16 +9,17 @@
 
 namespace tachless::controller::law {
 
-/// Levant's second-order exact differentiator of each joint's position: with |d3q/dt3| <= L and
+/// Levant's second-order exact differentiator of each joint's position. With |d3q/dt3| <= L and
 /// sigma = z0 - q,
 ///
 ///   z0dot = v0 = z1 - l2 L^(1/3) |sigma|^(2/3) sign(sigma),
 ///   z1dot = v1 = z2 - l1 L^(1/2) |z1 - v0|^(1/2) sign(z1 - v0),
 ///   z2dot = -l0 L sign(z2 - v1),
 ///
-/// after a finite time z1 = qdot and z2 = qddot, exactly, where q is free of noise. All three signs
-/// are that of sigma. Sampled: the chain of integrators exactly from sample to sample, then the
-/// three corrections, with sigma at the new sample, times the time passed.
+/// z1 = qdot and z2 = qddot hold exactly after a finite time, if q is free of noise. All three
+/// signs equal the sign of sigma. The sampled form integrates the chain of integrators exactly from
+/// sample to sample. It then adds the three corrections, with sigma at the new sample, times the
+/// period.
 class LevantDifferentiator {
  public:
   struct Memory {
@@ -38,7 +39,7 @@ class LevantDifferentiator {
              "L: bound on the third derivative of the position")};
   };
 
-  /// L: the third derivative of an oscillation by 1 rad at the bandwidth.
+  /// Computes gains with L the third derivative of an oscillation of 1 rad at the bandwidth.
   static Gains tuned(const Tuning& t) { return {t.kp(), t.kd(), t.each(t.w * t.w * t.w)}; }
 
   LevantDifferentiator(const Gains& gains, const Settings& settings)
@@ -66,7 +67,7 @@ class LevantDifferentiator {
   [[nodiscard]] Vector velocity(const Memory& memory) const { return memory.z1; }
 
  private:
-  /// Without corrections.
+  /// Returns the memory after `time_s` without corrections.
   static Memory moved(const Memory& from, double time_s) {
     return {from.z0 + time_s * (from.z1 + time_s / 2 * from.z2), from.z1 + time_s * from.z2,
             from.z2};
@@ -76,7 +77,7 @@ class LevantDifferentiator {
   double period_s_;
 };
 
-/// `EstimatedVelocity` by an exact differentiator, `source`, with the coefficients (l2, l1, l0) =
+/// `EstimatedVelocity` by an exact differentiator (`source`) with the coefficients (l2, l1, l0) =
 /// (2, 1.5, 1.1).
 class RobustDifferentiator : public EstimatedVelocity<LevantDifferentiator> {
  public:

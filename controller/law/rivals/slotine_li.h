@@ -21,8 +21,8 @@ struct SlotineLiGains {
 ///
 ///   v_r = v_ref - Lambda e,   s = v - v_r,   tau = M(q) v_rdot + C(q, v) v_r + g(q) - Ks s.
 ///
-/// With `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken that much ahead;
-/// e, s and edot are not.
+/// With `feedforward_lead_s`, the first two terms use v_ref and vdot_ref at that time ahead; e, s
+/// and edot are not taken ahead.
 class SlotineLi : public RigidLaw<SlotineLiGains>, public FullState {
  public:
   static constexpr std::string_view name = "slotine_li";

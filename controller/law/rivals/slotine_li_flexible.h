@@ -19,15 +19,15 @@ struct SlotineLiFlexibleGains {
       gain("ks2", &SlotineLiFlexibleGains::ks2, "N m s/rad", "Weight of the motor's s")};
 };
 
-/// Tracking of a robot with flexible joints with the full state and link jerk: the passivity-based
-/// law of Lozano and Brogliato (1992-1995), in the form implemented here,
+/// Tracking of a robot with flexible joints from the full state and link jerk. It is the
+/// passivity-based law of Lozano and Brogliato (1992-1995), in the form implemented here:
 ///
 ///   theta_ref = q_ref + K^-1 [ M v_rdot + C(q, v) v_r + g - Ks1 s1 ],  v_r = v_ref - Lambda e1,
 ///   tau = J thetaddot_r + K (theta_ref - q_ref) - Ks2 s2,  thetadot_r = thetadot_ref - Lambda e2,
 ///   s1 = v - v_r,  s2 = thetadot - thetadot_r,  e1 = q - q_ref,  e2 = theta - theta_ref.
 ///
-/// The contrast to `LoriaOrtegaFlexible`: theta_ref holds link velocity, so its second derivative
-/// holds link jerk, which is computed from the model and from motor velocity.
+/// Unlike `LoriaOrtegaFlexible`, theta_ref contains link velocity, so its second derivative
+/// contains link jerk. The law computes link jerk from the model and from motor velocity.
 class SlotineLiFlexible : public FlexibleLaw<SlotineLiFlexibleGains>, public FullState {
  public:
   static constexpr std::string_view name = "slotine_li_flexible";
@@ -65,22 +65,22 @@ class SlotineLiFlexible : public FlexibleLaw<SlotineLiFlexibleGains>, public Ful
         {signals.size(), {measured.q - reference.q_ref, measured.v - reference.v_ref, e2, e2dot}}};
   }
 
-  /// Link jerk by the model [rad/s^3]: the first line of eq. 1, differentiated once.
+  /// Returns link jerk by the model [rad/s^3]: the first line of eq. 1, differentiated once.
   [[nodiscard]] Vector link_jerk(const Measurement& measured, const Vector& vdot) const {
     const Vector& q = measured.q;
     const Vector& v = measured.v;
     const Vector zero = Vector::Zero(q.size());
-    // d/dt ID(q, v, vdot) = M jerk + what is left when jerk is taken for zero.
+    // d/dt ID(q, v, vdot) = M jerk + rest; rest is the derivative with jerk set to zero.
     const Vector rest = robot::first_derivative(
         robot::inverse_dynamics(robot_.links, robot::jet(q, v, vdot), robot::jet(v, vdot, zero),
                                 robot::jet(vdot, zero, zero)));
     const Vector spring_rate = robot_.spring_torque(v, measured.thetadot);
-    // M^-1 x = forward dynamics at rest under x + g.
+    // M^-1 x equals forward dynamics at rest under x + g.
     return robot::forward_dynamics(
         robot_.links, q, zero, Vector(spring_rate - rest + robot::gravity_torque(robot_.links, q)));
   }
 
-  /// theta_ref [rad] with its first and second time derivative.
+  /// Returns theta_ref [rad] with its first and second time derivative.
   [[nodiscard]] robot::JetVector motor_reference(const Measurement& measured,
                                                  const ReferencePoint& reference) const {
     const Vector vdot = robot::forward_dynamics(robot_.links, measured.q, measured.v,

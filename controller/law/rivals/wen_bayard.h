@@ -8,13 +8,13 @@
 
 namespace tachless::controller::law {
 
-/// Tracking of a rigid robot with measured velocity, `source`,
+/// Tracking of a rigid robot with measured velocity (`source`):
 ///
 ///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd edot.
 ///
-/// What `LoriaOrtegaRigid` would be with a tachometer (the paper's Remark 2). With
-/// `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead; e and
-/// edot are not.
+/// It is `LoriaOrtegaRigid` with measured velocity (the paper's Remark 2). With
+/// `feedforward_lead_s`, the first two terms use v_ref and vdot_ref at that time ahead; e and edot
+/// are not taken ahead.
 class WenBayard : public RigidLaw<PdGains>, public FullState {
  public:
   static constexpr std::string_view name = "wen_bayard";

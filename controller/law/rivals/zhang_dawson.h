@@ -17,16 +17,16 @@ struct ZhangDawsonGains {
       gain("k", &ZhangDawsonGains::k, "1/s", "Pole of the filter, and weight of its output [N m]")};
 };
 
-/// Global tracking of a rigid robot from link positions alone, `source`, with e = q - q_ref (the
-/// source's has the other sign), joint by joint:
+/// Global tracking of a rigid robot from link positions alone (`source`), joint by joint. Here e =
+/// q - q_ref; the source uses the other sign.
 ///
 ///   y = p + k e,   pdot = -(1 - y^2)(y + tanh e) + k (tanh e - y),   y(0) = 0,
 ///   tau = ID(q_ref, v_ref, vdot_ref) - k y / (1 - y^2) - tanh e.
 ///
-/// Where |y| >= 1 the law is not defined: its torque is infinite there, which ends the run.
+/// The law is not defined for |y| >= 1: its torque is infinite there, which ends the run.
 ///
-/// With `feedforward_lead_s`, v_ref and vdot_ref of the first term are taken that much ahead; q_ref
-/// is not.
+/// With `feedforward_lead_s`, the first term uses v_ref and vdot_ref at that time ahead; q_ref is
+/// not taken ahead.
 class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
  public:
   static constexpr std::string_view name = "zhang_dawson";
@@ -51,7 +51,7 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
 
   using LawOf::LawOf;
 
-  /// The filter's pole: no k makes its errors decay faster than exp(-t).
+  /// Sets k to the filter's pole; no k makes the errors decay faster than exp(-t).
   static Gains tuned(const Tuning& t) { return {t.each(t.filter)}; }
 
   [[nodiscard]] Memory start(const Measurement& measured,
@@ -78,12 +78,13 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
   }
 
  private:
-  /// y after a period in which e goes straight from `e_from` to `e_to`:
-  ///   ydot = k (edot + tanh e - y) - (1 - y^2)(y + tanh e),
-  /// by the exponential midpoint rule: exact for the terms in k, of order two for the rest.
+  /// Returns y after a period in which e moves linearly from `e_from` to `e_to`:
+  ///   ydot = k (edot + tanh e - y) - (1 - y^2)(y + tanh e).
+  /// The exponential midpoint rule is exact for the terms in k and of order two for the other
+  /// terms.
   [[nodiscard]] double filtered(double y, double k, double e_from, double e_to) const {
     const double h = settings_.period_s;
-    const double slope = e_to - e_from;  // of a period
+    const double slope = e_to - e_from;  // change of e in a period
     const auto after = [&](double time_s, double at_y, double e) {
       const double t = base::tanh(e);
       const double target = slope / h + t - (1 - at_y * at_y) * (at_y + t) / k;

@@ -41,7 +41,7 @@ TEST(Certify, OfThePapersRigidScenario) {
   EXPECT_FALSE(to_json(certify(scenario, false)).contains("paper"));
   const std::string brief = page(certify(scenario, false), scenario, false);
   EXPECT_EQ(std::ranges::count(brief, '\n'), 5) << brief;
-  EXPECT_THAT(brief, HasSubstr("proved: this start is in it"));
+  EXPECT_THAT(brief, HasSubstr("proved in continuous time: this start is in it"));
   EXPECT_THAT(brief, HasSubstr(" N m (shoulder, no limit), 1 rad/s (elbow, no limit)\n"));
 }
 
@@ -103,9 +103,10 @@ TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
     EXPECT_THAT(page(result, scenario, false), HasSubstr(says));
     return to_json(result)["region"]["start"];
   };
-  const auto near = start("plant.initial.position_rad=[0.1, 0]", "proved: this start is in it");
+  const auto near = start("plant.initial.position_rad=[0.1, 0]",
+                          "proved in continuous time: this start is in it");
   const auto far = start("plant.initial.position_rad=[3, 3]",
-                         "proved: this start is certified, but without a rate");
+                         "proved in continuous time: this start is certified, but without a rate");
   for (const auto& each : {near, far}) {
     EXPECT_TRUE(each["certified"].get<bool>());
     EXPECT_TRUE(each["proved"].get<bool>());
@@ -180,13 +181,14 @@ TEST(Certify, APrismaticJointsRangeEndsARegionWithoutEnd) {
 }
 
 /// docs/certificate.md: of paper_rigid no measurement may be missed.
-TEST(Certify, SaysWhereNoMissedMeasurementIsProvedStable) {
+TEST(Certify, SaysWhereNoMissedMeasurementIsFoundStable) {
   const scenario::Scenario scenario = linear::testing::shipped("paper_rigid");
   Certificate all;
   all.loop = analyse(scenario, linear::Effort::full);
   ASSERT_EQ(all.loop.missed.value().measurements, 0);
-  EXPECT_THAT(page(all, scenario, true),
-              HasSubstr("missed measurements                not even single ones are proved"));
+  EXPECT_THAT(
+      page(all, scenario, true),
+      HasSubstr("missed measurements                not even single ones were found to be stable"));
 }
 
 TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {

@@ -178,9 +178,8 @@ TEST(Prediction, APeriodOfASecondMayBeStable) {
   EXPECT_EQ(result.unstable_q.size(), 0);
 }
 
-TEST(Prediction, TextOfMissedTicksSaysWhereNoneIsProved) {
-  EXPECT_EQ(pattern_text(0),
-            "no pattern was found that is stable for certain, not even single ones");
+TEST(Prediction, TextOfMissedTicksSaysThatTheyAreSearched) {
+  EXPECT_EQ(pattern_text(0), "not even single ones were found to be stable (searched, not proved)");
   EXPECT_EQ(pattern_text(3), "any pattern of at most 3 in a row is stable (searched, not proved)");
   EXPECT_EQ(pattern_text(linear::most_missed),
             "any pattern of 1000 in a row is stable (searched, not proved)");

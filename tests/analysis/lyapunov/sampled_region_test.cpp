@@ -139,9 +139,14 @@ TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
       nlohmann::json::parse(witness(limited, Vector(Eigen::Vector2d(0.3, 0.6))))["torque_limit"];
   EXPECT_EQ(written[0], 1e5);
   EXPECT_GT(written[1], 1e300);
-  EXPECT_THROW((void)witness(linear::testing::shipped("iiwa_point_to_point"), Vector(Vector::Constant(7, 0.3))),
+  EXPECT_THROW((void)witness(linear::testing::shipped("iiwa_point_to_point"),
+                             Vector(Vector::Constant(7, 0.3))),
                base::Failure);
   EXPECT_THROW((void)witness(held, Vector(Eigen::Vector2d(30, 30))), base::Failure);
+  // Its errors are those of a filter that is at rest at the start.
+  scenario::Scenario kicked = held;
+  kicked.controller.filter_start = controller::law::FilterStart::zero;
+  EXPECT_THROW((void)witness(kicked, Vector(Eigen::Vector2d(0.3, 0.6))), base::Failure);
 }
 
 /// The loop of a run, from random directions of (q, v) on the boundary, as many as

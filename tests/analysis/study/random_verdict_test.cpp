@@ -115,9 +115,11 @@ std::string refuted(const RandomScenario& scenario, const Verdict& seen) {
         return fmt::format("the error becomes {:.3g}", next.peak);
       return "";
     case Outcome::lags:
-      if (!next.whole || next.peak > 1.5 * seen.error + noise)
+      // The rest of the start may cancel up to half of the error that the motion makes.
+      if (!next.whole || next.peak > 2 * seen.error + noise)
         return fmt::format("the error becomes {:.3g}", next.peak);
-      if (seen.cause == Cause::settling && next.peak > 0.95 * seen.error + noise)
+      if (seen.cause == Cause::settling && seen.loop_settles_s <= seen.rested_s &&
+          next.peak > 0.95 * seen.error + noise)
         return fmt::format("the error stays {:.3g}", next.peak);
       return "";
     case Outcome::rests_beside:
@@ -138,11 +140,11 @@ std::string refuted(const RandomScenario& scenario, const Verdict& seen) {
   }
 }
 
-/// TACHLESS_RANDOM_VERDICTS=300 tries 300 scenarios.
+/// TACHLESS_RANDOM_VERDICTS=1000 tries 1000 scenarios.
 TEST(Verdict, OfARandomScenarioIsTrueWhenTheRunGoesOn) {
   const char* const wanted = std::getenv("TACHLESS_RANDOM_VERDICTS");
   const std::uint32_t scenarios =
-      wanted != nullptr ? static_cast<std::uint32_t>(std::stoul(wanted)) : 40;
+      wanted != nullptr ? static_cast<std::uint32_t>(std::stoul(wanted)) : 300;
   std::array<int, names(Outcome()).size()> count{};
   for (std::uint32_t seed = 1; seed <= scenarios; ++seed) {
     const RandomScenario scenario = random_scenario(seed);

@@ -55,8 +55,10 @@ TEST(Axis, SaysWhatIsWrongWithIt) {
   EXPECT_EQ(problem("loop.period_s"), "--vary loop.period_s: no '='; write KEY=from:to:number");
   EXPECT_NE(problem("loop.period_s=1:2").find("KEY=from:to:number"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=2:1:3").find("KEY=from:to:number"), std::string::npos);
-  EXPECT_NE(problem("loop.period_s=1:2:2.5").find("must be whole"), std::string::npos);
-  EXPECT_NE(problem("loop.period_s=0:2:3:log").find("greater than 0"), std::string::npos);
+  EXPECT_NE(problem("loop.period_s=1:2:2.5").find("2.5 values; allowed: a whole"),
+            std::string::npos);
+  EXPECT_NE(problem("loop.period_s=0:2:3:log").find("log from 0; allowed: above 0"),
+            std::string::npos);
   EXPECT_NE(problem("loop.period_s=1,x").find("\"x\" is no number"), std::string::npos);
   EXPECT_NE(problem("plant.initial.position_rad[x]=0:1:2").find("whole number"), std::string::npos);
   EXPECT_NE(problem("5]=1:2:3").find("no '[' before ']'"), std::string::npos);

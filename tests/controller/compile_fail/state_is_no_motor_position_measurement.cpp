@@ -1,4 +1,4 @@
-// Nor to a law that is fed motor positions.
+// The full state cannot be handed to a law that measures motor positions.
 #include "controller/law/rivals/kelly_flexible.h"
 
 using namespace tachless;

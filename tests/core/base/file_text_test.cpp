@@ -48,6 +48,19 @@ TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(directory.path()), {}), 1);
 }
 
+/// A process that a signal ends cannot remove it.
+TEST(AnUnfinishedFile, IsNotInItsFolder) {
+  const TemporaryDirectory directory;
+  const std::filesystem::path path = directory.path() / "file";
+  UnfinishedFile file(path, "name another");
+  std::ofstream(file.name()) << "half of it";
+  EXPECT_TRUE(std::filesystem::is_empty(directory.path()));
+  file.finish();
+  EXPECT_EQ(file_text(path), "half of it");
+  std::filesystem::remove(path);
+  EXPECT_TRUE(std::filesystem::is_empty(directory.path()));
+}
+
 TEST(AnUnfinishedFile, OfTwoWritersIsWholeAndTheLastOneFinishedStays) {
   const TemporaryDirectory directory;
   const auto path = directory.path() / "table.csv";

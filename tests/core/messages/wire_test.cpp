@@ -135,8 +135,8 @@ TYPED_TEST(EveryCodec, RefusesToEncodeAnyNumberThatIsNotFinite) {
   });
 }
 
-// The bytes agree also if two fields are mixed up on the way in and on the way out again: each
-// member must be the field of its name.
+// The bytes also agree if encoder and decoder exchange the same two fields. The test therefore
+// checks that each member is the field of its name.
 template <class Type>
 auto both(const messages::Layout& layout) {
   return std::pair(codec_checks::random_value<typename Type::Value>(layout),
@@ -237,7 +237,7 @@ TYPED_TEST(CodecOfArrays, RejectsHostileCounts) {
   codec_checks::rejects_counts<TypeParam>(body, {2, 2, 2});
 }
 TYPED_TEST(CodecOfArrays, RejectsAMessageOfAnotherJointCount) {
-  // A text makes a message longer than another one, so that its count is looked at.
+  // The text makes a message longer than another one, so that the codec has to read the count.
   const auto rejection = messages::has_field<typename TypeParam::Value>("gains")
                              ? Rejection::wrong_count
                              : Rejection::wrong_size;

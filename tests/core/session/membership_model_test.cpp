@@ -1,8 +1,8 @@
-// All that an attacker can do to the handshake, to a stated depth: from each point of an
-// undisturbed rendezvous, every sequence of `depth` steps, where a step is an announcement of one
-// of the four, received by any of the other three, or one announcement of an earlier session with
-// the same run id, or of this one that was held back, delivered to anyone. The four are
-// session::Membership itself.
+// All attacks on the handshake to a stated depth. They start at each point of an undisturbed
+// rendezvous and consist of every sequence of `depth` steps. A step may be an announcement of one
+// of the four, received by any of the other three. It may also be a recorded announcement that is
+// delivered to any process. The recording is of an earlier session with the same run id, or of this
+// session. The four processes are session::Membership itself.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -37,7 +37,7 @@ Membership member(Role role, std::int64_t first_instance) {
   return {self, Membership::Time{}};
 }
 
-/// Four processes, and everything that was announced.
+/// Four processes and all their announcements.
 struct World {
   explicit World(std::int64_t first) : first_instance(first) {
     for (const Role role : all_roles) members.push_back(member(role, first));
@@ -53,7 +53,7 @@ struct World {
     return result;
   }
 
-  /// `role` announces; those whose bit is set hear it at once.
+  /// Lets `role` announce; the roles whose bit is set receive it at once.
   void announce(Role role, unsigned heard_by) {
     now += 20ms;
     if (role == Role::plant && of(role).has_joined()) of(role).on_started(now);
@@ -68,21 +68,22 @@ struct World {
     std::int64_t& newest = heard[{said.participant.instance, to}];
     newest = std::max(newest, said.participant.counter);
     of(to).handle(said.stamp, said.participant, "address", now);
-    // As the first message of the run would make it.
+    // The first message of the run has this effect.
     if (to != Role::plant && of(to).has_joined() && !of(to).failure() &&
         of(Role::plant).is_running()) {
       of(to).on_started(now);
     }
   }
 
-  /// Whether `to` has heard nothing newer of that process: all else it ignores, as a copy.
+  /// Returns whether `to` has heard nothing newer of that process; older announcements are ignored
+  /// as copies.
   bool is_news(const Membership::Announcement& said, Role to) const {
     const auto found = heard.find({said.participant.instance, to});
     return said.participant.role != to &&
            (found == heard.end() || found->second < said.participant.counter);
   }
 
-  /// Everybody hears everybody.
+  /// Lets every process hear every other.
   void round() {
     for (const Role role : all_roles) announce(role, 0b1111);
   }
@@ -94,8 +95,8 @@ struct World {
   std::map<std::pair<std::int64_t, Role>, std::int64_t> heard;  ///< newest counter, by hearer
 };
 
-/// What the attacker has of an earlier session with the same run id: of each process an
-/// announcement of each state, the last two with as high a counter as there was.
+/// Returns the attacker's recording of an earlier session with the same run id: an announcement of
+/// each process in each state. The last two states have the highest counters.
 std::vector<Membership::Announcement> recorded() {
   World earlier(11);
   for (int i = 0; i < 5; ++i) earlier.round();
@@ -120,10 +121,10 @@ std::vector<Membership::Announcement> recorded() {
   return result;
 }
 
-/// What must hold whatever the attacker does.
+/// Checker of the properties that must hold under every attack.
 class Properties {
  public:
-  /// @param dead who announces nothing from `since` on
+  /// @param dead role that announces nothing from `since` on
   Properties(std::optional<Role> dead, Membership::Time since) : dead_(dead), since_(since) {}
 
   void check(const World& world) {
@@ -161,14 +162,14 @@ class Properties {
   std::string complaint_;
 };
 
-/// Calls `f(step)` for each step that the attacker and the four can take in `world`.
+/// Calls `f(step)` for each possible step of the attacker and the four in `world`.
 template <class F>
 void for_each_step(const World& world, const std::vector<Membership::Announcement>& recordings,
                    std::optional<Role> dead, F&& f) {
   for (const Role role : all_roles) {
     if (role == dead) continue;
     for (unsigned heard_by = 0; heard_by < 1U << num_roles; ++heard_by) {
-      if ((heard_by >> static_cast<unsigned>(role) & 1U) != 0) continue;  // not by itself
+      if ((heard_by >> static_cast<unsigned>(role) & 1U) != 0) continue;  // no process hears itself
       f([role, heard_by](World& next) { next.announce(role, heard_by); });
     }
   }
@@ -194,7 +195,7 @@ void explore(const World& world, const std::vector<Membership::Announcement>& re
   });
 }
 
-/// Points of an undisturbed rendezvous: before it, and after each announcement.
+/// Returns the points of an undisturbed rendezvous: before it, and after each announcement.
 std::vector<World> course() {
   std::vector<World> points = {World(1)};
   for (int i = 0; i < 4 * num_roles; ++i) {
@@ -251,7 +252,7 @@ TEST(TheHandshake, SucceedsAsSoonAsTheAttackerRests) {
       properties.check(world);
     }
     ASSERT_EQ(properties.complaint(), "") << seed;
-    // Candidates that do not exist are named in turn with those that do.
+    // Announcements name missing candidates in turn with existing ones.
     for (int i = 0; i < 40; ++i) world.round();
     for (const Role role : all_roles) {
       EXPECT_TRUE(world.of(role).is_running()) << seed << " " << messages::name(role);

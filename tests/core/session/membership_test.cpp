@@ -20,14 +20,15 @@ using testing::HasSubstr;
 
 constexpr std::int64_t plants_run = 77;
 
-/// Processes that hear each other over a network that may lose announcements, in virtual time.
+/// Processes that hear each other over a network in virtual time; the network may lose
+/// announcements.
 class Network {
  public:
   struct Process {
     Role role;
     std::string name;
     std::unique_ptr<Membership> membership;
-    bool dead = false;  ///< gone, with or without a word
+    bool dead = false;  ///< ended, with or without an announcement
   };
 
   explicit Network(double loss = 0, std::uint64_t seed = 1) : loss_(loss), random_(seed) {}
@@ -51,12 +52,12 @@ class Network {
     return *processes_.back().membership;
   }
 
-  std::int64_t next_run = plants_run;  ///< of the plants started from now on
-  bool counters_required = true;       ///< of the processes started from now on
+  std::int64_t next_run = plants_run;  ///< run of the plants started from now on
+  bool counters_required = true;       ///< value for the processes started from now on
 
   void kill(const Membership& victim) { of(victim).dead = true; }
 
-  /// Lets time pass. A process that has failed says so some times and is gone.
+  /// Lets time pass. A failed process announces its fault some times and then ends.
   void pass(std::chrono::nanoseconds duration) {
     const auto end = now_ + duration;
     for (; now_ < end; now_ += 5ms) {
@@ -96,7 +97,7 @@ class Network {
                               said.participant.state == ParticipantState::running;
       if (plant_runs && to.membership->has_joined() && !to.membership->failure() &&
           to.membership->run() == said.stamp.run) {
-        to.membership->on_started(now_);  // as the first question would make it
+        to.membership->on_started(now_);  // the first request would have this effect
       }
     }
   }
@@ -107,7 +108,7 @@ class Network {
   std::vector<Process> processes_;
 };
 
-/// Makes `said` a new announcement that answers the last one of `whom`.
+/// Makes `said` a new announcement that answers the last announcement of `whom`.
 void answer(Membership::Announcement& said, Membership& whom, Membership::Time now) {
   const messages::Participant asked = whom.announce(now).participant;
   const auto role = static_cast<std::size_t>(asked.role);
@@ -345,7 +346,7 @@ TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
   said.stamp.run = 1234;
   answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
-  said.stamp.run = plants_run;  // in our run, but not the controller we started with
+  said.stamp.run = plants_run;  // in the plant's run, but not the controller of the start
   answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
   EXPECT_EQ(text(plant), "");
@@ -354,7 +355,7 @@ TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
 TEST_F(ARunningMembership, YieldsToNobodyOutsideItsRun) {
   auto said = plant.announce(network.now());
   said.stamp.run = plants_run + 1;
-  said.stamp.utime = 1'000'000'000;  // older than all of ours
+  said.stamp.utime = 1'000'000'000;  // older than all other processes
   said.participant.instance = 0x5eed;
   said.participant.state = messages::ParticipantState::running;
   answer(said, plant, network.now());
@@ -421,7 +422,7 @@ TEST_F(ARunningMembership, DoesNotBelieveThatItIsOverBeforeItsLastTick) {
   EXPECT_EQ(text(controller), "") << "the plant is heard to be running";
   controller.on_all_ticks_done();
   answer(said, controller, network.now());
-  said.participant.counter += 100;  // the plant has announced meanwhile
+  said.participant.counter += 100;  // the plant has announced in the meantime
   controller.handle(said.stamp, said.participant, "plant1", network.now());
   EXPECT_TRUE(controller.has_plant_finished());
 }
@@ -440,7 +441,7 @@ TEST_F(ARunningMembership, IsAcknowledgedItsFinishThoughItHasAnnouncedItAgainSin
   controller.on_finished(network.now());
   EXPECT_FALSE(controller.is_finish_acknowledged()) << "it has not said so";
   tell(controller, plant);
-  controller.announce(network.now());  // which is lost
+  controller.announce(network.now());  // this announcement is lost
   tell(plant, controller);
   EXPECT_TRUE(controller.is_finish_acknowledged());
 }
@@ -533,7 +534,7 @@ TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) 
   auto& controller = network.start(Role::controller, 3);
   auto& logger = network.start(Role::logger, 4);
   network.pass(300ms);
-  messages::Participant plant;  // counts and acknowledges nothing
+  messages::Participant plant;  // this plant uses no counters and acknowledges nothing
   plant.role = Role::plant;
   plant.instance = 1;
   plant.scenario_digest = 5;
@@ -577,7 +578,7 @@ TEST(AMembership, BelievesNothingOfACountingMemberThatAnswersNothingWithoutAKey)
     EXPECT_FALSE(plant.handle({0, plants_run, 1}, finished, "logger4", network.now()));
   }
   EXPECT_NE(plant.unfinished().find("logger"), std::string::npos);
-  // Of an earlier run, by a process that is no more.
+  // The announcement is of an earlier run, from a process that has ended.
   finished.role = Role::controller;
   finished.instance = 33;
   finished.state = ParticipantState::waiting;
@@ -594,11 +595,11 @@ TEST(AMembership, DoesNotCountItsOwnSuspensionAsSilence) {
   }
   network.pass(500ms);
   ASSERT_TRUE(plant.is_running());
-  // Kept from running for a minute, it looks at the clock before it has heard anything.
+  // After a suspension of a minute, the process reads the clock before it has received anything.
   const auto awake = network.now() + 60s;
   plant.poll(awake);
   EXPECT_FALSE(plant.failure());
-  // Who is really silent is missed as soon as ever.
+  // A process that is really silent is missed as early as usual.
   for (auto now = awake; now < awake + 6s; now += 100ms) plant.poll(now);
   ASSERT_TRUE(plant.failure());
   EXPECT_EQ(plant.failure()->code(), base::ExitCode::peer_lost);

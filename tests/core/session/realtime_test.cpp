@@ -80,8 +80,8 @@ TEST_F(Picking, ActsWhenBothAreThere) {
 
 TEST_F(Picking, PassesOverWhatIsLost) {
   refer(0), measure(0), picker_.on_acted(0);
-  refer(1);    // its measurement is lost
-  measure(2);  // its reference is lost
+  refer(1);    // the tick's measurement is lost
+  measure(2);  // the tick's reference is lost
   refer(3), measure(3);
   EXPECT_EQ(due(), 3);
   picker_.on_acted(3);
@@ -106,14 +106,14 @@ TEST_F(Picking, GoesOnAfterAGapLongerThanItsMemory) {
 
 TEST_F(Picking, ActsOnTheOldestTickThatIsKept) {
   refer(2), measure(2);
-  // The memory is 64 ticks; reference 65 takes the place of tick 1.
+  // The ring keeps 64 ticks; reference 65 replaces tick 1.
   measure(64), refer(65);
   EXPECT_EQ(due(), 2);
 }
 
 TEST_F(Picking, ActsOnNothingOlderThanItsMemoryThoughItsPlaceIsNotTaken) {
   refer(2), measure(2);
-  measure(67);  // 66, whose place is that of 2, was lost
+  measure(67);  // tick 66, which would replace tick 2, was lost
   EXPECT_EQ(due(), -1);
 }
 
@@ -171,7 +171,7 @@ TEST(MissedCommandMonitor, CallsForTheStopAfterMoreThanMaxMissedInARow) {
     watch.begin(tick);
     if (tick == 3 || tick == 6) watch.on_command(tick, BytesOf(1));
     watch.end();
-    // 0-2, 4-5 and 7-9 go without.
+    // Ticks 0-2, 4-5 and 7-9 have no command.
     EXPECT_EQ(watch.has_missed_too_many(), tick == 2 || tick == 9) << tick;
   }
   EXPECT_EQ(watch.missed(), 8);

@@ -38,7 +38,8 @@ struct Asked {
 TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
   constexpr auto fresh = Verdict::fresh, again = Verdict::repeated, no = Verdict::not_asked;
   const std::vector<std::pair<bool, std::vector<Asked>>> runs = {
-      // Lockstep: ticks that the plant cannot have reached are ignored, a repeated one is answered.
+      // Lockstep: ticks that the plant cannot have reached are ignored; a repeated tick is
+      // answered.
       {false,
        {{1, no},
         {0, fresh, {0, 1}},
@@ -47,9 +48,9 @@ TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
         {1, fresh, {2}},
         {2, fresh, {3}},
         {1, again, {}, {1, 2}}}},
-      // A lost tick is made up for with the next, and one that was overtaken repeated.
+      // The next tick makes up for a lost one; an overtaken tick is repeated.
       {false, {{0, fresh, {0, 1}}, {2, fresh, {2, 3}}, {3, fresh, {4}}, {1, fresh, {}, {1, 2}}}},
-      // Realtime: what has gone by is left out, and nothing published twice.
+      // Realtime: past ticks are left out, and no reference is published twice.
       {true,
        {{0, fresh, {0, 1}},
         {1, fresh, {2}},

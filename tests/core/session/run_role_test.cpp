@@ -31,7 +31,7 @@ TEST(RunRole, WritesItsStatisticsWhateverEndsIt) {
   const Statistics unknown = statistics_after(std::runtime_error("cable"));
   EXPECT_EQ(unknown.exit_code, ExitCode::protocol_violated);
   EXPECT_EQ(unknown.fault, "cable");
-  // The code that run_process ends with, too.
+  // run_process ends with the same exit code.
   EXPECT_EQ(statistics_after(std::system_error(ENOSPC, std::generic_category(), "write")).exit_code,
             ExitCode::bad_usage);
 }

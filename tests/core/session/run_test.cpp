@@ -1,5 +1,5 @@
-// Whole runs of the protocol on a simulated network in virtual time: thousands of schedules, each
-// from a seed, with loss, duplication, delay and reordering.
+// Tests of whole runs of the protocol on a simulated network in virtual time. There are thousands
+// of schedules, each from a seed, with loss, duplication, delay and reordering.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -42,12 +42,12 @@ struct Message {
 struct Network {
   double loss = 0;
   double duplication = 0;
-  double straggling = 0;  ///< part of the messages that take up to `longest_delay`
+  double straggling = 0;  ///< share of the messages that take up to `longest_delay`
   std::chrono::nanoseconds longest_delay = 5ms;
 };
 
-/// The four processes as their nodes drive them, with numbers in place of physics: every value
-/// depends on all values before it, so one tick computed twice or out of order changes the log.
+/// The four processes as their nodes drive them, with numbers instead of physics. Every value
+/// depends on all earlier ones, so a tick computed twice or out of order changes the log.
 class SimulatedRun {
  public:
   SimulatedRun(std::int64_t num_ticks, const Network& network, std::uint64_t seed)
@@ -82,9 +82,9 @@ class SimulatedRun {
   std::int64_t widest() const { return widest_; }
   int conflicts() const { return conflicts_; }
   Time end() const { return now_; }
-  /// Its events, for tests/model/ticks.pml; of runs of less than 64 ticks.
+  /// Returns the events of a run of less than 64 ticks, for tests/model/ticks.pml.
   const std::string& trace() const { return trace_; }
-  /// By process and tick, how often it was computed.
+  /// Returns the number of computations by process and tick.
   const std::map<std::pair<int, std::int64_t>, int>& computations() const { return computations_; }
 
  private:
@@ -149,7 +149,7 @@ class SimulatedRun {
   }
 
   void receive(Node to, const Message& message) {
-    // The messages that each takes, by their bit in tests/model/ticks.pml.
+    // Messages that each process takes, by their bit in tests/model/ticks.pml.
     static const std::map<std::pair<Node, Kind>, int> taken = {
         {{reference, Kind::tick}, 1},       {{controller, Kind::measurement}, 2},
         {{controller, Kind::reference}, 4}, {{plant, Kind::command}, 8},
@@ -282,7 +282,7 @@ class SimulatedRun {
   std::map<std::int64_t, std::uint64_t> measurements_, truths_;
   std::vector<std::uint64_t> written_;
   std::map<std::pair<int, std::int64_t>, int> computations_;
-  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< of the controller
+  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< inputs of the controller
   std::int64_t published_ = 0, repeats_ = 0, acks_ = 0, widest_ = 0;
   int conflicts_ = 0;
   std::string trace_;
@@ -313,14 +313,14 @@ TEST(ALockstepRun, OverACleanNetworkRepeatsNothing) {
   expect_sound(run, num_ticks, clean_log(num_ticks));
   EXPECT_EQ(run.log().size(), 6U * num_ticks);
   EXPECT_EQ(run.repeats(), 0);
-  // Six messages a tick, one acknowledgement in 16 ticks (15, should a tick
-  // be complete only after the next has begun), at the start and the end.
+  // Six messages a tick and one acknowledgement in 16 ticks, and some at the start and the end. The
+  // interval is 15 ticks if a tick is complete only after the next has begun.
   EXPECT_EQ(run.published() - run.acks(), 6 * num_ticks);
   EXPECT_LE(run.acks(), num_ticks / 15 + 2);
 }
 
 TEST(ALockstepRun, GivesTheSameLogUnderEverySchedule) {
-  constexpr std::int64_t num_ticks = 120;  // some windows and ring turns
+  constexpr std::int64_t num_ticks = 120;  // several windows and turns of the ring
   const auto log = clean_log(num_ticks);
   for (std::uint64_t seed = 0; seed < 3000; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -351,7 +351,7 @@ TEST(ALockstepRun, RecoversFromHeavyLossWithoutAStorm) {
   }
 }
 
-// tests/model/model_test.py replays them.
+// tests/model/model_test.py replays the traces.
 TEST(ALockstepRun, GivesTracesForTheModel) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     SimulatedRun run(20, {.loss = 0.3, .duplication = 0.1, .straggling = 0.3}, seed);

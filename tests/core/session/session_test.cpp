@@ -36,7 +36,8 @@ messages::Participant the_plant() {
   return plant;
 }
 
-/// What `check` throws at `at`, after `number` announcements at `start`; empty when nothing.
+/// Returns the message that `check` throws at `at`, after `number` announcements at `start`; empty
+/// if it does not throw.
 std::string complaint(KeyCheck check, bool tagged, int number, Time at) {
   for (int i = 0; i < number; ++i) check.on_foreign({tagged, the_plant(), "10.0.0.2:4123"}, start);
   try {
@@ -83,7 +84,7 @@ TEST(KeyCheck, HintsAtAForeignOneAlsoWhenOthersHaveVerified) {
             "(--key-file)");
 }
 
-/// A link that waits for the others, and another process on its channel.
+/// A session that waits for the others, and another process on its channel.
 class ALink : public testing::Test {
  protected:
   ALink() {

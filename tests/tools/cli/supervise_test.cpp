@@ -305,7 +305,7 @@ TEST(SuperviseSeveral, LetsTheOthersGoOnWhenOneEndsByItself) {
     options.end_together = milliseconds(50);
     const auto ends = supervise(std::vector<Supervised>{
         {{shell("plant", "exit " + std::to_string(code))}, options},
-        {{shell("plant", "sleep 0.5; exit 0"), shell("logger", "sleep 0.5; exit 0")}, options}});
+        {{shell("plant", "sleep 0.5; exit 0"), shell("logger", "sleep 0.5; exit 0")}, {}}});
     EXPECT_EQ(static_cast<int>(exit_code(ends[0])), code);
     EXPECT_FALSE(ends[1].interrupted) << code;
     EXPECT_EQ(exit_code(ends[1]), base::ExitCode::done) << code;
@@ -411,10 +411,17 @@ TEST(Supervise, AttendsToSignalsDuringAFloodThatNeverEnds) {
   Process flood = shell("plant", "echo up; exec yes");
   for (const bool relayed : {false, true}) {
     flood.relayed = relayed;
+    SuperviseOptions options;
+    options.most_lines_per_s = 20;
     bool sent = false;
-    const Result result = watch({flood}, [&](const Result& so_far) {
-      if (!std::exchange(sent, sent || up(so_far, "plant")) && sent) kill(getpid(), SIGINT);
-    });
+    const Result result = watch(
+        {flood},
+        [&](const Result& so_far) {
+          if (sent || !up(so_far, "plant") || so_far.lines.at("plant").size() < 20) return;
+          sent = true;
+          kill(getpid(), SIGINT);
+        },
+        options);
     EXPECT_TRUE(result.supervision.interrupted);
     EXPECT_EQ(result.supervision.ends[0].signal, SIGINT);
     EXPECT_GT(result.supervision.ends[0].hidden_lines, 0);

@@ -128,11 +128,17 @@ struct Robot {
   [[nodiscard]] ExitCode run() const {
     std::optional<std::string> refusal;
     std::vector<std::string> doubts;
-    report::RobotFacts facts(read(refusal, doubts), position);
+    std::optional<scenario::Scenario> scenario;
+    if (is_yaml(file)) scenario = scenario::load_scenario(file, overrides);
+    report::RobotFacts facts(scenario ? model_in_use(*scenario) : read(refusal, doubts), position);
+    if (scenario) {
+      add_sources(*scenario, facts);
+      doubts = doubts_of(*scenario);
+    }
     facts.warnings.insert(facts.warnings.end(), doubts.begin(), doubts.end());
     add_loads(facts);
-    std::cout << (json ? base::json_text(to_json(facts), 2) + "\n"
-                       : file.string() + ": " + to_text(facts));
+    print_text(json ? base::json_text(to_json(facts), 2) + "\n"
+                    : file.string() + ": " + to_text(facts));
     if (!refusal) {
       return strict && !facts.warnings.empty() ? ExitCode::check_said_no : ExitCode::done;
     }
@@ -174,13 +180,50 @@ struct Robot {
     return model;
   }
 
+  /// Returns the improbable numbers of the robot's URDF; nothing where the law has one of its own,
+  /// since the text is then of both.
+  static std::vector<std::string> doubts_of(const scenario::Scenario& scenario) {
+    if (!scenario.controller.urdf_path.empty()) return {};
+    return robot::improbable_numbers(scenario.robot.urdf_text, scenario.robot.urdf_path,
+                                     scenario.robot.locked);
+  }
+
+  /// Adds the source of each number that the loop uses.
+  static void add_sources(const scenario::Scenario& scenario, report::RobotFacts& facts) {
+    const scenario::RobotSpec& robot = scenario.robot;
+    const auto source = [&](const std::string& key, const std::string& otherwise) {
+      const auto where = scenario.where.find(key);
+      return where == scenario.where.end() ? otherwise : fmt::format("{} ({})", key, where->second);
+    };
+    const std::string urdf = robot.urdf_path;
+    const bool no_friction = robot.compensates == scenario::Compensates::gravity_and_friction;
+    const auto friction = [&](const std::string& key, const char* attribute) {
+      if (no_friction) return source("robot.compensates", "");
+      return source("plant.drive." + key, fmt::format("<dynamics {}> of {}", attribute, urdf));
+    };
+    if (robot.flexible) facts.rotor_inertia = robot.flexible->rotor_inertia;
+    facts.sources = {
+        {"lower, upper, velocity", "<limit> of " + urdf},
+        {"effort", source("plant.drive.torque_limit_Nm", "<limit effort> of " + urdf)},
+        {"damping", friction("viscous_friction_Nms_per_rad", "damping")},
+        {"friction", friction("coulomb_friction_Nm", "friction")},
+        {"rotor", source(fmt::format("robot.joints.{}.rotor_inertia_kgm2",
+                                     robot.flexible ? "flexible" : "rigid"),
+                         "none is given: 0")},
+        {"inertia, gravity torque",
+         urdf + (robot.flexible ? ", without the rotors behind the springs" : ", with rotor")}};
+    if (scenario.plant.payload.mass_kg > 0) {
+      facts.sources.back().second += fmt::format(", without the payload of the plant: {}",
+                                                 source("plant.payload.mass_kg", ""));
+    }
+    if (!scenario.controller.urdf_path.empty()) {
+      facts.sources.emplace_back("model of the law", source("controller.urdf", ""));
+    }
+  }
+
   /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
   /// message. @param doubts gets the improbable numbers
   robot::Model read(std::optional<std::string>& refusal, std::vector<std::string>& doubts) const {
-    if (is_yaml(file)) {
-      const scenario::Scenario scenario = scenario::load_scenario(file, overrides);
-      return model_in_use(scenario);
-    }
     for (const std::string& each : overrides) {
       bool known = false;
       for (const char* key : {"robot.xacro", "robot.locked", "robot.base", "robot.check_inertia"}) {

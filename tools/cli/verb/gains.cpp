@@ -76,7 +76,7 @@ class RunningRobot {
   std::int64_t change(const std::string& gains) {
     messages::Codec<messages::GainChange> codec{messages::Layout{}};
     const messages::Stamp stamp{0, run(), newest_};  // of all copies: only one counts
-    const messages::GainChange change{gains, scenario().digest, bus::random_number()};
+    const messages::GainChange change{gains, gains_, scenario().digest, bus::random_number()};
     const std::string channel = messages::channel<messages::GainChange>(prefix_);
     const auto until = Clock::now() + longest_wait;
     number_ = change.number;

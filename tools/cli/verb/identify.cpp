@@ -92,10 +92,10 @@ struct Excite {
     const std::vector<std::string> objections =
         certify::objections(certify::certify(moving, false, show));
     screen.clear();
-    std::cout << fmt::format(
+    print_text(fmt::format(
         "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n",
         output.string(), found.condition, fmt::join(found.reach, ", "),
-        fmt::join(found.speed, ", "), fmt::join(found.torque, ", "));
+        fmt::join(found.speed, ", "), fmt::join(found.torque, ", ")));
     for (const std::string& objection : objections) {
       base::log_error("{}: {}; nothing written", input.string(), objection);
     }

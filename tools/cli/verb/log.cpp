@@ -65,7 +65,7 @@ struct Info {
 
   [[nodiscard]] ExitCode run() const {
     const nlohmann::json info = logger::read_info(log);
-    std::cout << (json ? base::json_text(info, 2) + "\n" : logger::to_text(info));
+    print_text(json ? base::json_text(info, 2) + "\n" : logger::to_text(info));
     return ExitCode::done;
   }
 };
@@ -220,7 +220,7 @@ struct Replay {
       all["wall_s"] = wall_s;
       std::cout << base::json_text(all, 2) << "\n";
     } else if (problem.empty()) {
-      std::cout << replay::verified_text(result, recorded, wall_s);
+      print_text(replay::verified_text(result, recorded, wall_s));
     }
     if (problem.empty()) return ExitCode::done;
     base::log_error(problem);
@@ -245,7 +245,7 @@ struct Replay {
       all["csv"] = comparison.csv.string();
       std::cout << base::json_text(all, 2) << "\n";
     } else if (compared) {
-      std::cout << replay::comparison_text(comparison, joints, recorded.info().period_s);
+      print_text(replay::comparison_text(comparison, joints, recorded.info().period_s));
     }
     if (result.not_finite) return ExitCode::protective_stop;
     return compared ? ExitCode::done : ExitCode::check_said_no;

@@ -23,6 +23,7 @@
 #include "controller/registry.h"
 #include "design/design.h"
 #include "lyapunov/witness.h"
+#include "robot/urdf_xml.h"
 #include "scenario/scenario.h"
 #include "session/options.h"
 
@@ -74,8 +75,8 @@ struct Certify {
     session::with_installed_scenarios(session::add_scenario(command, input, overrides));
     command.add_option(
         "--witness", witness,
-        "Also writes the data that prove a region of the sampled loop of one or two joints, "
-        "for tests/analysis/lyapunov/check_witness.py");
+        "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
+        "the sampled loop of one or two joints");
     auto* const error = command.add_option(
         "--witness-error", errors,
         "Error [rad] of one joint alone, from rest, that the region has to contain: one number, "
@@ -298,6 +299,10 @@ struct Design {
     std::string scenario;
     try {
       const robot::Model model = robot::read_urdf(urdf, input.string(), options);
+      for (const std::string& doubt :
+           robot::improbable_numbers(urdf, input.string(), options.locked)) {
+        base::log_warning(doubt);
+      }
       scenario::UrdfScenario of{scenario_name(output.empty() ? input : output),
                                 path_from(output, input), period_s > 0 ? period_s : 1e-3};
       if (!from.empty()) of.from = from_posture(model);

@@ -143,12 +143,12 @@ struct Sweep {
     const study::Sweep sweep = begun();
     if (!sweep.plan().is_comparison()) (void)report::measures_shown(sweep.plan(), colour);
     if (status) {
-      std::cout << slurm_status(sweep);
+      print_text(slurm_status(sweep));
     } else if (slurm > 0) {
-      std::cout << submit_to_slurm(sweep, slurm, colour);
+      print_text(submit_to_slurm(sweep, slurm, colour));
     } else {
       if (!merge) carry_out(sweep);
-      if (shard.empty()) std::cout << write_sweep_results(sweep, colour, json);
+      if (shard.empty()) print_text(write_sweep_results(sweep, colour, json));
     }
     return ExitCode::done;
   }
