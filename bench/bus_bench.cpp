@@ -1,5 +1,5 @@
-// Round trips between two processes over multicast on loopback, in a private network namespace: by
-// liblcm and by the project's own transport.
+// Measures round trips between two processes over multicast on loopback in a private network
+// namespace. The transports are liblcm and the project's own.
 //
 //   bus_bench ROUND_TRIPS CPU CPU
 
@@ -32,7 +32,7 @@ using base::Clock;
 constexpr const char* url = "udpm://239.255.76.67:7667?ttl=0";
 using Payload = std::array<std::byte, 68>;  // a position_measurement_t of four joints
 
-/// One side of a ping-pong: sends on one channel, receives on another.
+/// One side of a ping-pong. It sends on one channel and receives on another.
 struct Side {
   std::function<void(const Payload& payload)> send;
   std::function<bool()> receive;  ///< false after a second of silence
@@ -80,7 +80,7 @@ void ping_pong(const char* name, MakeSide make, int round_trips, int cpu, int ot
       if (side.receive()) side.send(payload);
     }
   }
-  ::close(up[1]);  // so that the read below ends with an echo that does not start
+  ::close(up[1]);  // so the read below ends if the echo does not start
   run_on(cpu);
   const Side side = make("PING", "PONG");
   char byte = 0;

@@ -1,9 +1,11 @@
-// What a loop of four processes costs without this project: the six datagrams of a tick, of the
-// same sizes and with the same plant, between four processes that check, repeat and record nothing.
+// Measures the cost of a loop of four processes without this project. The processes exchange the
+// six datagrams of a tick, of the same sizes and with the same plant. They check, repeat and record
+// nothing.
 //   loop_peers SCENARIO MECHANICS TICKS [CPU CPU]
-// One socket each with a kernel filter on the first byte, blocking recv. CPU: of plant, reference
-// and controller, and of the logger; without, where the scheduler likes. A logger with a CPU of its
-// own empties its socket and sleeps for 1 ms. In a private network; prints ticks per second.
+// Each process has one socket with a kernel filter on the first byte and blocks in recv. The first
+// CPU runs plant, reference and controller, the second the logger; without them the scheduler
+// decides. A logger on a CPU of its own empties its socket and sleeps for 1 ms. The network is
+// private. Prints ticks per second.
 
 #include <arpa/inet.h>
 #include <linux/filter.h>
@@ -39,19 +41,21 @@ using Clock = std::chrono::steady_clock;
 enum Kind : std::uint8_t { tick, measurement, reference, command, signals, truth, num_kinds };
 constexpr std::array<std::size_t, num_kinds> channel_lengths = {8, 12, 13, 11, 20, 9};  // ARM_TICK…
 enum Role { plant_role, reference_role, controller_role, logger_role, num_roles };
-/// The kinds that each role receives, a bit each.
+/// The kinds that each role receives, one bit per kind.
 constexpr std::array<std::uint32_t, num_roles> wanted = {1U << command, 1U << tick,
                                                          1U << measurement | 1U << reference, 0x3f};
 constexpr int warm_up = 500;
 
-/// Begins every datagram; the rest, up to the size of ours, is numbers or nothing.
+/// The beginning of every datagram. The rest, up to the size of this project's datagrams, is
+/// numbers or padding.
 struct Message {
   std::uint8_t kind = 0;
   std::int64_t tick = 0;
   std::array<double, 500> values{};
 };
 
-/// Sizes of our messages as datagrams, channel name and LCM's header included [bytes].
+/// Returns the sizes of this project's messages as datagrams, with channel name and LCM's header
+/// [bytes].
 std::array<std::size_t, num_kinds> sizes_of(const scenario::Scenario& scenario) {
   const auto layout =
       messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(), /*num_signals=*/2);
@@ -70,13 +74,13 @@ std::array<std::size_t, num_kinds> sizes_of(const scenario::Scenario& scenario) 
   return sizes;
 }
 
-/// One role of the loop: a socket that receives what it wants from the multicast group, one that
-/// sends to it.
+/// One role of the loop: a socket that receives the role's kinds from the multicast group, and a
+/// socket that sends to it.
 class Peer {
  public:
   Peer(Role role, const scenario::Scenario& scenario)
       : scenario_(scenario), sizes_(sizes_of(scenario)) {
-    // Accept when bit (first byte) of the mask is set; the UDP header is 8 bytes.
+    // Accepts a datagram if bit (first byte) of the mask is set. The UDP header is 8 bytes.
     std::array<sock_filter, 7> program = {
         {BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 8), BPF_STMT(BPF_MISC | BPF_TAX, 0),
          BPF_STMT(BPF_LD | BPF_IMM, wanted[role]), BPF_STMT(BPF_ALU | BPF_RSH | BPF_X, 0),
@@ -95,10 +99,13 @@ class Peer {
     require(::bind(in_, address, sizeof group) == 0 && ::connect(out_, address, sizeof group) == 0);
   }
 
-  /// Jumps of 20 rad/s^2 at every joint. @return ticks per second
+  /// Steps the plant with a torque jump of about 20 rad/s^2 at every joint.
+  /// @return ticks per second
   double plant(std::int64_t ticks) {
     const robot::Model model = plant::plant_model(scenario_);
-    plant::Arm arm = plant::make_arm(scenario_, model, plant::initial_state(scenario_, model));
+    plant::Arm arm =
+        plant::make_arm(scenario_.plant, scenario_.robot.flexible, model,
+                        plant::initial_state(scenario_.plant, scenario_.robot.flexible, model));
     const Vector jump = 10 * robot::mass_matrix(model, arm.state().q).diagonal();
     auto begun = Clock::now();
     for (std::int64_t k = 0; k < ticks + warm_up; ++k) {
@@ -178,7 +185,7 @@ int main(int argc, char** argv) try {
     if (role == controller_role) peer.control();
     peer.log(words.size() > 3 && words[3] != words[4]);
   }
-  ::close(ready[1]);  // so that the reads below end with a peer that does not start
+  ::close(ready[1]);  // so the reads below end if a peer does not start
   if (words.size() > 3) run_on(words[3]);
   Peer peer(plant_role, scenario);
   char byte = 0;

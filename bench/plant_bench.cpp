@@ -8,8 +8,8 @@
 
 using namespace tachless;
 
-/// The plant's step, Merson at 1e-9: a tick of 50 us with the torque jumping every tick, of the two
-/// sources of mechanics (0: Simbody, 1: native): `Step/<which>/<joints>`.
+/// Times a step of the plant, Merson at 1e-9: a tick of 50 us with a torque that jumps every tick.
+/// The benchmark covers both sources of mechanics (0: Simbody, 1: native): `Step/<which>/<joints>`.
 static void Step(benchmark::State& bench) {
   const robot::Model robot =
       bench.range(1) == 2 ? robot::testing::two_link() : robot::testing::iiwa7();

@@ -1,6 +1,6 @@
-// Inverse dynamics, inertia matrix and forward dynamics of the two-link arm (2: four bodies, two of
-// them by mimic), the seven-joint arm (7) and a chain of 30 joints; and by Pinocchio of the same
-// tree, where CMake has found it.
+// Times inverse dynamics, inertia matrix and forward dynamics of the two-link arm (2: four bodies,
+// two of them by mimic), the seven-joint arm (7) and a chain of 30 joints. If CMake has found
+// Pinocchio, times its functions on the same trees too.
 #include <benchmark/benchmark.h>
 
 #ifdef TACHLESS_HAS_PINOCCHIO
@@ -27,7 +27,7 @@ Model load(int num_joints) {
   return robot::model_from_urdf(robot::testing::chain_urdf(num_joints), "chain");
 }
 
-/// A state that changes a little with every iteration, so that nothing is computed beforehand.
+/// A state that changes a little in every iteration, so nothing can be computed in advance.
 struct State {
   explicit State(int n)
       : q(Vector::LinSpaced(n, -0.4, 0.3 * n - 0.7)),
@@ -37,7 +37,7 @@ struct State {
   Vector q, v, a;
 };
 
-/// Times `compute(model, state)` at a state that moves.
+/// Times `compute(model, state)` with a changing state.
 template <class Compute>
 void time(benchmark::State& bench, const Compute& compute) {
   const Model model = load(static_cast<int>(bench.range(0)));
@@ -64,12 +64,12 @@ BENCHMARK(forward_dynamics) TACHLESS_SIZES;
 
 #ifdef TACHLESS_HAS_PINOCCHIO
 
-/// The same tree; a mimic joint is one of its own there.
+/// Returns the same tree for Pinocchio, where a mimic joint is an independent joint.
 pinocchio::Model peer(const Model& model) {
   pinocchio::Model peer;
   peer.gravity.linear() = model.gravity;
   for (const robot::Body& b : model.bodies) {
-    // The ground is joint 0, body i joint i + 1.
+    // The ground is joint 0, and body i is joint i + 1.
     const auto parent = static_cast<pinocchio::JointIndex>(b.parent + 1);
     const pinocchio::SE3 X(b.R_PB, b.p_PB);
     const bool revolute = b.type == robot::JointType::revolute;
@@ -95,7 +95,8 @@ void time_peer(benchmark::State& bench, const Compute& compute) {
     benchmark::ClobberMemory();
   }
 }
-constexpr auto world = pinocchio::Convention::WORLD;  // the faster of its two from 7 joints on
+// The faster of its two conventions from 7 joints on.
+constexpr auto world = pinocchio::Convention::WORLD;
 void pinocchio_rnea(benchmark::State& bench) {
   time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::rnea(m, d, s.q, s.v, s.a); });
 }

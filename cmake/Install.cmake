@@ -1,6 +1,6 @@
-# What is installed beside programs and libraries (cmake/Tachless.cmake). The programs look for their
-# files from where they are, in ../share/tachless (core/base/this_process.h): the build directory is laid
-# out the same, by links to the tree.
+# Installs the files beside programs and libraries (cmake/Tachless.cmake). The programs look for their files
+# relative to their own place, in ../share/tachless (core/base/this_process.h). Links to the tree give the
+# build directory the same layout.
 set(shared share/tachless)
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/scenarios ${PROJECT_BINARY_DIR}/${shared}/scenarios SYMBOLIC)
@@ -17,7 +17,7 @@ install(DIRECTORY core/ analysis/ tools/ DESTINATION include/tachless COMPONENT 
 install(DIRECTORY plant reference controller logger ${PROJECT_BINARY_DIR}/generated/base
   DESTINATION include/tachless COMPONENT development FILES_MATCHING
   PATTERN "*.h" PATTERN verb EXCLUDE PATTERN verb.h EXCLUDE)
-# Installed, they are <tachless/robot/model.h>, to each other too.
+# Installed headers include each other as <tachless/robot/model.h>.
 install(CODE [[
   file(GLOB_RECURSE headers "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/include/tachless/*.h")
   foreach(header IN LISTS headers)
@@ -27,7 +27,7 @@ install(CODE [[
   endforeach()
 ]] COMPONENT development)
 install(DIRECTORY examples/simulate_and_read DESTINATION ${shared}/examples COMPONENT development)
-foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot, which is a link in the tree
+foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot's URDF, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)
   set(robot two_link)
@@ -40,7 +40,7 @@ endforeach()
 file(GLOB messages lcmtypes/*.lcm)
 install(FILES ${messages} DESTINATION ${shared}/lcmtypes COMPONENT development)
 
-# tachless::tachless: the libraries of the headers that docs/site/cpp.md documents.
+# tachless::tachless links the libraries of the headers that docs/site/cpp.md documents.
 add_library(tachless_interface INTERFACE)
 target_link_libraries(tachless_interface INTERFACE controller logger_runs in_process plant)
 set_target_properties(tachless_interface PROPERTIES EXPORT_NAME tachless)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# completion.sh PROGRAM: prints the rows of a `case "$verb,$before"` that set `offer` to what a shell
-# offers after these two words, from the program's help texts. Empty: the shell offers files.
+# completion.sh PROGRAM: prints rows of `case "$verb,$before"` from the program's help texts. A row sets
+# `offer` to the words that a shell offers after these two words. An empty `offer` means files.
 set -euo pipefail
 program=${1:?usage: completion.sh PROGRAM}
 verbs=$("$program" --help | sed -n '/^Subcommands:/,/^Examples/s/^  \([a-z]*\) .*/\1/p' | tr '\n' ' ')

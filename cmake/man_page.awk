@@ -1,4 +1,4 @@
-# The text of --help as a man page, up to the exit codes: -v name=… -v title='DATE "VERSION" "MANUAL"'.
+# Prints the text of --help as a man page, up to the exit codes: -v name=… -v title='DATE "VERSION" "MANUAL"'.
 function text(s) { gsub(/\\/, "\\e", s); gsub(/-/, "\\-", s); return s ~ /^[.']/ ? "\\&" s : s }
 function section(title) { if (now != title) print ".SH " title; now = title }
 { line[NR] = $0 }
@@ -16,7 +16,8 @@ END {
     } else if (heading == "Examples:" && line[i] != "") {
       section("EXAMPLES"); print (line[i] ~ /^   / ? "" : ".PP\n") text(substr(line[i], 3))
     } else if (line[i] != "") {
-      # "  -o,--out TEXT Excludes: --json", and what it is for: from column 31 on, or so on the next line.
+      # A row has the option "  -o,--out TEXT Excludes: --json" and, from column 31 or on the next line, its
+      # description.
       left = substr(line[i], 3, 28); right = substr(line[i], 31)
       if (substr(line[i + 1], 1, 30) ~ /^ +$/) { left = substr(line[i], 3); right = substr(line[++i], 31) }
       more = ""

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Writes what Debian packages contain beside programs and libraries: man pages and completions, made
-# from the programs' help texts, and the changelog.
+# Writes the files of the Debian packages beside programs and libraries. These are man pages and completions,
+# made from the programs' help texts, and the changelog.
 set -euo pipefail
 usage="usage: package_files.sh PROGRAM_DIR OUT_DIR VERSION"
 programs=${1:?$usage} out=${2:?$usage} version=${3:?$usage}
@@ -33,8 +33,8 @@ esac
 if [[ -n \$offer ]]; then compadd -- \${=offer}; else _files; fi
 EOF
 
-# Every man page ends with the same blocks: the exit codes as `tachless --help` lists them, and from
-# docs/README.md the variables that the programs read.
+# Every man page ends with the same blocks. These are the exit codes of `tachless --help` and, from
+# docs/README.md, the programs' environment variables.
 ends=$out/ends
 {
   "$programs/tachless" --help | sed -n '/^Exit codes: /,$p' | tr '\n' ' ' |
@@ -44,7 +44,7 @@ ends=$out/ends
     sed 's/`//g; s/\[\([^]]*\)\]([^)]*)/\1/g; s/-/\\-/g'
 } >"$ends"
 
-# man_page NAME COMMAND…: from what COMMAND --help prints.
+# man_page NAME COMMAND…: writes the man page of the output of COMMAND --help.
 man_page() {
   local name=$1
   {

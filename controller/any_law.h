@@ -17,32 +17,32 @@
 
 namespace tachless::controller {
 
-/// Why a step is not kept: the torque, or what is logged, is not finite.
+/// Returns the failure for a step whose torque or logged signals are not finite.
 base::Failure not_finite(std::string_view law, const Vector& tau, std::int64_t tick);
 
-/// Why gains that a reference brought are not used.
+/// Returns the failure for gains of a reference that the law cannot use, with the reason.
 base::Failure gains_refused(std::string_view gains, std::string_view problem);
 
-/// What one step of a law gave; valid until its next one.
+/// Result of one step of a law; valid until the next step.
 struct Outcome {
   const messages::TorqueCommand& command;
   const messages::LawSignals& signals;
-  std::int64_t skipped = 0;  ///< ticks passed over since the last step, or since tick 0
-  bool restarted = false;    ///< too many: the memory began anew
+  std::int64_t skipped = 0;  ///< ticks without a step since the last step, or since tick 0
+  bool restarted = false;    ///< the gap exceeded `longest_gap`, and the memory started anew
 };
 
-/// A law with its memory over the ticks of one run, behind one interface, so that whatever steps
-/// laws is compiled once and not once per law: what the node does, and what a replay of its log has
-/// to do. The law itself is given its own type of measurement and no other. Knows no bus.
+/// A law with its memory over the ticks of one run, behind one interface. Code that steps laws,
+/// such as the node and the replay of its log, is thereby compiled once instead of once per law. A
+/// law receives its own type of measurement only. The class knows no bus.
 ///
-/// In realtime ticks may be passed over, and a filter that took two periods for one would see twice
-/// the velocity: after a gap of m ticks a law steps m times, along a straight line from the last
-/// measurement and reference to the new ones (exact for the first-order hold, which takes the error
-/// for a ramp between samples). After more than `longest_gap` ticks the memory is of no use any
-/// more and starts anew.
+/// In realtime, ticks may be missed. A filter that took two periods for one would see twice the
+/// velocity. After a gap of m ticks the law therefore steps m times. The measurement and the
+/// reference of these steps lie on a straight line from the last values to the new ones. This
+/// interpolation is exact for the first-order hold, which assumes an error that is linear between
+/// samples. After more than `longest_gap` ticks the memory starts anew.
 class AnyLaw {
  public:
-  /// Bound of `longest_gap`, however many missed commands the plant tolerates.
+  /// Upper bound of `longest_gap`, whatever number of missed commands the plant tolerates.
   static constexpr int most_ticks = 64;
 
   explicit AnyLaw(const scenario::LoopSpec& loop)
@@ -54,19 +54,21 @@ class AnyLaw {
   virtual ~AnyLaw() = default;
 
   [[nodiscard]] virtual std::string_view name() const = 0;
-  /// Suffix of the channel that it is fed from.
+  /// Returns the suffix of the channel that carries the law's measurements.
   [[nodiscard]] virtual std::string_view measurement() const = 0;
-  /// What it logs, in the rows of `Outcome::signals`.
+  /// Returns the logged signals, in the rows of `Outcome::signals`.
   [[nodiscard]] virtual std::span<const messages::Signal> signals() const = 0;
 
-  /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.
+  /// Returns, in realtime, one more than the number of consecutive missed commands that the plant
+  /// tolerates, at most `most_ticks`. Returns 1 in lockstep.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
-  /// The step of `tick`, with the reference's gains where it has other ones than the last: the
-  /// memory stays. @throw base::Failure(protective_stop) when the torque, or what is
-  /// logged, is not finite, or the gains are none of this law's: the law is of no use from then on.
-  /// std::logic_error unless `tick` is later than the last one, std::bad_variant_access for another
-  /// type of measurement.
+  /// Computes the step of `tick`. If the reference's gains differ from the last ones, the law takes
+  /// the new gains and keeps its memory.
+  /// @throw base::Failure(protective_stop) if the torque or a logged signal is not finite, or if
+  /// the law cannot use the gains. The law must not be stepped again afterwards.
+  /// @throw std::logic_error unless `tick` is later than the last one.
+  /// @throw std::bad_variant_access for another type of measurement.
   Outcome step(std::int64_t tick, const messages::AnyMeasurement& measurement,
                const messages::ReferencePoint& reference) {
     const std::int64_t gap = tick - tick_;
@@ -87,17 +89,18 @@ class AnyLaw {
   }
 
  protected:
-  messages::TorqueCommand command_;  ///< of the last step
+  messages::TorqueCommand command_;  ///< command of the last step [N m; N]
   messages::LawSignals signals_of_step_;
 
  private:
-  /// Sets both: the step `ticks` periods after the last one; with 0 the first one, from the memory
-  /// that the law starts with.
+  /// Computes the step `ticks` periods after the last one into `command_` and `signals_of_step_`.
+  /// With 0 it computes the first step, from the law's start memory.
   virtual void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
                        const messages::ReferencePoint& reference, int ticks) = 0;
 
-  /// Takes other gains (scenario::gains_text; empty: the scenario's) from this step on.
-  /// @throw base::Failure(protective_stop) when it cannot
+  /// Takes other gains from this step on. `gains` has the form of scenario::gains_text; an empty
+  /// text selects the scenario's gains.
+  /// @throw base::Failure(protective_stop) if the law cannot use these gains.
   virtual void retune(std::string_view gains) {
     throw gains_refused(gains, "this law does not change them");
   }
@@ -105,17 +108,18 @@ class AnyLaw {
   int longest_gap_;
   std::int64_t tick_ = -1;
   bool started_ = false;
-  std::string gains_;  ///< of the last step's reference
+  std::string gains_;  ///< gains of the last step's reference
 };
 
-/// A law of C++ as an AnyLaw, with the friction that the scenario has it feed forward, if any.
+/// A law of C++ as an AnyLaw, with the friction feed-forward of the scenario, if any.
 template <law::Law L>
 class LawWithMemory final : public AnyLaw {
  public:
-  /// The law with these gains. @throw base::Failure(bad_usage) when they are none of it
+  /// Builds the law with these gains.
+  /// @throw base::Failure(bad_usage) if the law cannot use these gains.
   using Retuned = std::function<L(std::string_view gains)>;
 
-  /// @param retuned none: the gains may not change
+  /// @param retuned empty if the gains may not change.
   LawWithMemory(L law, const scenario::LoopSpec& loop,
                 const controller::FrictionSpec& friction = {}, double lead_s = 0,
                 Retuned retuned = {})

@@ -15,8 +15,8 @@
 #include <utility>
 
 #include "base/child.h"
+#include "base/clock.h"
 #include "base/logging.h"
-#include "base/time.h"
 #include "scenario/gains.h"
 #include "session/run_info.h"
 
@@ -27,11 +27,12 @@ using base::ExitCode;
 using base::Failure;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages, on a busy machine
+/// Time for an interpreter and its packages to start on a busy machine.
+constexpr std::chrono::seconds start_limit{30};
 constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
 
-/// Of the four messages of a tick.
+/// Codecs of the four messages of a tick.
 struct Codecs {
   messages::Codec<messages::AnyMeasurement> measurement;
   messages::Codec<messages::ReferencePoint> reference;
@@ -49,8 +50,8 @@ Failure no_message(std::string_view expected) {
           expected};
 }
 
-/// Answers each tick, from the first of a run on with a law that is made anew.
-/// @return the RUN_INFO that came in place of a tick; empty when the other end is closed
+/// Answers each tick. At the first tick of a run it makes the law anew.
+/// @return the RUN_INFO that came instead of a tick; empty if the other end is closed
 std::span<const std::byte> answer(LawSocket& socket, const messages::Layout& layout,
                                   ScenarioLaw law, const std::function<ScenarioLaw()>& anew) {
   Codecs codecs(law->measurement(), layout);
@@ -91,17 +92,21 @@ class Program {
   Program(const scenario::Scenario& scenario, std::string command)
       : command_(std::move(command)), socket_(base::FileDescriptor()) {
     auto [own, other] = socket_pair();
-    // The shell moves its stdin, the socket, out of the reach of what reads there.
+    // The shell moves its stdin, the socket, to descriptor 3, so that no reader of stdin consumes
+    // it.
+    base::StartOptions options;
+    options.input = other.get();
     child_ = base::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
                           "sh", scenario.source, "--serve", "3"},
-                         base::blocked_signals(), {}, other.get());
+                         options);
     socket_ = LawSocket(std::move(own));
   }
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
   ~Program() { end(); }
 
-  /// Tells it the run. @return the law that it announces
+  /// Sends the run to the program.
+  /// @return the law that the program announces
   messages::LawInfo begin(const scenario::Scenario& scenario) {
     socket_.send(session::run_info(scenario, 1, {}));
     messages::Participant self;
@@ -113,7 +118,7 @@ class Program {
                     "which this version does not know",
                     command_, self.measurement, self.signals);
     }
-    scenario.require_law(self);  // no program gets a measurement that the scenario does not name
+    scenario.require_law(self);  // refuses a measurement that the scenario does not name
     return self;
   }
 
@@ -123,7 +128,8 @@ class Program {
     socket_.send(codecs.measurement.encode(stamp, measurement));
     socket_.send(codecs.reference.encode(stamp, reference));
   }
-  /// Its answer to what it was asked. @throw as `receive`
+  /// Receives the program's answer to `ask`.
+  /// @throw as `receive`
   void take(const Codecs& codecs, std::int64_t tick, Clock::duration limit,
             messages::TorqueCommand& command, messages::LawSignals& state) {
     receive(codecs.command, tick, command, limit);
@@ -131,8 +137,9 @@ class Program {
   }
 
  private:
-  /// @throw base::Failure: peer_lost after `limit`, protective_stop for a number that is not
-  /// finite, protocol_violated for anything else that is no `Value` of this tick
+  /// Receives the message of `tick` into `value`.
+  /// @throw base::Failure: peer_lost after `limit`; protective_stop for a number that is not
+  /// finite; protocol_violated for any other message that is no `Value` of this tick
   template <class Value>
   void receive(const messages::Codec<Value>& codec, std::int64_t tick, Value& value,
                Clock::duration limit) {
@@ -163,7 +170,8 @@ class Program {
     return tick == no_tick ? "at the start" : fmt::format("at tick {}", tick);
   }
 
-  /// Waits for one of the descriptors. @return whether there was time left
+  /// Waits for one of the descriptors.
+  /// @return false if the time is over
   static bool poll_until(Clock::time_point until, std::span<pollfd> fds) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now());
     if (left.count() < 0) return false;
@@ -171,7 +179,7 @@ class Program {
     return true;
   }
 
-  /// Until there is something to be received; what the program writes meanwhile goes to stderr.
+  /// Waits until a message can be received; meanwhile it passes the program's output on to stderr.
   void wait(Clock::duration limit, std::int64_t tick) {
     const auto until = Clock::now() + limit;
     for (;;) {
@@ -187,7 +195,8 @@ class Program {
 
   static void print_line(const std::string& line) { base::pass_on(line); }
 
-  /// Closes the socket, which ends the program, and waits for that. @return how it ended
+  /// Closes the socket, upon which the program ends, and waits for its end.
+  /// @return how the program ended
   base::End end() {
     if (!child_.running) return {};
     socket_.close();
@@ -197,10 +206,14 @@ class Program {
   Failure ended(std::int64_t tick) {
     const base::End end = this->end();
     const int code = end.exit_code;
+    // A shell exits with 126 or 127, and an interpreter with 1, if the program does not exist.
+    const bool absent = tick == no_tick && (code == 1 || code == 126 || code == 127);
     const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
                       code <= static_cast<int>(ExitCode::protective_stop);
     const char* const remedy = end.well() ? "; does its main call run_controller?" : "";
-    return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
+    return {absent ? ExitCode::bad_usage
+            : ours ? static_cast<ExitCode>(code)
+                   : ExitCode::peer_lost,
             "--controller '{}': {} {}{}",
             command_,
             base::text(end),
@@ -232,8 +245,9 @@ class ExternalLaw final : public AnyLaw {
   [[nodiscard]] std::span<const messages::Signal> signals() const override { return signals_; }
 
  private:
-  void retune(std::string_view /*gains*/) override {}  // the program does, with the reference
-  /// The program counts the ticks between two measurements itself.
+  /// Does nothing: the program retunes its law by the reference it receives.
+  void retune(std::string_view /*gains*/) override {}
+  /// Asks the program, which counts the ticks between two measurements itself.
   void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
                const messages::ReferencePoint& reference, int /*ticks*/) override {
     program_->ask(codecs_, tick, period_s_, measurement, reference);
@@ -248,8 +262,8 @@ class ExternalLaw final : public AnyLaw {
   Codecs codecs_;
 };
 
-/// What makes of a scenario the one at that period with those gains (scenario::gains_text; empty:
-/// its own).
+/// Returns the overrides that give the scenario this period and these gains. `gains` has the form
+/// of scenario::gains_text; an empty text keeps the scenario's gains.
 std::vector<std::string> changes(const scenario::Scenario& scenario, double period_s,
                                  const std::string& gains) {
   std::vector<std::string> all;
@@ -259,7 +273,7 @@ std::vector<std::string> changes(const scenario::Scenario& scenario, double peri
   }
   if (gains.empty() || gains == scenario::gains_text(scenario.controller.gains)) return all;
   for (const auto& [name, value] : with_gains(scenario, gains).controller.gains) {
-    if (value.size() > scenario.num_joints) continue;  // a matrix, which no caller changes
+    if (value.size() > scenario.num_joints) continue;  // skips matrices, which no caller changes
     all.push_back(fmt::format("controller.gains.{}=[{}]", name, fmt::join(value, ", ")));
   }
   return all;
@@ -277,7 +291,8 @@ bool LawSocket::send(std::span<const std::byte> message) {
 
 std::span<const std::byte> LawSocket::receive() {
   ssize_t got = -1;
-  do {  // ECONNRESET: once, ahead of what an end that left messages unread had sent
+  do {  // A peer that closed with unread messages causes one ECONNRESET before the messages it had
+        // sent.
     got = ::recv(socket_.get(), buffer_.data(), buffer_.size(), 0);
   } while (got < 0 && (errno == EINTR || errno == ECONNRESET));
   return std::span(buffer_).first(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
@@ -321,12 +336,13 @@ LawProgram::LawProgram(const scenario::Scenario& scenario, const std::string& co
 std::vector<Vector> LawProgram::answers(double period_s, bool weightless,
                                         std::span<const messages::AnyMeasurement> measurements,
                                         const messages::ReferencePoint& reference) {
-  constexpr std::size_t under_way = 16;  // ticks; far from what sockets hold
+  // Ticks sent ahead of their answers; far below the capacity of a socket.
+  constexpr std::size_t under_way = 16;
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
   try {
     std::vector<std::string> other = changes(scenario_, period_s, reference.gains);
-    // Next to none: an arm that adds gravity itself is refused without any.
+    // A tiny gravity instead of zero: a scenario whose arm compensates gravity itself refuses zero.
     if (weightless) other.emplace_back("robot.gravity_m_per_s2=1e-9");
     if (other != begun_) {
       scenario::Scenario scenario = scenario::parse_scenario(
@@ -341,7 +357,7 @@ std::vector<Vector> LawProgram::answers(double period_s, bool weightless,
                   messages::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
                                    static_cast<int>(signals.size())));
     messages::ReferencePoint held = reference;
-    held.gains.clear();  // are the scenario's
+    held.gains.clear();  // an empty text selects the scenario's gains
     std::vector<Vector> torques;
     for (std::size_t sent = 0; torques.size() < measurements.size();) {
       for (; sent < std::min(torques.size() + under_way, measurements.size()); ++sent) {

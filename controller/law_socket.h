@@ -12,13 +12,13 @@
 #include "controller/registry.h"
 #include "messages/wire.h"
 
-/// A law in another process of this machine, asked over a pair of sockets instead of the bus: the
-/// caller sends RUN_INFO and is told the law (PARTICIPANT); then for each tick it sends measurement
-/// and reference, and is sent command and state. The messages are those of the bus; whoever
-/// computes the law gets these and nothing else.
+/// A law in another process of this machine, which answers over a pair of sockets instead of the
+/// bus. The caller sends RUN_INFO and receives the law's PARTICIPANT. For each tick the caller then
+/// sends measurement and reference, and receives command and state. The messages have the bus's
+/// format. The program that computes the law receives only these messages.
 namespace tachless::controller {
 
-/// One end. Messages keep their limits (SOCK_SEQPACKET).
+/// One end of the pair. Message boundaries are kept (SOCK_SEQPACKET).
 class LawSocket {
  public:
   explicit LawSocket(base::FileDescriptor socket) : socket_(std::move(socket)) {}
@@ -26,13 +26,16 @@ class LawSocket {
   [[nodiscard]] int descriptor() const { return socket_.get(); }
   void close() { socket_ = base::FileDescriptor(); }
 
-  /// Whether the other end is still there.
+  /// Sends a message.
+  /// @return false if the other end is closed
   bool send(std::span<const std::byte> message);
 
-  /// Waits for a message, which is valid until the next call; empty when the other end is closed.
+  /// Waits for a message and returns it. The message is valid until the next call; it is empty if
+  /// the other end is closed.
   std::span<const std::byte> receive();
 
-  /// Whether a message has come that is one of `Value`.
+  /// Waits for a message.
+  /// @return whether the message is a `Value`
   template <class Value>
   bool receive(const messages::Codec<Value>& codec, messages::Stamp& stamp, Value& value) {
     const auto message = receive();
@@ -44,35 +47,37 @@ class LawSocket {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(messages::max_run_info_size);
 };
 
-/// Answers on the descriptor `socket`, which becomes its own, until the other end is closed. A
-/// RUN_INFO after the first one, or a tick that is not later than the last, begins a run anew.
-/// @throw base::Failure bad_usage (scenario, law), protective_stop (a torque that is not
-/// finite), protocol_violated (what came is no message)
+/// Answers on the descriptor `socket`, which it takes over, until the other end is closed. A
+/// RUN_INFO after the first one starts a new run. A tick that is not later than the last one also
+/// starts a new run.
+/// @throw base::Failure: bad_usage (scenario, law), protective_stop (a torque that is not finite),
+/// protocol_violated (a message of another kind)
 void serve_law(int socket, const MakeLaw& make_law);
 
-/// The law that the program `command` computes, which is started here and ends with the law.
-/// `command` is what would be typed in a shell; the program has `serve_law` behind the option
-/// --serve, as all have whose main is `tachless::run_controller`. What it writes goes to stderr.
-/// @throw base::Failure naming the command: bad_usage (it cannot be started, or does not
-/// say what it needs), later at a step its own code when it ends, peer_lost when it does not
-/// answer within loop.give_up_s
+/// Starts the program `command` and returns the law that it computes. The program ends with the
+/// law. `command` is a shell command. The program calls `serve_law` for the option --serve, as
+/// every program with `tachless::run_controller` does. The program's output goes to stderr.
+/// @throw base::Failure naming the command: bad_usage if the program cannot be started or does not
+/// name a measurement that the scenario allows. A step throws the program's own exit code when the
+/// program ends, and peer_lost without an answer within loop.give_up_s.
 ScenarioLaw external_law(const scenario::Scenario& scenario, const std::string& command);
 
 class Program;
 
-/// The same program asked again and again what its law commands: without a run, from any thread.
+/// A program that is asked repeatedly for its law's torques, without a run, from any thread.
 class LawProgram {
  public:
   /// @throw base::Failure as `external_law`
   LawProgram(const scenario::Scenario& scenario, const std::string& command);
 
-  /// What the law calls itself.
+  /// Returns the name that the law announces.
   [[nodiscard]] const std::string& law() const { return info_.law; }
 
-  /// Its torques [N m] for these measurements, tick by tick from 0 of a run at that period that
-  /// begins here, the reference held and its gains the scenario's; `weightless`: without gravity.
-  /// @throw base::Failure as a step of `external_law`; from then on the same at each call,
-  /// for answers may be under way that nobody has taken
+  /// Returns the law's torques [N m] for these measurements, which belong to ticks 0, 1, … of a new
+  /// run with this period. The reference is held, and the gains are the scenario's.
+  /// @param weightless computes without gravity
+  /// @throw base::Failure as a step of `external_law`. Every later call throws the same failure,
+  /// because unread answers may still be in the socket.
   std::vector<Vector> answers(double period_s, bool weightless,
                               std::span<const messages::AnyMeasurement> measurements,
                               const messages::ReferencePoint& reference);
@@ -81,12 +86,12 @@ class LawProgram {
   scenario::Scenario scenario_;
   std::shared_ptr<Program> program_;
   messages::LawInfo info_;
-  std::vector<std::string> begun_;  ///< by what the run that has begun differs
+  std::vector<std::string> begun_;  ///< overrides of the current run
   std::mutex mutex_;
   std::exception_ptr failure_;
 };
 
-/// What starts `command` with further arguments in a shell.
+/// Returns the words that start `command` with further arguments in a shell.
 std::vector<std::string> shell_command(const std::string& command,
                                        const std::vector<std::string>& arguments);
 

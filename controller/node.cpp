@@ -10,7 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/failure.h"
 #include "base/logging.h"
+#include "base/users_code.h"
+#include "controller/spec.h"
 #include "messages/wire.h"
 #include "session/responders.h"
 
@@ -23,19 +26,22 @@ using session::CommandPicker;
 using session::CommandResponder;
 using session::Verdict;
 
-/// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
-/// tick. Preallocated.
+/// One of the law's two inputs: the decoded values of the last ticks in a preallocated ring.
 template <class Value>
 struct Input : messages::Port<Value> {
   struct Message {
     messages::Stamp stamp;
     Value value;
   };
-  Message newest;  ///< decoded last
   std::vector<Message> kept = std::vector<Message>(session::MessageRing::depth);
 
   explicit Input(messages::Port<Value> port) : messages::Port<Value>(std::move(port)) {}
 
+  void keep(const messages::Stamp& stamp, const Value& value) {
+    Message& message = at(stamp.tick);
+    message.stamp = stamp;
+    message.value = value;
+  }
   Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
 };
 
@@ -43,8 +49,8 @@ session::LawInput input_of(Role from) {
   return from == Role::plant ? session::measurement_input : session::reference_input;
 }
 
-/// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
-/// and state. Does not know which tick is due.
+/// Base of both modes: receives the law's inputs, steps the law over a tick, and publishes command
+/// and state. The derived classes decide which tick is due.
 class Node {
  public:
   Node(const Node&) = delete;
@@ -52,9 +58,10 @@ class Node {
   virtual ~Node() = default;
 
  protected:
-  Node(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link)
-      : link_(link),
+  Node(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
+      : session_(session),
         law_(std::move(law)),
+        users_(scenario.controller.law == external_law_name),
         info_(law_info(*law_)),
         prefix_(scenario.robot.channel_prefix),
         layout_(law_layout(scenario, *law_)),
@@ -66,75 +73,91 @@ class Node {
     receive(reference_, Role::reference);
   }
 
-  /// What becomes of a sound message of this run, before it is counted and kept.
+  /// Judges a valid message of this run, before the message is counted and kept.
   virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
-  /// Does what follows from it.
+  /// Acts on the judged message.
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
 
   void join() {
     base::log_detail("law {}, measures {}, publishes its signals {}", info_.law, info_.measurement,
                      info_.signals);
-    link_.join(info_, {});
+    session_.join(info_, {});
   }
 
   /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
-  /// @throw base::Failure(protective_stop) when the result is not finite.
+  /// @throw base::Failure(protective_stop) when the result is not finite, and when a user's law
+  /// throws or returns another number of joints or signals.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
-    const messages::Stamp stamp{asked.utime, link_.run(), tick};
-    const Outcome outcome = law_->step(tick, measurement, reference_.at(tick).value);
-    command_bytes_ = command_.codec.encode(stamp, outcome.command);
-    link_.transport().publish(command_.channel, command_bytes_);
-    state_bytes_ = state_.codec.encode(stamp, outcome.signals);
-    link_.transport().publish(state_.channel, state_bytes_);
+    const messages::Stamp stamp{asked.utime, session_.run(), tick};
+    const auto step = [&] { return law_->step(tick, measurement, reference_.at(tick).value); };
+    const Outcome outcome = users_ ? base::call_users("the law", step) : step();
+    if (users_) require_sizes(outcome, tick);
+    command_bytes_ = session_.publish(command_, stamp, outcome.command);
+    state_bytes_ = session_.publish(state_, stamp, outcome.signals);
 
-    // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
+    // stableNorm avoids overflow of the squares of a finite error. The norm of several joints may
+    // still overflow, hence min.
     const auto& signals = outcome.signals;
     const double error_norm = signals.num > 0 ? signals.value[0].stableNorm() : 0;
-    link_.progressed(tick, std::min(error_norm, std::numeric_limits<double>::max()));
-    link_.statistics().ticks = tick + 1;
-    link_.statistics().work_us.add(Clock::now() - begin);
+    session_.note_progress(tick, std::min(error_norm, std::numeric_limits<double>::max()));
+    session_.statistics().ticks = tick + 1;
+    session_.statistics().work_us.add(Clock::now() - begin);
     return outcome;
   }
 
-  session::Link& link_;
+  session::Session& session_;
   ScenarioLaw law_;
+  bool users_;  ///< the law is of another program
   messages::LawInfo info_;
-  std::string prefix_;  ///< of the robot's channels
+  std::string prefix_;  ///< prefix of the robot's channels
   messages::Layout layout_;
   Input<messages::AnyMeasurement> measurement_;
   Input<messages::ReferencePoint> reference_;
   messages::Port<messages::TorqueCommand> command_;
   messages::Port<messages::LawSignals> state_;
-  std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
+  std::span<const std::byte> command_bytes_, state_bytes_;  ///< messages of the newest tick
 
  private:
+  void require_sizes(const Outcome& outcome, std::int64_t tick) const {
+    const Eigen::Index joints = layout_.num_joints, torques = outcome.command.tau.size();
+    const messages::LawSignals& signals = outcome.signals;
+    bool whole = torques == joints && signals.num == layout_.num_signals;
+    for (int i = 0; whole && i < signals.num; ++i) {
+      whole = signals.value[static_cast<std::size_t>(i)].size() == joints;
+    }
+    if (whole) return;
+    throw base::Failure(base::ExitCode::protective_stop,
+                        "the law {} returned {} torques and {} signals at tick {}; the robot has "
+                        "{} joints and the law declares {} signals, each with a value for each "
+                        "joint",
+                        law_->name(), torques, signals.num, tick, joints, layout_.num_signals);
+  }
+
   template <class Value>
   void receive(Input<Value>& input, Role from) {
-    link_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
-      auto& newest = input.newest;
-      if (!link_.accept(input.codec, datagram, newest.stamp, newest.value)) return;
-      const std::int64_t tick = newest.stamp.tick;
-      const Verdict verdict = judge(from, tick, datagram);
-      link_.count(verdict, from, datagram, tick);
-      if (verdict == Verdict::fresh) input.at(tick) = newest;
-      act(from, tick, verdict);
+    session_.on(input, [this, &input, from](const messages::Stamp& stamp, const Value& value,
+                                            const bus::Datagram& datagram) {
+      const Verdict verdict = judge(from, stamp.tick, datagram);
+      session_.count(verdict, from, datagram, stamp.tick);
+      if (verdict == Verdict::fresh) input.keep(stamp, value);
+      act(from, stamp.tick, verdict);
     });
   }
 };
 
-/// Lockstep: every tick once, in order.
+/// Lockstep node, which computes every tick once and in order.
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link)
-      : Node(scenario, std::move(law), link),
+  LockstepNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
+      : Node(scenario, std::move(law), session),
         responder_(scenario.loop.num_ticks, command_.codec.longest(), state_.codec.longest()) {}
 
   void run() {
     join();
-    link_.run_until_finished([this](auto) { return responder_.all_computed(); });
-    link_.leave();
+    session_.run_until_finished([this](auto) { return responder_.is_all_computed(); });
+    session_.leave();
   }
 
  private:
@@ -148,27 +171,28 @@ class LockstepNode final : public Node {
 
   void act(Role from, std::int64_t tick, Verdict verdict) override {
     const bool asked = verdict == Verdict::fresh || verdict == Verdict::repeated;
-    if (from == Role::plant && asked) link_.started(Clock::now());
+    if (from == Role::plant && asked) session_.note_started(Clock::now());
     if (action_ == Action::compute) {
       compute(responder_.next());
-      responder_.computed(command_bytes_, state_bytes_);
+      responder_.on_computed(command_bytes_, state_bytes_);
     } else if (action_ == Action::repeat) {
-      link_.transport().publish(command_.channel, responder_.command(tick));
-      link_.transport().publish(state_.channel, responder_.state(tick));
-      link_.statistics().resends += 2;
+      session_.publish(command_.channel, responder_.command(tick));
+      session_.publish(state_.channel, responder_.state(tick));
+      session_.statistics().resends += 2;
     }
   }
 
   CommandResponder responder_;
-  Action action_ = Action::nothing;  ///< that the message judged last asks for
+  Action action_ = Action::nothing;  ///< action that the last judged message asks for
 };
 
-/// Realtime: acts on the newest measurement whose reference is there. What was lost is passed over,
-/// by the law too (`AnyLaw`); never silently: gaps are counted, and reported at the end.
+/// Realtime node, which acts on the newest measurement whose reference has arrived. It skips ticks
+/// with lost messages, and so does the law (`AnyLaw`). It counts the gaps and reports them at the
+/// end.
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link)
-      : Node(scenario, std::move(law), link),
+  RealtimeNode(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session)
+      : Node(scenario, std::move(law), session),
         picker_(scenario.loop.num_ticks),
         pace_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1) {}
@@ -176,14 +200,14 @@ class RealtimeNode final : public Node {
   void run() {
     join();
     try {
-      link_.run_until_finished(
+      session_.run_until_finished(
           [this](Clock::time_point now) { return pace_.over(acted_, last_tick_, now); });
     } catch (const base::Failure&) {
       report_gaps();
       throw;
     }
-    link_.leave();
-    count_gap(last_tick_ - acted_);  // the ticks that it never got to, since the run is over
+    session_.leave();
+    count_gap(last_tick_ - acted_);  // ticks after the last command
     report_gaps();
   }
 
@@ -191,7 +215,7 @@ class RealtimeNode final : public Node {
   Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
     // A reference is a tick ahead.
     const std::int64_t begun = from == Role::plant ? tick : std::max<std::int64_t>(tick - 1, 0);
-    if (!pace_.possible(begun, Clock::now()) && !link_.membership().knows(datagram.sender)) {
+    if (!pace_.possible(begun, Clock::now()) && !session_.membership().knows(datagram.sender)) {
       return Verdict::not_asked;
     }
     return picker_.on_input(input_of(from), tick, datagram.payload);
@@ -199,17 +223,17 @@ class RealtimeNode final : public Node {
 
   void act(Role from, std::int64_t /*tick*/, Verdict verdict) override {
     if (verdict != Verdict::fresh) return;
-    if (from == Role::plant) link_.started(Clock::now());
+    if (from == Role::plant) session_.note_started(Clock::now());
     const auto due = picker_.due();
     if (!due) return;
     const auto outcome = compute(*due);
-    picker_.acted(*due);
+    picker_.on_acted(*due);
     acted_ = *due;
     count_gap(outcome.skipped);
     statistics().restarts += outcome.restarted ? 1 : 0;
   }
 
-  session::ControllerStatistics& statistics() { return link_.statistics().controller(); }
+  session::ControllerStatistics& statistics() { return session_.statistics().controller(); }
 
   void count_gap(std::int64_t ticks) {
     statistics().gaps += ticks > 0 ? 1 : 0;
@@ -232,16 +256,16 @@ class RealtimeNode final : public Node {
   CommandPicker picker_;
   session::Pace pace_;
   std::int64_t last_tick_;
-  std::int64_t acted_ = -1;  ///< newest tick commanded
+  std::int64_t acted_ = -1;  ///< newest tick with a command
 };
 
 }  // namespace
 
-void run_node(const scenario::Scenario& scenario, ScenarioLaw law, session::Link& link) {
+void run_node(const scenario::Scenario& scenario, ScenarioLaw law, session::Session& session) {
   if (scenario.loop.mode == scenario::Mode::realtime) {
-    RealtimeNode(scenario, std::move(law), link).run();
+    RealtimeNode(scenario, std::move(law), session).run();
   } else {
-    LockstepNode(scenario, std::move(law), link).run();
+    LockstepNode(scenario, std::move(law), session).run();
   }
 }
 

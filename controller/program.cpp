@@ -44,8 +44,8 @@ int controller::run_program(int argc, const char* const* argv, const MakeLaw& ma
       return base::ExitCode::done;
     }
     return session::run_role(role, options,
-                             [&](const scenario::Scenario& scenario, session::Link& link) {
-                               run_node(scenario, make_law(scenario), link);
+                             [&](const scenario::Scenario& scenario, session::Session& session) {
+                               run_node(scenario, make_law(scenario), session);
                              });
   });
 }

@@ -2,16 +2,17 @@
 
 #include "controller/registry.h"
 
-/// A whole controller program with a law of one's own: it takes the options of tachless-controller,
-/// joins the run on the bus, logs, counts and is replayed as that one does.
+/// A controller program with a user's own law. It takes the options of tachless-controller and
+/// joins the run on the bus. It logs, counts and is replayed like tachless-controller.
 namespace tachless {
 
-/// Runs the law that `make_law` makes of the scenario, whose controller.law has to be `external`.
-/// To be returned from main.
+/// Runs the law that `make_law` makes from the scenario, whose controller.law has to be `external`.
+/// @return the exit code for main
 int run_controller(int argc, const char* const* argv, const controller::MakeLaw& make_law);
 
-/// The same with the law L, a class as controller/law/law.h describes it; its parameters are the
-/// scenario's controller.gains.
+/// Runs the law L, a class as controller/law/law.h describes it. Its parameters are the scenario's
+/// controller.gains.
+/// @return the exit code for main
 template <controller::law::Law L>
 int run_controller(int argc, const char* const* argv) {
   static const controller::LawFacts facts = controller::facts_of<L>();
@@ -22,7 +23,8 @@ int run_controller(int argc, const char* const* argv) {
 
 namespace controller {
 
-/// The main of a controller program, whatever its laws.
+/// Runs a controller program with the laws of `make_law`.
+/// @return the exit code for main
 int run_program(int argc, const char* const* argv, const MakeLaw& make_law);
 
 }  // namespace controller

@@ -19,7 +19,7 @@ std::vector<LawFacts> facts_of_all(LawList<L...> /*laws*/) {
   return {facts_of<L>()...};
 }
 
-/// The names of laws or parameters, of those that are wanted.
+/// Returns the names of the laws or parameters that `wanted` selects.
 template <class Named>
 std::vector<std::string_view> names_of(
     const std::vector<Named>& all,
@@ -31,7 +31,7 @@ std::vector<std::string_view> names_of(
   return names;
 }
 
-/// "; did you mean loria_ortega_rigid?", or nothing when no name is similar.
+/// Returns "; did you mean loria_ortega_rigid?", or ";" if no name is similar.
 std::string suggestion(std::string_view word, const std::vector<std::string_view>& names) {
   const auto nearest = base::nearest(word, names);
   return nearest ? fmt::format("; did you mean {}?", *nearest) : ";";
@@ -48,7 +48,7 @@ std::string shown(const Vector& value) {
 
 std::string gain_key(std::string_view gain) { return fmt::format("controller.gains.{}", gain); }
 
-/// "kp [N m/rad], kd [N m s/rad]".
+/// Returns the gains as "kp [N m/rad], kd [N m s/rad]".
 std::string gains_text(const LawFacts& law) {
   std::vector<std::string> gains;
   for (const Parameter& each : law.parameters) {
@@ -70,7 +70,7 @@ void require_known_gains(const scenario::Scenario& scenario, const LawFacts& law
   }
 }
 
-/// The robot that the law takes the plant for; in the plant's gravity.
+/// Returns the law's model of the robot, in the plant's gravity.
 robot::Model known_model(const scenario::Scenario& scenario) {
   robot::Model model = scenario.believed_model ? *scenario.believed_model : *scenario.model;
   model.gravity = scenario.model->gravity;
@@ -98,7 +98,7 @@ const LawFacts& law_facts(std::string_view name) {
   static const LawFacts external{.name = controller::external_law_name,
                                  .source = "the program that --controller names",
                                  .no_linearisation = "it is computed by another program",
-                                 .has_feedforward_lead = true};  // the program's own business
+                                 .has_feedforward_lead = true};  // the program decides it
   if (name == external.name) return external;
   for (const LawFacts& law : laws()) {
     if (law.name == name) return law;
@@ -133,8 +133,8 @@ law::Settings law_settings(const scenario::Scenario& scenario) {
   if (scenario.controller.feedforward_lead == controller::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
-  // A rounding error is spread evenly over one count: its variance is a twelfth of the count's
-  // square.
+  // A rounding error is distributed uniformly over one count, so its variance is a twelfth of the
+  // count's square.
   const double noise = scenario.plant.encoder.noise_std_rad;
   const Vector count = scenario::encoder_count(scenario, *scenario.model);
   settings.position_std = (count.array().square() / 12 + noise * noise).sqrt();

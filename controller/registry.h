@@ -19,8 +19,8 @@
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
-/// The laws by name: what each declares, and from a scenario to a law. Includes no law; the list is
-/// controller/laws.h.
+/// The laws by name, their declarations, and the law of a scenario. This header includes no law;
+/// the list of laws is controller/laws.h.
 namespace tachless::controller {
 
 /// A parameter that a law declares.
@@ -28,25 +28,25 @@ struct Parameter {
   std::string_view name, unit, meaning;
   base::Shape shape = base::Shape::joints;
   base::Range range;
-  std::string allowed;  ///< what may be written for it, in words
+  std::string allowed;  ///< allowed values, in words
   bool required = true;
-  std::string_view described_default{};  ///< what stands in for it, where the law decides
+  std::string_view described_default{};  ///< replacement of a missing value, if the law decides it
 };
 
-/// What is known of a law by its name alone; all of it follows from what the law declares.
+/// Declarations of a law, found by its name.
 struct LawFacts {
   std::string_view name;
-  std::string_view measurement{};               ///< suffix of the channel that it is fed from
+  std::string_view measurement{};               ///< suffix of the channel with its measurements
   std::span<const messages::Signal> signals{};  ///< rows of its `messages::LawSignals`
   std::vector<Parameter> parameters{};
   std::string_view source{}, proved{}, conditions{};
-  std::string_view lyapunov_formula{};  ///< empty when it declares no Lyapunov function
-  std::string_view no_linearisation{};  ///< why the law cannot be linearised; empty when it can
+  std::string_view lyapunov_formula{};  ///< empty if the law declares no Lyapunov function
+  std::string_view no_linearisation{};  ///< reason against linearisation; else empty
   bool needs_flexible_joints = false;
-  bool regulation_only = false;  ///< its reference must be constant
+  bool regulation_only = false;  ///< the reference must be constant
   bool has_feedforward_lead = false;
   bool reads_links = false;  ///< needs encoders on the links' side of a flexible robot
-  /// Its rule of thumb: parameters by name, as a scenario has them. Empty when it declares none.
+  /// Rule of thumb: parameters by name, in the form of a scenario. Empty if the law declares none.
   std::function<std::map<std::string, Vector>(const law::Tuning&)> tuned{};
 };
 
@@ -67,7 +67,7 @@ std::map<std::string, Vector> tuned_by_name(const law::Tuning& tuning) {
   return all;
 }
 
-/// What follows from a law's declarations, of laws that are not in the registry too.
+/// Returns the facts that a law declares; it need not be in the registry.
 template <class L>
 LawFacts facts_of() {
   using Gains = typename L::Gains;
@@ -95,47 +95,51 @@ LawFacts facts_of() {
   return facts;
 }
 
-/// In the order of `Laws`; without the one of another program (`controller::external_law_name`).
+/// Returns the laws in the order of `Laws`, without the external law
+/// (`controller::external_law_name`).
 const std::vector<LawFacts>& laws();
 
 std::vector<std::string_view> law_names();
 
-/// Of the law of another program too, of which nothing is known but that.
-/// @throw base::Failure(bad_usage) naming the law, the nearest one and all there are.
+/// Returns the facts of a law; `external` is accepted too.
+/// @throw base::Failure(bad_usage) naming the law, the nearest name and all names.
 const LawFacts& law_facts(std::string_view name);
 
-/// The scenario's. @throw base::Failure(bad_usage), with the key's place, as that
+/// Returns the facts of the law that the scenario names.
+/// @throw base::Failure(bad_usage) with the key's place
 const LawFacts& law_facts(const scenario::Scenario& scenario);
 
-/// The names of the law's parameters, in its order.
+/// Returns the names of the law's parameters in their declared order.
 std::vector<std::string_view> parameter_names(const LawFacts& law);
 
-/// The model that laws for rigid joints get: URDF and gravity of the scenario, rotor inertia
-/// added (M = M_l + J); on a flexible robot too, which they take for rigid. The payload is not in
-/// it. @throw base::Failure(bad_usage) when the URDF is not a robot.
+/// Returns the model for laws of rigid joints: the scenario's URDF and gravity, with rotor inertia
+/// added (M = M_l + J). Laws of rigid joints treat a flexible robot as rigid. The payload is not in
+/// the model.
+/// @throw base::Failure(bad_usage) if the URDF is not a robot.
 robot::Model rigid_model(const scenario::Scenario& scenario);
 
-/// The model that laws for flexible joints get: M_l without rotors, K and J.
-/// @throw base::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
+/// Returns the model for laws of flexible joints: M_l without rotors, K and J.
+/// @throw base::Failure(bad_usage) if the URDF is not a robot or its joints are rigid.
 law::FlexibleRobot flexible_robot(const scenario::Scenario& scenario);
 
-/// Sampling, filter, lead and encoders of the scenario.
+/// Returns sampling, filter, lead and encoder noise of the scenario.
 /// @throw base::Failure(bad_usage) as `scenario::encoder_count`.
 law::Settings law_settings(const scenario::Scenario& scenario);
 
-/// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead,
-/// parameters that it does not have.
-/// @throw base::Failure(bad_usage).
+/// Checks that the law fits the scenario's joints, encoders, reference, feed-forward lead and
+/// parameters.
+/// @throw base::Failure(bad_usage) for the first misfit.
 void require_compatible(const scenario::Scenario& scenario, const LawFacts& law);
 
-/// The scenario's value of a parameter, an entry per joint (all the same unless it is per joint),
-/// or of a matrix its diagonal or its rows; nothing when it is not given and not required.
-/// @throw base::Failure(bad_usage) when it is missing, of the wrong length, out of its
-/// range, or no whole number where it is a count.
+/// Returns the scenario's value of a parameter with one entry per joint. The entries are equal
+/// unless the parameter is per joint. A matrix is returned as its diagonal or its rows. A parameter
+/// that is neither given nor required is nullopt.
+/// @throw base::Failure(bad_usage) if the value is missing, has the wrong length, is out of range,
+/// or is no whole number for a count.
 std::optional<Vector> given_parameter(const scenario::Scenario& scenario, const LawFacts& law,
                                       const Parameter& parameter);
 
-/// The law's parameters from the scenario; what is not given has the declared default.
+/// Returns the law's parameters from the scenario, with declared defaults for missing ones.
 /// @throw base::Failure(bad_usage) as `given_parameter`.
 template <class Gains>
 Gains gains_of(const scenario::Scenario& scenario, const LawFacts& law) {
@@ -161,9 +165,9 @@ Gains gains_of(const scenario::Scenario& scenario, const LawFacts& law) {
   return gains;
 }
 
-/// The law L with the scenario's robot, parameters and settings.
-/// @throw base::Failure(bad_usage), one line with file, line, key, value and allowed range,
-/// as the two functions above.
+/// Returns the law L with the scenario's robot, parameters and settings.
+/// @throw base::Failure(bad_usage) as `require_compatible` and `gains_of`: one line with file,
+/// line, key, value and allowed range.
 template <class L>
 L make_law(const scenario::Scenario& scenario, const LawFacts& law = law_facts(L::name)) {
   require_compatible(scenario, law);
@@ -181,15 +185,18 @@ L make_law(const scenario::Scenario& scenario, const LawFacts& law = law_facts(L
 
 using ScenarioLaw = std::unique_ptr<AnyLaw>;
 
-/// The scenario with the gains of a message (scenario::gains_text) in place of those of the same
-/// name. @throw base::Failure(bad_usage) when that text is none
+/// Returns the scenario with the gains of a message (scenario::gains_text) instead of its gains of
+/// the same names.
+/// @throw base::Failure(bad_usage) if the text has another form
 scenario::Scenario with_gains(scenario::Scenario scenario, std::string_view gains);
 
-/// @throw base::Failure(bad_usage) when a count among the law's parameters differs
+/// Checks that the law's parameters that are counts are the same in both scenarios.
+/// @throw base::Failure(bad_usage) if a count differs
 void require_same_counts(const scenario::Scenario& before, const scenario::Scenario& after,
                          const LawFacts& law);
 
-/// The law L over the scenario's run. @throw base::Failure(bad_usage) as `make_law`.
+/// Returns the law L for the scenario's run.
+/// @throw base::Failure(bad_usage) as `make_law`.
 template <class L>
 ScenarioLaw law_over_run(const scenario::Scenario& scenario, const LawFacts& law) {
   typename LawWithMemory<L>::Retuned retuned;
@@ -205,18 +212,17 @@ ScenarioLaw law_over_run(const scenario::Scenario& scenario, const LawFacts& law
       law_settings(scenario).feedforward_lead_s, std::move(retuned));
 }
 
-/// What the law's controller announces of it.
+/// Returns the data with which a controller announces the law.
 messages::LawInfo law_info(const AnyLaw& law);
 
-/// The layout of the messages of a run under this law.
+/// Returns the layout of the messages of a run under this law.
 messages::Layout law_layout(const scenario::Scenario& scenario, const AnyLaw& law);
 
-/// From a scenario to its law.
+/// Function that returns the law of a scenario.
 using MakeLaw = std::function<ScenarioLaw(const scenario::Scenario&)>;
 
-/// The law that the scenario names.
-/// @throw base::Failure(bad_usage) as `make_law`, or when there is no such law
-/// or it is in another program.
+/// Returns the law that the scenario names.
+/// @throw base::Failure(bad_usage) as `make_law`, or if the law does not exist or is external.
 ScenarioLaw scenario_law(const scenario::Scenario& scenario);
 
 }  // namespace tachless::controller

@@ -7,41 +7,43 @@
 #include <string_view>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "base/schema.h"
 
 namespace tachless::controller::law {
 
-/// How the continuous filter is carried over to sampled positions. Each is of the form
-/// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}).
+/// Discretisation of the continuous filter for sampled positions. Each kind has the form nu_k = phi
+/// nu_{k-1} + beta (e_k - e_{k-1}).
 enum class Discretisation {
   first_order_hold,  ///< ramp-invariant: exact for e piecewise linear
   tustin,
   backward_euler,
   zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
 };
-/// Returns the names that scenarios use.
+/// Returns the names in scenarios.
 constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
   return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
 }
 
-/// Start of the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)`.
+/// Initial state w of the filter `wdot = A (e - w)`, `nu = B (e - w)`.
 enum class FilterStart {
   at_error,  ///< w(0) = e(0), hence nu(0) = 0
-  zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
+  zero,      ///< w(0) = 0, hence nu(0) = B e(0): the plain transfer function, with a torque step at
+             ///< the start
 };
-/// Returns the names that scenarios use.
+/// Returns the names in scenarios.
 constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
   return {"at_error", "zero"};
 }
 
 }  // namespace tachless::controller::law
 
-/// The scenario's `controller` map, each value declared once with its key. Values only: no law and
-/// no reading.
+/// The scenario's `controller` map, with each value declared once beside its key. The header holds
+/// values only: no law and no parser.
 namespace tachless::controller {
 
-/// Name of the law of a program that is not one of tachless.
+/// Name of a law that a program outside tachless computes.
 inline constexpr std::string_view external_law_name = "external";
 
 enum class FeedforwardLead { none, half_tick_plus_delay };
@@ -49,8 +51,8 @@ constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
   return {"none", "half_tick_plus_delay"};
 }
 
-/// Friction that a law feeds forward from the reference: D v_ref + Fc tanh(v_ref / smoothing). Of
-/// zero size where none is given.
+/// Friction that a law feeds forward from the reference: D v_ref + Fc tanh(v_ref / smoothing). The
+/// vectors are empty if none is given.
 struct FrictionSpec {
   Vector viscous;    ///< D [N m s/rad]
   Vector coulomb;    ///< Fc [N m; N]
@@ -61,7 +63,7 @@ struct FrictionSpec {
   }
   [[nodiscard]] Vector torque(const Vector& v_ref) const {
     return viscous.cwiseProduct(v_ref) +
-           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).array().tanh().matrix());
+           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).unaryExpr(&base::tanh));
   }
 
   static constexpr std::tuple keys{
@@ -82,9 +84,9 @@ struct FrictionSpec {
 struct Spec {
   std::string law;
   std::string measurement;  ///< suffix of the channel that feeds the law; empty: its own
-  std::string announced;    ///< what a recorded run's external law called itself; else empty
-  std::string urdf_path;    ///< as written in the scenario; empty: the law's robot is the plant's
-  /// Each of length num_joints, or its square: a matrix, row by row.
+  std::string announced;    ///< name that a recorded run's external law announced; else empty
+  std::string urdf_path;    ///< path as in the scenario; empty: the law's robot is the plant's
+  /// Gains by name, each of length num_joints, or its square for a matrix, row by row.
   std::map<std::string, Vector> gains;
   bool gains_may_change = false;
   FrictionSpec friction;
@@ -92,7 +94,7 @@ struct Spec {
   law::FilterStart filter_start = law::FilterStart::at_error;
   FeedforwardLead feedforward_lead = FeedforwardLead::none;
 
-  /// The law for people: "loria_ortega_rigid", "my_pd (external)".
+  /// Returns the law's name for messages: "loria_ortega_rigid", "my_pd (external)".
   [[nodiscard]] std::string law_text() const;
   [[nodiscard]] std::optional<base::Refusal> refusal() const;
 

@@ -11,7 +11,7 @@ namespace {
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
-/// The vectors of a law's memory.
+/// Returns pointers to the vectors of a law's memory.
 template <class Memory>
 std::vector<Vector*> vectors_of(Memory& memory) {
   std::vector<Vector*> all;
@@ -26,8 +26,8 @@ SteppedLaw stepped(const L& law, const ReferencePoint& reference,
   SteppedLaw result;
   const auto parts = messages::parts_of(nominal);
   result.measured = measure(state, parts);
-  // That of a loop under way: what a law knows only from a step before, such as the torque that it
-  // commanded, is missing in the memory that it starts with.
+  // The nominal memory is that after a step. A start memory lacks values known only from an earlier
+  // step, such as the last torque command.
   auto memory = law.step(law.start(nominal, reference), nominal, reference).memory;
   result.memory = packed(vectors_of(memory));
   result.measurement = packed(parts);

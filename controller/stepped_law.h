@@ -10,22 +10,23 @@
 #include "messages/measurements.h"
 #include "scenario/scenario.h"
 
-/// A scenario's law for analysis: as functions of vectors, and the Lyapunov function that it
-/// declares. Here, beside the registry, each law is compiled once for all uses.
+/// A scenario's law for analysis: the law as functions of vectors, and its declared Lyapunov
+/// function. The registry's library compiles each law once for all uses.
 namespace tachless::controller {
 
-/// One after the other; null: none.
+/// Returns the entries of the vectors, one vector after the other; null pointers are skipped.
 Eigen::VectorXd packed(std::span<Vector* const> vectors);
-/// The reverse; the vectors have their sizes.
+/// Fills the vectors from `from` in the order of `packed`; the sizes of the vectors stay.
 void unpack(const Eigen::VectorXd& from, std::span<Vector* const> vectors);
 
-/// The parts of a measurement from the plant's state, by `messages::Part`; null: not measured.
-/// @return the parts that are not empty, as motors of a rigid robot are
+/// Copies the plant's state into the parts of a measurement, by `messages::Part`; a null part is
+/// not measured.
+/// @return the measured parts that are not empty; the motors of a rigid robot are empty
 std::vector<messages::Part> measure(const std::array<Vector, 4>& state,
                                     std::span<Vector* const> parts);
 
-/// A law as a function, its reference held, as vectors of numbers: memory and measurement at rest
-/// there, and the memory with which it starts from a measurement.
+/// A law with a fixed reference as functions of vectors. `memory` and `measurement` hold the values
+/// at rest on the reference. `start` returns the start memory for a measurement.
 struct SteppedLaw {
   law::LawStep step;
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> start;
@@ -33,21 +34,22 @@ struct SteppedLaw {
   std::vector<messages::Part> measured;
 };
 
-/// @param state the plant's on that reference, by `messages::Part`
-/// @return without functions when `LawFacts::no_linearisation` says why
+/// Returns the scenario's law as functions of vectors.
+/// @param state the plant's state on that reference, by `messages::Part`
+/// @return without functions if `LawFacts::no_linearisation` gives a reason
 /// @throw base::Failure(bad_usage) as `scenario_law`
 SteppedLaw stepped_law(const scenario::Scenario& scenario,
                        const messages::ReferencePoint& reference,
                        const std::array<Vector, 4>& state);
 
-/// The Lyapunov function by which a law's stability is proved, of a state of the loop [J].
+/// Lyapunov function of a law's stability proof, as a function of a state of the loop [J].
 using LyapunovFunction =
     std::function<double(const law::LoopState&, const messages::ReferencePoint&)>;
 
-/// That of the scenario's law, with the model that the law is given (a payload unknown to it is
-/// not in M). Empty when the law declares none.
-/// @param weights of its cross terms, where it has some: those of `lyapunov::certified_run`
-/// @throw base::Failure(bad_usage) when the law cannot be made of the scenario.
+/// Returns the Lyapunov function of the scenario's law. It uses the law's model; a payload unknown
+/// to the law is not in M. The result is empty if the law declares none.
+/// @param weights of its cross terms, if it has some; see `lyapunov::certified_run`
+/// @throw base::Failure(bad_usage) if the scenario gives no valid law.
 LyapunovFunction lyapunov_function(const scenario::Scenario& scenario,
                                    const law::LyapunovWeights& weights = {});
 

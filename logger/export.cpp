@@ -26,7 +26,7 @@ namespace {
 
 constexpr std::size_t block_bytes = 1 << 18;
 
-/// Comma-separated values; to `-`, standard output, is added, anything else overwritten.
+/// Table of comma-separated values. It appends to `-`, standard output, and overwrites a file.
 class CsvTable {
  public:
   CsvTable(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
@@ -84,7 +84,7 @@ class CsvTable {
   const std::vector<Quantity>& quantities_;
   double period_s_;
   std::FILE* file_ = nullptr;
-  std::string block_;  ///< rows that are written at once
+  std::string block_;  ///< rows that the next write takes
 };
 
 constexpr std::string_view joint_states = "foxglove.JointStates";
@@ -95,9 +95,10 @@ constexpr std::string_view joint_states_schema =
     R"("position":{"type":"number"},"velocity":{"type":"number"},"acceleration":{"type":"number"},)"
     R"("effort":{"type":"number"}}}}}})";
 
-/// As MCAP, for PlotJuggler, Foxglove and the like: for each kind of message a channel of that name
-/// with a JSON object of its quantities, called as in the table; and the joints' true states and
-/// their reference as Foxglove's JointStates (<ROBOT>_JOINT_STATES, …_REFERENCE).
+/// Table as MCAP, which PlotJuggler and Foxglove read. Each kind of message has a channel of its
+/// name. A message is a JSON object of its quantities, with their names in the CSV table. Two more
+/// channels have the joints' true states and their reference as Foxglove's JointStates
+/// (<ROBOT>_JOINT_STATES, …_REFERENCE).
 class McapTable {
  public:
   McapTable(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
@@ -185,10 +186,10 @@ class McapTable {
   std::vector<std::string> joints_;  ///< names, as JSON
   std::array<std::uint16_t, messages::num_slots> channels_{};
   std::uint16_t states_ = 0, reference_ = 0;
-  std::string text_;  ///< of the message under way
+  std::string text_;  ///< text of the current message
 };
 
-/// A row for each tick, in a file of that name.
+/// Writes a row for each tick into the file `to`.
 void write_rows(const std::filesystem::path& to, bool mcap, const std::vector<Quantity>& quantities,
                 RunLog& log) {
   const auto write = [&](auto&& table) {

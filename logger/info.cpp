@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -147,7 +146,14 @@ json damage_json(const Damage& damage) {
   return result;
 }
 
-/// Of a log that is read from its start to its end for it.
+/// How the run ended; `how` is "planned", "stopped" or "unknown".
+json end_json(const RunSummary& summary, std::int64_t num_ticks) {
+  const std::string reason = summary.stop_reason(num_ticks);
+  if (reason.empty()) return {{"how", "planned"}, {"text", nullptr}};
+  return {{"how", summary.stop ? "stopped" : "unknown"}, {"text", printable(reason)}};
+}
+
+/// Reads the log from its start to its end.
 json run_json(RunLog& log) {
   for (TickRecord record; log.next(record);) {
   }
@@ -205,25 +211,8 @@ json run_json(RunLog& log) {
           {"foreign_messages", summary.foreign_messages},
           {"foreign_runs", foreign},
           {"gains", gains},
-          {"faults", faults}};
-}
-
-/// What a file without any message is, by its beginning.
-std::string no_log_text(const std::filesystem::path& path) {
-  std::string text(1 << 16, '\0');
-  std::ifstream file(path, std::ios::binary);
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  const std::string name = path.string();
-  if (text.find("<robot") != std::string::npos) {
-    return fmt::format("{}: this is a robot description: tachless robot {}", name,
-                       base::shell_word(name));
-  }
-  if (text.find("\nrobot:") != std::string::npos &&
-      text.find("\ncontroller:") != std::string::npos) {
-    return fmt::format("{}: this is a scenario: tachless run {}", name, base::shell_word(name));
-  }
-  return fmt::format("{}: not one message of an LCM log is in it; name an LCM log", name);
+          {"faults", faults},
+          {"end", end_json(summary, log.info().num_ticks)}};
 }
 
 std::string seconds(std::int64_t us) {
@@ -254,6 +243,10 @@ std::string run_text(const json& run) {
       run["measurement"], run["ticks"], run["num_ticks"], run["period_s"].get<double>());
   const bool has_ticks = run["ticks"] != 0;
   if (has_ticks) text += fmt::format(" ({} to {})", run["first_tick"], run["last_tick"]);
+  const json& end = run["end"];
+  text += end["how"] == "planned"
+              ? "\nended     as planned"
+              : fmt::format("\nended     {}", end["text"].get_ref<const std::string&>());
   text += fmt::format("\ngaps      {}\n", run["gaps"]);
   for (const json& piece : run["pieces"]) {
     const auto line = [&](std::string_view what) {
@@ -342,8 +335,8 @@ json read_info(const std::filesystem::path& path) {
   }
   info["size_bytes"] = std::filesystem::file_size(path);
   tally.write_to(info);
-  if (info["messages"] == 0 && info["size_bytes"] != 0) {
-    throw base::bad_usage(no_log_text(path));
+  if (info["messages"] == 0) {
+    throw base::bad_usage("{}: {}", path.string(), no_log_text(path));
   }
   const bool has_run_info = std::ranges::any_of(info["channels"], [](const json& each) {
     return each["channel"].get_ref<const std::string&>().ends_with(run_info_suffix);

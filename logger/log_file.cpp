@@ -48,6 +48,18 @@ Integer get(const std::byte* from) {
   return big_endian(value);
 }
 
+/// Writes an event's header and channel. @return their length
+std::size_t put_head(std::byte* to, std::int64_t number, std::int64_t utime,
+                     std::string_view channel, std::size_t data_bytes) {
+  put(to, sync_word);
+  put(to + 4, static_cast<std::uint64_t>(number));
+  put(to + 12, static_cast<std::uint64_t>(utime));
+  put(to + 20, static_cast<std::uint32_t>(channel.size()));
+  put(to + 24, static_cast<std::uint32_t>(data_bytes));
+  std::memcpy(to + event_header_bytes, channel.data(), channel.size());
+  return event_header_bytes + channel.size();
+}
+
 std::string text_of(int error) { return std::generic_category().message(error); }
 
 std::string remedy_for_creating(int error, const std::string& directory) {
@@ -107,12 +119,7 @@ void LogWriter::append(std::int64_t utime, std::string_view channel,
   const std::size_t head = event_header_bytes + channel.size();
   if (filled_ + head + data.size() > buffer_.size()) flush();
   std::byte* const to = &buffer_[filled_];
-  put(to, sync_word);
-  put(to + 4, static_cast<std::uint64_t>(num_events_));
-  put(to + 12, static_cast<std::uint64_t>(utime));
-  put(to + 20, static_cast<std::uint32_t>(channel.size()));
-  put(to + 24, static_cast<std::uint32_t>(data.size()));
-  std::memcpy(to + event_header_bytes, channel.data(), channel.size());
+  put_head(to, num_events_, utime, channel, data.size());
   if (filled_ + head + data.size() <= buffer_.size()) {
     if (!data.empty()) std::memcpy(to + head, data.data(), data.size());
     filled_ += head + data.size();
@@ -159,7 +166,7 @@ void LogWriter::close() {
   if (::close(std::exchange(file_, -1)) != 0) fail(errno);
 }
 
-/// A log that was removed or replaced meanwhile would be missed only when it is looked for.
+/// Throws when the log was removed or replaced. Otherwise nobody would notice until later.
 void LogWriter::require_own_file() {
   struct stat open {};
   if (fstat(file_, &open) != 0) fail(errno);
@@ -187,7 +194,7 @@ void LogWriter::write_out(std::span<const std::byte> data) {
 }
 
 void LogWriter::fail(int error) {
-  // What the buffer still holds went out in part: keep its whole events.
+  // Part of the buffer is in the file. The loop keeps its whole events.
   for (std::size_t at = 0; at < filled_;) {
     const std::uint64_t length = event_header_bytes + get<std::uint32_t>(&buffer_[at + 20]) +
                                  get<std::uint32_t>(&buffer_[at + 24]);
@@ -197,7 +204,7 @@ void LogWriter::fail(int error) {
   }
   filled_ = 0;
   if (file_ >= 0) {
-    // Where cutting fails, the reader skips the piece of an event and says so.
+    // If the cut fails, the reader skips the piece of an event and reports it.
     [[maybe_unused]] const int cut = ftruncate(file_, static_cast<off_t>(whole_));
     fsync(file_);
     ::close(std::exchange(file_, -1));
@@ -221,6 +228,29 @@ std::string Damage::text() const {
   if (!any()) return "none";
   return fmt::format("{} bytes in {} places hold no message; {} message numbers missing",
                      bytes_skipped, stretches, missing_numbers);
+}
+
+void append_event(const std::filesystem::path& path, std::string_view channel,
+                  std::span<const std::byte> data) {
+  std::int64_t number = -1;
+  std::int64_t utime = 0;
+  LogReader reader(path);
+  while (const auto event = reader.next()) {
+    number = event->number;
+    utime = event->utime;
+  }
+  std::vector<std::byte> bytes(event_header_bytes + channel.size() + data.size());
+  const std::size_t head = put_head(bytes.data(), number + 1, utime, channel, data.size());
+  std::ranges::copy(data, bytes.begin() + static_cast<std::ptrdiff_t>(head));
+  const base::FileDescriptor file(open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NOFOLLOW));
+  const off_t end = file.get() < 0 ? 0 : lseek(file.get(), 0, SEEK_END);
+  const ssize_t written = file.get() < 0 ? -1 : write(file.get(), bytes.data(), bytes.size());
+  if (written == static_cast<ssize_t>(bytes.size())) return;
+  const int error = written < 0 ? errno : ENOSPC;
+  if (written > 0) [[maybe_unused]]
+    const int cut = ftruncate(file.get(), end);
+  throw base::bad_usage("{}: the cause of the run's end cannot be added to the log: {}",
+                        path.string(), text_of(error));
 }
 
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
@@ -255,8 +285,8 @@ std::optional<LogEvent> LogReader::next() {
   while (position_ < size_) {
     const auto event = event_at(position_);
     if (event && (!is_followed(*event) || event->number - 1 != number_)) {
-      // Damage follows, or its own length is damaged: then it spans the events after it. So does
-      // garbage behind damage that happens to look like an event.
+      // Damage follows the event, or its own length is damaged and it spans later events. Garbage
+      // that looks like an event may span later events too.
       const std::uint64_t inner = find_event(position_ + 1, event->end());
       if (inner < event->end()) {
         skip(inner);
@@ -276,7 +306,7 @@ std::optional<LogEvent> LogReader::next() {
   return std::nullopt;
 }
 
-/// A plausible event that lies wholly in the file.
+/// Returns the event at `offset` if it is plausible and lies wholly in the file.
 std::optional<LogEvent> LogReader::event_at(std::uint64_t offset) const {
   if (offset > size_ || size_ - offset < smallest_event_bytes) return std::nullopt;
   const std::byte* at = &bytes_[offset];
@@ -300,11 +330,11 @@ std::optional<LogEvent> LogReader::event_at(std::uint64_t offset) const {
   return printable ? std::optional(event) : std::nullopt;
 }
 
-/// Where the first plausible event begins in [from, before); `before` when there is none.
+/// Returns the offset of the first plausible event in [from, before), or `before` without one.
 std::uint64_t LogReader::find_event(std::uint64_t from, std::uint64_t before) const {
   const std::uint32_t sync = big_endian(sync_word);
   while (from < before) {
-    // In pieces, each given back: the search may go over gigabytes.
+    // The search may read gigabytes, so it releases each piece.
     const std::uint64_t end = std::min(before, from + release_bytes);
     const void* found = memmem(&bytes_[from], std::min(end + 3, size_) - from, &sync, sizeof sync);
     if (found == nullptr) {
@@ -320,7 +350,7 @@ std::uint64_t LogReader::find_event(std::uint64_t from, std::uint64_t before) co
   return before;
 }
 
-/// Whether the file ends after `event`, or the next one begins there, be it whole or not.
+/// Returns true if the file ends after `event`, or the next event begins there, whole or not.
 bool LogReader::is_followed(const LogEvent& event) const {
   const std::uint64_t end = event.end();
   if (end == size_) return true;
@@ -351,7 +381,7 @@ void LogReader::note_number(std::int64_t number) {
   number_ = number;
 }
 
-/// Pages that have been read may go; they come back from the file should they be read again.
+/// Releases pages that have been read. Another reading loads them from the file again.
 void LogReader::release(std::uint64_t from, std::uint64_t to) const {
   constexpr std::uint64_t page = 4096;
   const std::uint64_t begin = (from + page - 1) / page * page, end = to / page * page;
@@ -371,7 +401,7 @@ std::filesystem::path find_log(const std::filesystem::path& path) {
   if (!fs::is_directory(path, error)) return path;
   const fs::path latest = fs::read_symlink(path / "latest", error);
   if (!error && fs::exists(path / latest / "lcmlog", error)) return path / latest / "lcmlog";
-  fs::path newest = path;  // runs are named by their time
+  fs::path newest = path;  // a run's name is its time
   if (!fs::exists(path / "lcmlog", error)) {
     for (const auto& entry : fs::directory_iterator(path, error)) {
       const bool run = !entry.is_symlink(error) && fs::exists(entry.path() / "lcmlog", error);

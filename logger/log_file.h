@@ -23,19 +23,21 @@ inline constexpr std::size_t event_header_bytes = 28;
 inline constexpr std::size_t max_channel_bytes = 63;
 
 /// Appends events to a log. Nothing is allocated between construction and `sync`. The first error
-/// of the file system ends the log: the file is cut after its last whole event, and this and every
-/// further call throws a Failure that names path, bytes kept and remedy.
+/// of the file system ends the log and cuts the file after its last whole event. This and every
+/// further call then throws a Failure that names path, bytes kept and remedy.
 class LogWriter {
  public:
-  /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
+  /// Time between two flushes. A killed logger loses at most twice that, as a busy machine may
+  /// delay it.
   static constexpr std::chrono::milliseconds flush_interval{50};
 
-  /// Does not follow a symbolic link. @throw base::Failure(bad_usage) when the file exists,
-  /// or the directory is missing or not writable.
+  /// Creates the file. Does not follow a symbolic link.
+  /// @throw base::Failure(bad_usage) when the file exists, or the directory is missing or not
+  /// writable.
   explicit LogWriter(std::filesystem::path path);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
-  /// Closes, silently; call `close` to have errors thrown.
+  /// Closes the log and drops errors; `close` throws them.
   ~LogWriter();
 
   /// @param utime time stamp [us]
@@ -43,24 +45,24 @@ class LogWriter {
   /// channel is empty or longer than `max_channel_bytes`.
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data);
 
-  /// Hands everything to the operating system: it survives the death of this process.
+  /// Hands all events to the operating system. They survive the death of this process.
   void flush();
 
-  /// `flush` when `flush_interval` has passed since the last one. Cheap otherwise.
+  /// Flushes when `flush_interval` has passed since the last flush. Is cheap otherwise.
   void flush_if_due(std::chrono::steady_clock::time_point now);
 
-  /// Returns when what it is given says so.
+  /// Function that returns once `done` returns true.
   using Wait = std::function<void(const std::function<bool()>& done)>;
-  /// Flushes, and waits until the disk has it. A busy disk takes seconds, in which `meanwhile`
-  /// runs.
+  /// Flushes, and waits until the disk has all events. A busy disk takes seconds, during which
+  /// `meanwhile` runs.
   void sync(const Wait& meanwhile = {});
 
-  /// The same, and closes; a log without events is removed. @throw base::Failure(bad_usage)
-  /// also when the file was removed or replaced meanwhile
+  /// Syncs and closes the log. Removes a log without events.
+  /// @throw base::Failure(bad_usage) also when the file was removed or replaced meanwhile
   void close();
 
   [[nodiscard]] std::int64_t num_events() const { return num_events_; }
-  /// Length of the log including what is not flushed yet [bytes].
+  /// Returns the length of the log, including events that are not flushed yet [bytes].
   [[nodiscard]] std::uint64_t bytes() const { return written_ + filled_; }
 
  private:
@@ -77,8 +79,14 @@ class LogWriter {
   std::uint64_t whole_ = 0;  // end of the last whole event known to be in the file
   std::int64_t num_events_ = 0;
   std::chrono::steady_clock::time_point last_flush_;
-  std::string failure_;  // what the first error said
+  std::string failure_;  // message of the first error
 };
+
+/// Appends an event to a closed log. Its number follows the last event's. Its time stamp is the
+/// last event's.
+/// @throw base::Failure(bad_usage) when the log cannot be read or written
+void append_event(const std::filesystem::path& path, std::string_view channel,
+                  std::span<const std::byte> data);
 
 /// One event of a log. Views stay valid as long as the reader.
 struct LogEvent {
@@ -88,7 +96,7 @@ struct LogEvent {
   std::span<const std::byte> data;
   std::uint64_t offset = 0;  ///< of its first byte in the file
 
-  /// The offset of the byte after it.
+  /// Returns the offset of the byte after the event.
   [[nodiscard]] std::uint64_t end() const {
     return offset + event_header_bytes + channel.size() + data.size();
   }
@@ -100,7 +108,7 @@ struct DamagedStretch {
   std::uint64_t bytes = 0;
 };
 
-/// What a log has lost, as far as read.
+/// Losses of a log in the part that was read.
 struct Damage {
   static constexpr std::size_t max_listed = 1000;
 
@@ -115,22 +123,21 @@ struct Damage {
   [[nodiscard]] std::string text() const;
 };
 
-/// Reads any LCM log, front to back, damaged or not: what is not an event is skipped, up to the
-/// next sync word with lengths and a channel name that can be, and counted. An event that is not
-/// followed by the next one, but holds the beginning of another, is not believed: its lengths are
-/// damaged. The format has no checksum: damage inside a channel name, a time stamp or the data goes
-/// unnoticed here.
+/// Reader of any LCM log from front to back, damaged or not. It skips and counts bytes that are not
+/// an event. It resumes at the next sync word with possible lengths and a possible channel name. It
+/// rejects an event that holds the beginning of another and has no successor behind it. The format
+/// has no checksum. The reader does not notice damage inside a channel name, a time stamp or data.
 ///
-/// The file is mapped, not loaded: memory stays bounded, whatever its size. It must not be cut
-/// short by others meanwhile; growth is not followed.
+/// The reader maps the file, so that its memory stays bounded. No other process may shorten the
+/// file meanwhile. The reader does not follow growth.
 class LogReader {
  public:
   /// @throw base::Failure(bad_usage) when `path` is not a readable regular file.
   explicit LogReader(const std::filesystem::path& path);
-  /// The next event, or nothing at the end of the file.
+  /// Returns the next event, or nothing at the end of the file.
   std::optional<LogEvent> next();
 
-  /// Starts over, damage counts too.
+  /// Starts over and clears the damage counts.
   void rewind();
 
   [[nodiscard]] const Damage& damage() const { return damage_; }
@@ -154,13 +161,13 @@ class LogReader {
   std::uint64_t size_ = 0;
   std::uint64_t position_ = 0;
   std::uint64_t released_ = 0;
-  bool skipping_ = false;     // the last stretch is still growing
-  std::int64_t number_ = -1;  // of the last event
+  bool skipping_ = false;     // the last damaged stretch still grows
+  std::int64_t number_ = -1;  // number of the last event
   Damage damage_;
 };
 
-/// The log that `path` means: itself, or, where it is the directory of a run, the `lcmlog` in it,
-/// or, where it is the directory of several runs (out/NAME), that of the newest.
+/// Returns the log that `path` means. A file means itself. The directory of a run means its
+/// `lcmlog`. The directory of several runs (out/NAME) means the `lcmlog` of the newest run.
 std::filesystem::path find_log(const std::filesystem::path& path);
 
 }  // namespace tachless::logger

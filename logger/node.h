@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "scenario/scenario.h"
-#include "session/link.h"
+#include "session/session.h"
 
 namespace tachless::logger {
 
@@ -11,9 +11,9 @@ namespace tachless::logger {
 /// measurement, REFERENCE, COMMAND, CONTROLLER_STATE and TRUTH, each once, stamped with simulation
 /// time. Heartbeats stay out, so a lockstep log is a function of scenario and run id.
 /// @throw base::Failure bad_usage (log file), protocol_violated (two senders of one
-/// message), the disk's refusal, and what the link throws. The log is closed and readable in
+/// message), the disk's refusal, and what the session throws. The log is closed and readable in
 /// each case.
-void run_node(const scenario::Scenario& scenario, session::Link& link,
+void run_node(const scenario::Scenario& scenario, session::Session& session,
               const std::filesystem::path& log_path);
 
 }  // namespace tachless::logger

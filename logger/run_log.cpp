@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <tuple>
 #include <type_traits>
 
@@ -16,7 +17,7 @@
 namespace tachless::logger {
 namespace {
 
-// Ticks held at once: those waited for, and as many ahead of them.
+// Number of ticks held at once. Half of them are ahead of the awaited ticks.
 constexpr std::int64_t num_held = 2 * RunLog::window;
 
 /// The fingerprint of RUN_INFO in version 0.1.0, whose messages were others.
@@ -47,7 +48,7 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
     if (wrong.empty()) return found;
     if (problem.empty()) problem = wrong;
   }
-  if (events == 0) problem = "not one message of an LCM log is in it; name an LCM log";
+  if (events == 0) problem = no_log_text(reader.path());
   if (problem.empty()) {
     problem = fmt::format(
         "none of its {} messages is a RUN_INFO, which says what was run; record from before the "
@@ -57,7 +58,7 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
   throw base::bad_usage("{}: {}", reader.path().string(), problem);
 }
 
-/// One tick's messages, also as they are in the log.
+/// Messages of one tick, decoded and as bytes of the log.
 struct HeldTick {
   TickRecord record;
   std::array<std::span<const std::byte>, messages::num_slots> bytes;
@@ -65,6 +66,32 @@ struct HeldTick {
 };
 
 }  // namespace
+
+std::string no_log_text(const std::filesystem::path& path) {
+  std::string text(1 << 16, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  const auto type = [&](std::string_view verb) {
+    return fmt::format("tachless {} {}", verb, base::shell_word(path.string()));
+  };
+  if (text.empty()) return "the file is empty; name an LCM log";
+  constexpr std::string_view event_begins = "\xED\xA1\xDA\x01";  // LCM's word of synchronisation
+  if (text.starts_with(event_begins)) {
+    return "an LCM log that ends in its first message; name a log that was written to its end";
+  }
+  if (text.starts_with("\x01\xDA\xA1\xED")) {
+    return "an LCM log in the wrong byte order; write its headers in network byte order";
+  }
+  if (text.find("<robot") != std::string::npos) {
+    return "this is a robot description; type: " + type("robot");
+  }
+  if (text.find("\nrobot:") != std::string::npos &&
+      text.find("\ncontroller:") != std::string::npos) {
+    return "this is a scenario; type: " + type("run");
+  }
+  return "not one message of an LCM log is in it; name an LCM log";
+}
 
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found) {
@@ -116,6 +143,15 @@ std::uint64_t RunSummary::gaps() const {
   return sum;
 }
 
+std::string RunSummary::stop_reason(std::int64_t num_ticks) const {
+  // Before the run begins, a process may fail and another take its place.
+  const bool replaced = plant_finished && stop && stop->tick < 0;
+  if (stop && !replaced) return stop->text.empty() ? "no reason given" : stop->text;
+  if (plant_finished || last_tick + 1 >= num_ticks) return {};
+  return fmt::format("the log ends after {} of {} ticks and does not say why", last_tick + 1,
+                     num_ticks);
+}
+
 std::vector<std::string> RunSummary::gap_texts() const {
   std::vector<std::string> texts;
   for (const auto& piece : pieces) {
@@ -128,10 +164,24 @@ std::vector<std::string> RunSummary::gap_texts() const {
   return texts;
 }
 
+void append_cause(const std::filesystem::path& log, const scenario::Scenario& scenario,
+                  std::int64_t run, const ParticipantFault& cause, base::ExitCode code) {
+  messages::Participant who;
+  who.role = cause.role;
+  who.state = messages::ParticipantState::fault;
+  who.instance = launcher_instance;
+  who.scenario_digest = scenario.digest;
+  who.fault_code = static_cast<int>(code);
+  who.fault = base::printable(cause.text).substr(0, messages::max_participant_text);
+  messages::Codec<messages::Participant> codec(messages::Layout{});
+  append_event(log, messages::channel<messages::Participant>(scenario.robot.channel_prefix),
+               codec.encode({0, run, cause.tick}, who));
+}
+
 /// Puts the messages of a log into their ticks.
 class RunLog::Window {
  public:
-  /// @param held of the window before: its pages, some megabytes, are costly to have anew
+  /// @param held ticks of the previous window, whose pages (some megabytes) are costly to allocate
   explicit Window(RunLog& log, std::vector<HeldTick> held = {})
       : reader_(log.reader_),
         described_(log.described_),
@@ -181,7 +231,7 @@ class RunLog::Window {
   template <class Value>
   struct Channel {
     std::string name;
-    std::optional<messages::Codec<Value>> codec;  ///< nothing when its messages are not read
+    std::optional<messages::Codec<Value>> codec;  ///< nothing: its messages are not read
     Value scratch;
   };
   template <class... Value>
@@ -189,7 +239,7 @@ class RunLog::Window {
   template <class Value>
   void make(Channel<Value>& channel) {
     if (messages::is_measurement<Value> && described_.info.measurement != Value::suffix) return;
-    if (std::is_same_v<Value, messages::LogAck>) return;  // says nothing of a run
+    if (std::is_same_v<Value, messages::LogAck>) return;  // the message tells nothing of a run
     channel.name = messages::channel<Value>(described_.info.robot);
     channel.codec.emplace(described_.layout);
     if constexpr (messages::once_per_tick<Value>) {
@@ -201,7 +251,8 @@ class RunLog::Window {
 
   HeldTick& held_at(std::int64_t tick) { return held_[static_cast<std::size_t>(tick % num_held)]; }
 
-  /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
+  /// Returns false for a tick that has only a reference, at the end of a run that was cut short.
+  /// The reference is a tick ahead.
   [[nodiscard]] bool has_begun(const HeldTick& held) const {
     const std::int64_t tick = held.record.tick;
     return !at_end_ || ready_ || tick != newest_ || summary_.last_tick < 0 ||
@@ -221,7 +272,7 @@ class RunLog::Window {
   void take(const LogEvent& event, Channel<Value>& channel) {
     messages::Stamp stamp;
     const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
-    // Another run may have another number of joints: look at the run even where the size is wrong.
+    // Another run may have another number of joints, so the run counts before the size.
     if (is_foreign(event, std::is_same_v<Value, messages::Participant>)) return;
     if (rejection != messages::Rejection::none) {
       ++summary_.undecodable[rejection];
@@ -232,11 +283,12 @@ class RunLog::Window {
         messages::put(*record, channel.scratch);
       }
     } else if constexpr (std::is_same_v<Value, messages::Participant>) {
-      note_fault(stamp, channel.scratch);
+      note_end(stamp, channel.scratch);
     }
   }
 
-  /// Whether the message is of another run; who has not joined one yet announces itself in run 0.
+  /// Returns true if the message is of another run. A process that has not joined a run announces
+  /// itself in run 0.
   bool is_foreign(const LogEvent& event, bool announcement) {
     if (event.data.size() < messages::stamp_end) return false;
     const std::int64_t run = messages::stamp_of(event.data).run;
@@ -247,10 +299,11 @@ class RunLog::Window {
     return true;
   }
 
-  /// Where a message of a tick belongs; null when it is not to be used, or not yet.
+  /// Returns the record that a message belongs to. Returns null for a message that is not used,
+  /// or not yet.
   TickRecord* place(const LogEvent& event, const messages::Stamp& stamp, Slot slot) {
     const std::int64_t num_ticks = described_.info.num_ticks;
-    // The reference answers one tick ahead, so that one may lie just past the end of the run.
+    // The reference answers one tick ahead, so its last message may lie past the end of the run.
     const bool past_end = slot == Slot::reference && stamp.tick == num_ticks;
     if (stamp.tick < 0 || (stamp.tick >= num_ticks && !past_end) || !time_agrees(stamp)) {
       ++summary_.wrong_tick;
@@ -287,21 +340,30 @@ class RunLog::Window {
     return &held.record;
   }
 
-  /// When the tick begins, if no later.
+  /// Returns the planned time of the tick [us].
   [[nodiscard]] double time_us(const messages::Stamp& stamp) const {
     return static_cast<double>(stamp.tick) * described_.info.period_s * 1e6;
   }
-  /// In lockstep, time is the tick's: a number that was damaged gives itself away.
+  /// Returns false in lockstep when time and tick disagree, as after damage to one of them.
   [[nodiscard]] bool time_agrees(const messages::Stamp& stamp) const {
     return described_.scenario.loop.mode != scenario::Mode::lockstep ||
            std::abs(static_cast<double>(stamp.utime) - time_us(stamp)) <= 1;
   }
 
-  void note_fault(const messages::Stamp& stamp, const messages::Participant& who) {
-    auto& faults = summary_.faults;
-    if (who.state != messages::ParticipantState::fault || faults.size() >= RunSummary::max_listed) {
-      return;
+  /// Notes what an announcement says of the run's end.
+  void note_end(const messages::Stamp& stamp, const messages::Participant& who) {
+    const bool failed = who.state == messages::ParticipantState::fault;
+    // A process that has not joined the run announces its fault in run 0.
+    if (stamp.run == described_.run_id) {
+      auto& stop = summary_.stop;
+      if (who.role == messages::Role::plant && who.state == messages::ParticipantState::finished) {
+        summary_.plant_finished = true;
+      } else if ((failed || !who.fault.empty()) && (!stop || who.instance == launcher_instance)) {
+        stop = {who.role, stop ? stop->tick : stamp.tick, who.fault};
+      }
     }
+    auto& faults = summary_.faults;
+    if (!failed || faults.size() >= RunSummary::max_listed) return;
     const bool known = std::ranges::any_of(faults, [&](const ParticipantFault& fault) {
       return fault.role == who.role && fault.text == who.fault;
     });
@@ -325,9 +387,13 @@ class RunLog::Window {
     }
   }
 
-  /// Ticks from the one after the last that had the piece to the one before `tick`.
+  /// Counts the ticks that lack the piece, after the last tick that had it and before `tick`.
   void count_missing(Slot slot, std::int64_t tick) {
-    const TickRange range{last_seen_[index(slot)] + 1, tick - 1};
+    std::int64_t last = tick - 1;
+    if (summary_.stop && described_.scenario.loop.mode == scenario::Mode::realtime) {
+      last = std::min(last, std::max<std::int64_t>(summary_.stop->tick, -1));
+    }
+    const TickRange range{last_seen_[index(slot)] + 1, last};
     if (range.first <= range.last) piece(slot).missing.add(range);
   }
 
@@ -336,16 +402,16 @@ class RunLog::Window {
   const std::function<void(const LogEvent&)>& on_event_;
   RunSummary& summary_;
   decltype(channels_of(messages::AllMessages())) channels_;
-  const HeldTick none_{};  ///< assigned in place of {}, which would be cleared byte by byte first
+  const HeldTick none_{};  ///< source of assignments; {} would first be cleared byte by byte
   std::vector<HeldTick> held_;
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
   std::int64_t newest_ = -1;        // highest tick that is held
-  std::optional<LogEvent> ready_;   // to be taken once what is below `release_below_` is handed out
+  std::optional<LogEvent> ready_;   // event to place after the ticks below `release_below_`
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, messages::num_slots> last_seen_{};
-  std::string gains_;  ///< of the last reference handed out
+  std::string gains_;                  ///< of the last reference handed out
 };
 
 RunLog::RunLog(const std::filesystem::path& path, std::optional<std::int64_t> run)

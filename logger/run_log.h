@@ -19,16 +19,16 @@
 #include "messages/wire.h"
 #include "scenario/scenario.h"
 
-/// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
+/// Reading of a log as a run. Messages are decoded and grouped by tick; gaps are named.
 namespace tachless::logger {
 
 using messages::Slot;
 using messages::TickRecord;
 
-/// Of the channel, after the robot's name.
+/// Suffix of the channel of RUN_INFO, after the robot's name.
 inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
-/// A run that a log holds, and what its RUN_INFO says.
+/// A run of a log, with the contents of its RUN_INFO.
 struct RunDescription {
   std::int64_t run_id = 0;      ///< of each of its messages
   messages::RunInfo info;       ///< the message
@@ -36,20 +36,23 @@ struct RunDescription {
   messages::Layout layout;      ///< `num_signals` is how many signals RUN_INFO declares
 };
 
+/// Returns the kind of a file without any message of a log, by its beginning, and a remedy.
+std::string no_log_text(const std::filesystem::path& path);
+
 /// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
 /// @return what is wrong with it, after "its RUN_INFO"; empty: nothing, and `found` is filled
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found);
 
-/// How often one message of a tick is in the log.
+/// Counts of one message of a tick in the log.
 struct PieceSummary {
   std::string channel;           ///< its channel
   std::uint64_t count = 0;       ///< ticks that have it
   std::uint64_t duplicates = 0;  ///< further copies, the same
   std::uint64_t conflicts = 0;   ///< further copies, different: the first one counts
-  TickRanges<100> missing;       ///< ticks from 0 to the log's last that lack it
+  TickRanges<100> missing;       ///< ticks up to the last that lack it
 
-  /// A piece that the log never has was not recorded: absent, rather than full of gaps.
+  /// Returns true if the log never has the piece. An absent piece has no gaps.
   [[nodiscard]] bool absent() const { return count == 0; }
 };
 
@@ -60,18 +63,27 @@ struct ParticipantFault {
   std::string text;                             ///< cause
 };
 
+/// The instance in the announcement of a fault that `append_cause` writes; no process has it.
+inline constexpr std::int64_t launcher_instance = 0;
+
+/// Appends the cause of the end to the closed log of a run. The cause is an announcement in the
+/// name of `cause.role`, by `launcher_instance`. It outranks the announcements of the processes.
+/// @throw base::Failure(bad_usage) when the log cannot be read or written
+void append_cause(const std::filesystem::path& log, const scenario::Scenario& scenario,
+                  std::int64_t run, const ParticipantFault& cause, base::ExitCode code);
+
 /// Gains of the law that are not those of the tick before.
 struct GainsSince {
   std::int64_t tick = 0;  ///< the first with them
   std::string gains;      ///< as scenario::gains_text; empty: the scenario's again
 };
 
-/// What was found on the way. Final once `RunLog::next` has returned false.
+/// Findings of a RunLog. They are final once `RunLog::next` has returned false.
 struct RunSummary {
   static constexpr std::size_t max_listed = 100;  ///< runs and faults
 
   std::int64_t first_tick = -1;                              ///< -1 while there is none
-  std::int64_t last_tick = -1;                               ///< likewise
+  std::int64_t last_tick = -1;                               ///< -1 while there is none
   std::uint64_t ticks = 0;                                   ///< ticks of which there is anything
   std::array<PieceSummary, messages::num_slots> pieces;      ///< by message of a tick
   std::map<messages::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
@@ -82,28 +94,36 @@ struct RunSummary {
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
   std::vector<GainsSince> gains;                       ///< changes; the first `max_listed`
+  /// Cause of an end before the plan. The launcher's cause outranks the first fault of a member.
+  /// The tick is that of the first fault; the ticks after it belong to the stop.
+  std::optional<ParticipantFault> stop;
+  bool plant_finished = false;  ///< the plant announced that the run has reached its planned end
 
-  /// One of `pieces`.
+  /// Returns the summary of one piece.
   [[nodiscard]] const PieceSummary& of(Slot piece) const { return pieces[index(piece)]; }
-  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
+  /// Returns the number of ticks that lack a piece, summed over the pieces that the log records.
+  /// The ticks reach from 0 to the last tick, in realtime to the tick of the stop.
   [[nodiscard]] std::uint64_t gaps() const;
-  /// "no ARM_TRUTH", "ARM_COMMAND missing in 3 ticks".
+  /// Returns why a run of `num_ticks` ended before its plan, as far as the log tells; empty: the
+  /// run reached its planned end.
+  [[nodiscard]] std::string stop_reason(std::int64_t num_ticks) const;
+  /// Returns texts such as "no ARM_TRUTH", "ARM_COMMAND missing in 3 ticks".
   [[nodiscard]] std::vector<std::string> gap_texts() const;
 };
 
-/// Reads a run from a log: a canonical one of ours, or one that lcm-logger recorded in order of
-/// arrival, with duplicates and participants' messages. Front to back, in bounded memory: a
-/// window of ticks. Gaps are named, never bridged.
+/// Reader of a run from a log, front to back. The log is a canonical one, or one that lcm-logger
+/// recorded in order of arrival, with duplicates and participants' messages. A window of ticks
+/// bounds the memory. The reader names gaps and never bridges them.
 class RunLog {
  public:
-  /// Messages may be this many ticks out of order.
+  /// Number of ticks that messages may be out of order.
   static constexpr std::int64_t window = 128;
 
-  /// Finds the run's RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the
-  /// first otherwise.
-  /// @throw base::Failure(bad_usage) when the file cannot be read or holds no usable
-  /// RUN_INFO (of that run): damaged, recorded by a version whose messages were others, or with a
-  /// scenario that is not valid.
+  /// Finds the run's RUN_INFO anywhere in the log. Takes the run with id `run`, or without an id
+  /// the first run.
+  /// @throw base::Failure(bad_usage) when the file cannot be read or holds no usable RUN_INFO (of
+  /// that run). A RUN_INFO is unusable if it is damaged, of another version's messages, or has an
+  /// invalid scenario.
   static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {}) {
     return RunLog(path, run);
   }
@@ -115,13 +135,13 @@ class RunLog {
   [[nodiscard]] const RunDescription& description() const { return described_; }   ///< of the run
   [[nodiscard]] std::int64_t run() const { return described_.run_id; }             ///< its id
   [[nodiscard]] const messages::RunInfo& info() const { return described_.info; }  ///< RUN_INFO
-  /// What RUN_INFO has as YAML.
+  /// Returns the scenario that RUN_INFO holds as YAML.
   [[nodiscard]] const scenario::Scenario& scenario() const { return described_.scenario; }
 
-  /// The next tick of which the log holds anything, in order of ticks. False at the end.
+  /// Reads the next tick that has any message, in order of ticks. Returns false at the end.
   bool next(TickRecord& record);
 
-  /// Calls `on_event` with every event of the log, of whatever channel, when `next` reads it.
+  /// Makes `next` call `on_event` with every event that it reads, on any channel.
   void watch(std::function<void(const LogEvent&)> on_event) { on_event_ = std::move(on_event); }
 
   /// Starts over.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -24,29 +25,15 @@ class TickTally {
   static constexpr std::int64_t window = 1024;
   using Missing = TickRanges<5>;
 
-  explicit TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), entries_(window) {
-    for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
-  }
+  explicit TickTally(std::int64_t num_ticks);
 
-  /// Whether the message is to be recorded (`fresh`), or what else it is.
-  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes) {
-    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
-    if (tick < settled_) return Verdict::too_old;
-    settle_before(tick - window + 1);
-    if (slot != Slot::reference) newest_ = std::max(newest_, tick);
-    Entry& entry = entries_[static_cast<std::size_t>(tick % window)];
-    if (entry.tick != tick) {
-      entry = Entry();
-      entry.tick = tick;
-    }
-    const std::uint64_t digest = session::digest_of(bytes);
-    if (entry.has[index(slot)]) {
-      return entry.digest[index(slot)] == digest ? Verdict::repeated : Verdict::conflicting;
-    }
-    entry.has[index(slot)] = true;
-    entry.digest[index(slot)] = digest;
-    return Verdict::fresh;
-  }
+  /// Returns whether the message is to be recorded (`fresh`), or why not.
+  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
+
+  /// The robot is stopped from this tick on: `is_due_while_stopped`.
+  void on_stop(std::int64_t tick) { stopped_from_ = std::min(stopped_from_, tick); }
+  /// The run is being stopped, from `last` on: no tick after it counts as incomplete.
+  void stop_after(std::int64_t last) { expected_ = std::min(expected_, last); }
 
   /// The run is over; `last` is its last tick.
   void finish(std::int64_t last) { settle_before(std::min(last + 1, num_ticks_)); }
@@ -55,10 +42,10 @@ class TickTally {
   /// before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
   /// Ticks with all their messages, and ticks that lack some; of those that are over.
-  [[nodiscard]] std::int64_t complete() const { return complete_; }
-  [[nodiscard]] std::int64_t incomplete() const { return settled_ - complete_; }
+  [[nodiscard]] std::int64_t num_complete() const { return complete_; }
+  [[nodiscard]] std::int64_t num_incomplete() const { return incomplete_; }
 
-  /// Ticks that lack the message.
+  /// Ticks that lack the message, up to the one after which the run was stopped.
   [[nodiscard]] const Missing& missing(Slot slot) const { return missing_[index(slot)]; }
 
  private:
@@ -68,24 +55,16 @@ class TickTally {
     std::array<std::uint64_t, messages::num_slots> digest{};
   };
 
-  void settle_before(std::int64_t end) {
-    for (; settled_ < end; ++settled_) {
-      const Entry& entry = entries_[static_cast<std::size_t>(settled_ % window)];
-      bool complete = true;
-      for (const Slot slot : messages::all_slots) {
-        if (entry.tick == settled_ && entry.has[index(slot)]) continue;
-        complete = false;
-        missing_[index(slot)].add(settled_);
-      }
-      if (complete) ++complete_;
-    }
-  }
+  void settle_before(std::int64_t end);
 
   std::int64_t num_ticks_;
   std::vector<Entry> entries_;
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
+  std::int64_t stopped_from_ = std::numeric_limits<std::int64_t>::max();
+  std::int64_t incomplete_ = 0;
+  std::int64_t expected_;  ///< ticks up to this one have to be there
   std::array<Missing, messages::num_slots> missing_;
 };
 

@@ -7,7 +7,9 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "base/elementary.h"
 #include "base/text.h"
+#include "plant/step_error.h"
 
 namespace tachless::plant {
 namespace {
@@ -21,9 +23,9 @@ constexpr double b[5] = {1. / 6, 0, 0, 4. / 6, 1. / 6};
 // A fifth of the difference to the last stage's argument.
 constexpr double e[5] = {(1. / 6 - 1. / 2) / 5, 0, (3. / 2) / 5, (4. / 6 - 2) / 5, (1. / 6) / 5};
 
-/// From one step to the next.
+/// Largest ratio of a step's length to that of the step before.
 constexpr double max_growth = 5;
-/// Steps of one `advance` beyond which it gives up.
+/// Most steps between two jumps of a torque; a loop that needs more is out of proportion.
 constexpr int max_steps = 20000;
 
 void require_size(const Vector& x, Eigen::Index num_joints) {
@@ -101,7 +103,7 @@ ArmState Arm::state() const {
 double Arm::torque(Eigen::Index joint, double time_s) const {
   const double rate = current_rate_[joint];
   return rate == 0 ? tau_[joint]
-                   : tau_[joint] + lag_[joint] * std::exp(-rate * (time_s - since_s_));
+                   : tau_[joint] + lag_[joint] * base::exp(-rate * (time_s - since_s_));
 }
 
 void Arm::set_state(const ArmState& state, double time_s) {
@@ -113,7 +115,7 @@ void Arm::set_state(const ArmState& state, double time_s) {
   step_s_ = 0;
 }
 
-/// The right-hand side: accelerations of (q, theta) at a time, a position and a velocity.
+/// Computes the accelerations of (q, theta) at a time, a position and a velocity.
 void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdot,
                      Coordinates& xddot) {
   const Eigen::Index n = num_joints_;
@@ -143,7 +145,7 @@ void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdo
   xddot.tail(n) = load_;
 }
 
-/// Which joints stick from now on.
+/// Decides which joints stick from now on.
 void Arm::choose_sticking() {
   if (!dry_friction_.present() && !motor_friction_.present()) return;
   dry_friction_.stick(xdot_.data());
@@ -182,7 +184,7 @@ void Arm::advance(const Vector& tau, double time_s) {
   }
 }
 
-/// To an instant before which no torque jumps.
+/// Integrates to `end_s`; no torque jumps before that.
 void Arm::integrate(double end_s) {
   if (step_s_ == 0) step_s_ = end_s - now_s_;
   choose_sticking();
@@ -194,9 +196,9 @@ void Arm::integrate(double end_s) {
   }
 }
 
-/// One accepted or refused step, to `end_s` at most.
+/// Takes or refuses one step, to `end_s` at most.
 void Arm::take_step(double end_s) {
-  // The end of the interval cuts a step short; what was found about its length stays.
+  // The interval's end may cut a step short; step_s_ then keeps its value.
   const bool last = now_s_ + step_s_ * (1 + 1e-12) >= end_s;
   const double h = last ? end_s - now_s_ : step_s_;
   if (!(now_s_ + h > now_s_)) {
@@ -206,7 +208,7 @@ void Arm::take_step(double end_s) {
   // A step whose error is not a number is refused like one that is too long.
   const bool accepted = error <= accuracy_;
   const double factor = error > 0 || !std::isfinite(error)
-                            ? 0.9 * std::pow(accuracy_ / error, 1.0 / error_order)
+                            ? 0.9 * base::pow(accuracy_ / error, 1.0 / error_order)
                             : max_growth;
   const double wanted = h * (std::isfinite(factor) ? std::clamp(factor, 0.1, max_growth) : 0.1);
   if (!accepted) {
@@ -225,9 +227,9 @@ void Arm::take_step(double end_s) {
   choose_sticking();
 }
 
-/// Of the step of length h, which is in next_x_ and next_xdot_: where a joint begins to stick or to
-/// slide, or rather the first instant found beyond; shortens the step to that. Nothing when none
-/// does. The bracket is halved every third time at least, so it closes whatever the function.
+/// Shortens the step of length h, in next_x_ and next_xdot_, to just after the first instant at
+/// which a joint begins to stick or to slide, and returns the shorter length. Returns nothing if
+/// there is none. The bracket is halved at least every third time, so it always closes.
 std::optional<double> Arm::shorten_to_change(double h) {
   if (!dry_friction_.present() && !motor_friction_.present()) return {};
   const auto violation = [this](double step_s) {
@@ -243,25 +245,31 @@ std::optional<double> Arm::shorten_to_change(double h) {
   double low = 0, low_s = 0, high_s = h;
   bool was_beyond = true;
   for (int k = 0; high_s - low_s > close_s; ++k) {
-    // Regula falsi, Illinois variant (an end that stays is counted half), no nearer to an end than
-    // half of what is close enough.
+    // Regula falsi, Illinois variant: the value at an end that stays is halved. The point keeps a
+    // distance of half of `close_s` from both ends.
     const double share = k % 3 == 0 || !(low < 0) ? 0.5 : low / (low - high);
     const double middle_s =
         std::clamp(low_s + share * (high_s - low_s), low_s + close_s / 2, high_s - close_s / 2);
     try_step(middle_s);
     const double middle = violation(middle_s);
-    const bool beyond = middle > 0;
-    if (beyond == was_beyond) (beyond ? low : high) /= 2;
-    (beyond ? high : low) = middle;
-    (beyond ? high_s : low_s) = middle_s;
+    const bool beyond = middle > 0, same_side = beyond == was_beyond;
+    if (beyond) {
+      high = middle;
+      high_s = middle_s;
+      if (same_side) low /= 2;
+    } else {
+      low = middle;
+      low_s = middle_s;
+      if (same_side) high /= 2;
+    }
     was_beyond = beyond;
   }
   try_step(high_s);
   return high_s;
 }
 
-/// The step of length h, into next_x_ and next_xdot_.
-/// @return the largest estimated error, of each value relative to the larger of it and 1.
+/// Computes the step of length h into next_x_ and next_xdot_.
+/// @return the largest relative error as estimated; NaN if one is NaN.
 double Arm::try_step(double h) {
   for (std::size_t i = 0; i < num_stages; ++i) {
     double time_s = now_s_;
@@ -287,14 +295,7 @@ double Arm::try_step(double h) {
     error_x_ += (h * e[i]) * rate_[i];
     error_xdot_ += (h * e[i]) * acceleration_[i];
   }
-  double largest = 0;
-  for (Eigen::Index i = 0; i < x_.size(); ++i) {
-    const double of_x = std::abs(error_x_[i]) / std::max(1.0, std::abs(x_[i]));
-    const double of_xdot = std::abs(error_xdot_[i]) / std::max(1.0, std::abs(xdot_[i]));
-    if (!(of_x <= largest)) largest = of_x;
-    if (!(of_xdot <= largest)) largest = of_xdot;
-  }
-  return largest;
+  return step_error(error_xdot_, xdot_, step_error(error_x_, x_, 0));
 }
 
 void Arm::brake(const Vector& damping) {

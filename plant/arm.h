@@ -17,15 +17,15 @@ namespace tachless::plant {
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
   double accuracy = 1e-9;  ///< of an integrator's step, relative
-  DriveSpec drive;  ///< of which friction, current loop, scale and offset; empty vectors are none
+  DriveSpec drive;  ///< friction, current loop, scale and offset are used; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
-  Disturbances* disturbances = nullptr;     ///< outlive the arm; none when null
+  Disturbances* disturbances = nullptr;     ///< none when null; must outlive the arm
 };
 
-/// A multibody arm whose motor torque is asked for over each call of `advance`, and follows: the
-/// paper's eq. 1 (flexible joints) or eq. 2 (rigid ones) with friction and disturbances, integrated
-/// by Merson's Runge-Kutta method. Rotors of flexible joints are pinned to the ground (Spong's
-/// simplification), so each is a scalar equation.
+/// A multibody arm with drives: the paper's eq. 1 (flexible joints) or eq. 2 (rigid joints) with
+/// friction and disturbances, integrated by Merson's Runge-Kutta method. Each call of `advance`
+/// commands a motor torque, which the drives follow. Rotors of flexible joints are pinned to the
+/// ground (Spong's simplification), so each rotor is a scalar equation.
 class Arm {
  public:
   /// The arm of `model` (gravity, added rotor inertia and payload included).
@@ -33,24 +33,24 @@ class Arm {
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
 
   [[nodiscard]] ArmState state() const;
-  /// To another state at another time, as if constructed so.
+  /// Sets state and time, as if constructed so.
   void set_state(const ArmState& state, double time_s);
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
   /// @throw std::runtime_error with time and cause when the integrator gives up.
   void advance(const Vector& tau, double time_s);
 
-  /// The drives are off, and viscous braking [N m s/rad] is added at the motors (links if rigid),
-  /// from now on: the protective stop.
+  /// Switches the drives off and adds viscous braking [N m s/rad] at the motors (at the links if
+  /// rigid): the protective stop.
   void brake(const Vector& damping);
 
  private:
-  /// (q, theta), or their rates: one vector of up to twice the joints, in place.
+  /// (q, theta) or their rates, without allocation.
   using Coordinates = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * max_joints, 1>;
   static constexpr std::size_t num_stages = 5;
 
   void accelerate(double time_s, const Coordinates& x, const Coordinates& xdot, Coordinates& xddot);
-  /// Of the drives, `tau_` being asked for [N m; N].
+  /// Returns the torque of a drive under the command `tau_` [N m; N].
   [[nodiscard]] double torque(Eigen::Index joint, double time_s) const;
   void choose_sticking();
   void integrate(double end_s);
@@ -63,19 +63,19 @@ class Arm {
   double accuracy_;
   bool flexible_;
   Vector K_, J_, motor_damping_, rigid_rotor_inertia_, viscous_friction_;
-  Vector current_rate_;  ///< of the current loops [rad/s]; 0: the torque acts at once
+  Vector current_rate_;  ///< bandwidth of the current loops [rad/s]; 0: the torque acts at once
   Vector torque_scale_, torque_offset_;
   DryFriction dry_friction_, motor_friction_;
   Disturbances* disturbances_;
 
-  Vector tau_;  ///< asked for
-  Vector lag_;  ///< what the drives gave above it at since_s_, when that began
+  Vector tau_;  ///< commanded
+  Vector lag_;  ///< torque of the drives less `tau_` at since_s_, the time of the command
   double since_s_ = 0;
   Coordinates x_, xdot_;  ///< at now_s_
   double now_s_ = 0;
-  double step_s_ = 0;  ///< the length that the next step is tried with
+  double step_s_ = 0;  ///< length of the next step to try
 
-  // Of the evaluation and of the step that is tried.
+  // Work space of an evaluation and of a step.
   Vector q_, v_, load_;
   Coordinates xddot_;
   std::array<Coordinates, num_stages> rate_, acceleration_;

@@ -6,17 +6,17 @@
 
 namespace tachless::plant {
 
-/// What a robot does at an instant.
+/// State of a robot at an instant.
 struct ArmState {
   Vector q;         ///< link position [rad; m if prismatic]
   Vector v;         ///< link velocity [rad/s; m/s]
   Vector theta;     ///< motor position [rad]; empty on a rigid robot
   Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
-  /// Torque on the links that no drive gives [N m; N]; empty: none. For the log alone.
+  /// Torque on the links that no drive gives [N m; N]; empty: none. Only the log uses it.
   Vector disturbance{};
-  /// Of the drives' current loops, where they lag [N m; N]; empty: zero.
+  /// Torque of the drives where a current loop lags [N m; N]; empty: zero.
   Vector torque{};
-  /// The robot's own time, from anywhere [s]; NaN: it tells none.
+  /// The robot's own time since an arbitrary instant [s]; NaN: the robot tells none.
   double time_s = std::numeric_limits<double>::quiet_NaN();
 };
 

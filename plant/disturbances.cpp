@@ -1,10 +1,10 @@
 #include "plant/disturbances.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "base/elementary.h"
 #include "robot/kinematics.h"
 
 namespace tachless::plant {
@@ -25,7 +25,7 @@ Disturbances::Disturbances(const std::vector<DisturbanceSpec>& specs, double per
 }
 
 double Disturbances::next_jump(double from_s, double until_s) const {
-  // Start and end are sums of decimals as ticks are: what is nearer than that is the same.
+  // Start, end and ticks are rounded decimals: times nearer than this are the same.
   const double same_s = 1e-9 * period_s_;
   double next_s = until_s;
   for (const Source& source : sources_) {
@@ -55,10 +55,10 @@ void Disturbances::add(double time_s, const Vector& q, Vector& tau) const {
       case DisturbanceShape::constant:
         break;
       case DisturbanceShape::pulse:
-        value = std::sin(pi * since_s / (*spec.end_s - spec.start_s));
+        value = base::sin(pi * since_s / (*spec.end_s - spec.start_s));
         break;
       case DisturbanceShape::sinusoid:
-        value = std::sin(2 * pi * spec.frequency_hz * since_s + spec.phase_rad);
+        value = base::sin(2 * pi * spec.frequency_hz * since_s + spec.phase_rad);
         break;
     }
     if (source.joint >= 0) {

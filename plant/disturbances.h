@@ -8,22 +8,22 @@
 
 namespace tachless::plant {
 
-/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints that no
-/// drive gives. A function of the specs, the time and the links' position alone, with jumps.
+/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints: a function
+/// of the specs, the time and the links' position alone, with jumps.
 class Disturbances {
  public:
-  /// @param specs, model of which the joints and links are: both outlive this.
+  /// @param specs, model must outlive this object; the model has the joints and links of the specs.
   Disturbances(const std::vector<DisturbanceSpec>& specs, double period_s,
                const robot::Model& model);
 
-  /// The first jump after `from_s`, at `until_s` at the latest.
+  /// Returns the time of the first jump after `from_s`, or `until_s` if there is none before it.
   [[nodiscard]] double next_jump(double from_s, double until_s) const;
-  /// What is added from now on is of the time from `from_s` to `until_s`, inside which is no jump.
+  /// Selects the disturbances for the time from `from_s` to `until_s`, in which there is no jump.
   void choose(double from_s, double until_s);
   /// Adds the torque at `time_s` and link position `q` to `tau` [N m].
   void add(double time_s, const Vector& q, Vector& tau) const;
 
-  /// The torque at `time_s`, the beginning of a tick [N m; N].
+  /// Returns the torque at `time_s`, the beginning of a tick [N m; N].
   [[nodiscard]] Vector at(double time_s, const Vector& q);
 
  private:

@@ -5,22 +5,24 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "robot/cholesky.h"
 
 namespace tachless::plant {
 
-/// Friction of the links' joints that does not vanish with the speed: Coulomb's with Stribeck's
-/// rise towards rest (Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994):
+/// Dry friction of joints: Coulomb's with Stribeck's rise towards rest
+/// (Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994):
 ///
 ///   F(v) = sign(v) (Fc + (Fs - Fc) exp(-(v/vs)^2)) for v != 0, |F| <= Fs at rest.
 ///
-/// Nothing is smoothed. A joint slides in a direction, or it sticks, and then its acceleration is
-/// exactly zero; which of the two is kept between instants that the integrator finds. So the
-/// torques are smooth in between, a joint at rest stays where it is, and F v >= 0 always: friction
-/// takes energy and gives none. Which joints at rest begin to slide is the one solution of
-/// M a = r - F, |F| <= Fs, a F >= 0 and (|F| < Fs only where a = 0) (Gauss's principle of least
-/// constraint), found by projected Gauss-Seidel iteration. Does not integrate.
+/// Nothing is smoothed. A joint slides in a direction, or it sticks with an acceleration of exactly
+/// zero. It changes between the two only at instants that the integrator finds. Torques are smooth
+/// in between, a joint at rest stays where it is, and F v >= 0: friction gives no energy. The
+/// joints that begin to slide follow from the unique solution of M a = r - F, |F| <= Fs, a F >= 0
+/// and
+/// (|F| < Fs only where a = 0) (Gauss's principle of least constraint), found by projected
+/// Gauss-Seidel iteration. Does not integrate.
 class DryFriction {
   using Index = Eigen::Index;
 
@@ -42,13 +44,13 @@ class DryFriction {
 
   [[nodiscard]] bool present() const { return coulomb_.size() > 0; }
 
-  /// rhs, all other torques at link velocity v, becomes the accelerations. M, symmetric, is
-  /// overwritten. @throw std::runtime_error if it is not positive definite.
+  /// Replaces rhs, all other torques at link velocity v, by the accelerations. Overwrites M, which
+  /// is symmetric. @throw std::runtime_error if it is not positive definite.
   void solve(Matrix& M, const double* v, Vector& rhs) {
     const Index n = rhs.size();
     for (Index i = 0; i < coulomb_.size(); ++i) {
       const double x = v[i] / stribeck_[i];
-      rhs[i] -= direction_[i] * (coulomb_[i] + (held_[i] - coulomb_[i]) * std::exp(-x * x));
+      rhs[i] -= direction_[i] * (coulomb_[i] + (held_[i] - coulomb_[i]) * base::exp(-x * x));
     }
     const bool some = sticks();
     if (some) {
@@ -67,12 +69,12 @@ class DryFriction {
     if (some) torque_.noalias() = load_ - M_.lazyProduct(rhs);
   }
 
-  /// Joints that move slide, those at rest stick until `release`. Call `solve` in between.
+  /// Lets joints that move slide; joints at rest stick until `release`. Call `solve` in between.
   void stick(const double* v) {
     for (Index i = 0; i < held_.size(); ++i) direction_[i] = (v[i] > 0) - (v[i] < 0);
   }
 
-  /// Lets those slide that cannot be held, as of the last `solve`.
+  /// Lets sticking joints slide that friction cannot hold, by the torques of the last `solve`.
   void release() {
     const Index n = held_.size();
     Index worst = 0;
@@ -83,8 +85,8 @@ class DryFriction {
       worst = i;
     }
     if (largest <= 1 + beyond) return;
-    // a = M^-1 (load - F), F of the joints at rest within +-Fs, each in turn as nearly a_i = 0 as
-    // it can be: minimises a' M a.
+    // a = M^-1 (load - F) minimises a' M a: each joint at rest in turn takes the F within +-Fs that
+    // brings its acceleration nearest to 0.
     Matrix LD = M_, inverse = Matrix::Identity(n, n);
     factorise(LD);
     for (Index j = 0; j < n; ++j) {
@@ -115,7 +117,7 @@ class DryFriction {
       direction_[i] = F[i] > 0 ? 1 : -1;
       none = false;
     }
-    // Beyond by so little that the iteration does not see it.
+    // The excess is below the tolerance of the iteration.
     if (none) direction_[worst] = torque_[worst] > 0 ? 1 : -1;
   }
 
@@ -126,8 +128,8 @@ class DryFriction {
     return false;
   }
 
-  /// Above 0 when a joint that slides has turned round at `v`, or one that sticks cannot be held,
-  /// as of the last `solve`.
+  /// Returns a number above 0 if a sliding joint has turned round at `v`, or if friction cannot
+  /// hold a sticking joint by the torques of the last `solve`.
   [[nodiscard]] double violation(const double* v) const {
     double largest = -std::numeric_limits<double>::infinity();
     for (Index i = 0; i < held_.size(); ++i) {
@@ -138,7 +140,7 @@ class DryFriction {
     return largest;
   }
 
-  /// Makes the joints stand still that have turned round.
+  /// Sets the velocity of joints that have turned round to zero.
   void stop(double* v) const {
     for (Index i = 0; i < held_.size(); ++i) {
       if (held_[i] > 0 && direction_[i] * v[i] <= 0) v[i] = 0;
@@ -146,10 +148,10 @@ class DryFriction {
   }
 
  private:
-  /// Of the static friction: a joint that sticks slides from this far beyond it on. Above rounding,
-  /// so that a joint that is let go does move.
+  /// Relative excess over the static friction from which a sticking joint slides. It is above
+  /// rounding, so that a released joint does move.
   static constexpr double beyond = 1e-9;
-  /// Of the static friction: where the iteration ends.
+  /// Tolerance of the iteration, relative to the static friction.
   static constexpr double converged = 1e-13;
 
   static void factorise(Matrix& M) {
@@ -162,8 +164,8 @@ class DryFriction {
 
   Vector coulomb_, held_, stribeck_;
   VectorOf<int> direction_;  ///< 0: sticks
-  Matrix M_;                 ///< of the last `solve`, if a joint sticks
-  Vector torque_;            ///< all but what holds the joints that stick, then that alone
+  Matrix M_;                 ///< inertia matrix of the last `solve`, if a joint sticks
+  Vector torque_;            ///< without friction first, then the holding torque of sticking joints
   Vector load_;
 };
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/elementary.h"
+
 namespace tachless::plant {
 namespace {
 
@@ -25,10 +27,10 @@ Block philox(Block counter, std::uint64_t seed) {
   return counter;
 }
 
-/// Uniform in (0, 1), never 0, from 53 of 64 bits.
+/// Returns a number in (0, 1), from 52 of 64 bits: with 53 the largest would round to 1.
 double uniform(std::uint32_t high, std::uint32_t low) {
-  const std::uint64_t bits = (std::uint64_t{high} << 32 | low) >> 11;
-  return (static_cast<double>(bits) + 0.5) * 0x1p-53;
+  const std::uint64_t bits = (std::uint64_t{high} << 32 | low) >> 12;
+  return (static_cast<double>(bits) + 0.5) * 0x1p-52;
 }
 
 }  // namespace
@@ -38,8 +40,8 @@ double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t chan
   const auto t = static_cast<std::uint64_t>(tick);
   const Block random = philox(
       {static_cast<std::uint32_t>(t), static_cast<std::uint32_t>(t >> 32), channel, joint}, seed);
-  return std::sqrt(-2 * std::log(uniform(random[0], random[1]))) *
-         std::cos(2 * std::numbers::pi * uniform(random[2], random[3]));
+  return std::sqrt(-2 * base::log(uniform(random[0], random[1]))) *
+         base::cos(2 * std::numbers::pi * uniform(random[2], random[3]));
 }
 
 double standard_uniform(std::uint64_t seed, std::int64_t tick) {
@@ -50,13 +52,13 @@ double standard_uniform(std::uint64_t seed, std::int64_t tick) {
   return uniform(random[0], random[1]);
 }
 
-Encoder::Encoder(const scenario::Scenario& scenario, const robot::Model& model)
-    : eccentricity_(scenario.plant.encoder.eccentricity_rad),
-      phase_(scenario.plant.encoder.eccentricity_phase_rad),
-      count_(scenario::encoder_count(scenario, model)),
-      position_noise_(scenario.plant.encoder.noise_std_rad),
-      velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
-      seed_(scenario.plant.encoder.seed) {
+Encoder::Encoder(const EncoderSpec& spec, const Vector& count, const robot::Model& model)
+    : eccentricity_(spec.eccentricity_rad),
+      phase_(spec.eccentricity_phase_rad),
+      count_(count),
+      position_noise_(spec.noise_std_rad),
+      velocity_noise_(spec.velocity_noise_std_rad_per_s),
+      seed_(spec.seed) {
   for (Eigen::Index i = 0; i < eccentricity_.size(); ++i) {
     const bool slides =
         model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::prismatic;
@@ -70,7 +72,7 @@ Vector Encoder::read(const Vector& exact, Channel channel, std::int64_t tick) co
   Vector measured = exact;
   for (Eigen::Index i = 0; i < exact.size(); ++i) {
     if (channel == Channel::link_position && eccentricity_.size() > 0 && eccentricity_[i] > 0) {
-      measured[i] += eccentricity_[i] * std::sin(exact[i] + phase_[i]);
+      measured[i] += eccentricity_[i] * base::sin(exact[i] + phase_[i]);
     }
     if (noise > 0) {
       measured[i] += noise * standard_normal(seed_, tick, static_cast<std::uint32_t>(channel),

@@ -4,25 +4,26 @@
 
 #include "messages/measurements.h"
 #include "plant/arm_state.h"
+#include "plant/spec.h"
 #include "robot/model.h"
-#include "scenario/scenario.h"
 
 namespace tachless::plant {
 
 /// The position encoders of all joints (and the tachometers, for laws that measure velocity):
-/// true state in, measurement out. A measurement is a function of (scenario, state, tick) alone:
-/// the noise is drawn by a counter-based generator, from the seed, the tick, the joint and the
-/// channel, so that repeating a tick repeats its noise and no channel shifts another's.
+/// true state in, measurement out. A measurement is a function of (spec, state, tick) alone. A
+/// counter-based generator draws the noise from seed, tick, joint and channel: a repeated tick
+/// repeats its noise, and no channel shifts another's.
 ///
-/// Position: a link that turns has its eccentricity; noise is added, then the sum is rounded to the
-/// nearest count. A revolute joint has 2^bits counts a revolution, a prismatic joint 2^bits counts
-/// over its URDF range. Velocity: noise only.
+/// Position: the eccentricity of a revolute link and the noise are added, then the sum is rounded
+/// to the nearest count. A revolute joint has 2^bits counts a revolution, a prismatic joint 2^bits
+/// counts over its URDF range. Velocity: noise only.
 class Encoder {
  public:
-  /// @throw base::Failure(bad_usage) when a prismatic joint has a resolution but no range.
-  Encoder(const scenario::Scenario& scenario, const robot::Model& model);
+  /// @param count width of one count of each joint (scenario::encoder_count) [rad; m if prismatic];
+  /// 0: ideal
+  Encoder(const EncoderSpec& spec, const Vector& count, const robot::Model& model);
 
-  /// The measurement of tick `tick`. Precondition: `scenario::require_encoders` passes.
+  /// Returns the measurement of tick `tick`. Precondition: `scenario::require_encoders` passes.
   template <class Measurement>
   [[nodiscard]] Measurement measure(const ArmState& state, std::int64_t tick) const {
     Measurement m;
@@ -52,12 +53,12 @@ class Encoder {
   std::uint64_t seed_;
 };
 
-/// Standard normal number belonging to (seed, tick, channel, joint): Philox4x32-10 (Salmon et al.,
-/// "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform, spelled out
-/// so that every standard library gives the same numbers.
+/// Returns the standard normal number of (seed, tick, channel, joint), by Philox4x32-10 (Salmon et
+/// al., "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform. It is
+/// the same with every standard library.
 double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t channel,
                        std::uint32_t joint);
-/// Uniform in (0, 1), of drives' delays, by the same generator.
+/// Returns a number in (0, 1), for drives' delays, by the same generator.
 double standard_uniform(std::uint64_t seed, std::int64_t tick);
 
 }  // namespace tachless::plant

@@ -8,8 +8,10 @@
 #include <utility>
 #include <variant>
 
+#include "base/child.h"
 #include "base/logging.h"
 #include "base/text.h"
+#include "base/users_code.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 #include "robot/dynamics.h"
@@ -25,23 +27,23 @@ std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
 }
 
+constexpr const char* driver_name = "the driver";
+
 /// By more than rounding.
 bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
 
-/// A real robot's readings have noise, latency and resolution already.
-scenario::Scenario with_ideal_encoders(scenario::Scenario scenario) {
-  const EncoderSide side = scenario.plant.encoder.side;
-  scenario.plant.encoder = {};
-  scenario.plant.encoder.side = side;
-  return scenario;
+/// Returns the drives of a real robot. Unless the scenario gives plant.initial.torque, they start
+/// with the torque that holds the robot, since its brakes open under that torque.
+Drive real_drive(const scenario::Scenario& scenario) {
+  Spec plant = scenario.plant;
+  if (!scenario.gives("plant.initial.torque")) plant.initial.torque = InitialTorque::hold;
+  plant.drive.command_age_jitter_ticks = 0;
+  return make_drive(plant, scenario.loop, unloaded_model(scenario));
 }
 
-/// Its brakes open under a torque: unless the scenario says otherwise, that which holds it.
-Drive first_holding(scenario::Scenario scenario) {
-  if (!scenario.gives("plant.initial.torque")) scenario.plant.initial.torque = InitialTorque::hold;
-  scenario.plant.payload = {};  // the emulator's
-  scenario.plant.drive.command_age_jitter_ticks = 0;
-  return make_drive(scenario, plant_model(scenario));
+/// Returns ideal encoders: a real robot's readings have noise, latency and resolution already.
+Encoder ideal_encoder(const robot::Model& model) {
+  return {{}, Vector::Zero(model.num_joints), model};
 }
 
 }  // namespace
@@ -61,10 +63,16 @@ Failure not_finite(std::int64_t tick) {
 GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver)
     : scenario_(scenario),
       model_(plant_model(scenario)),
-      emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
+      emulator_(driver == nullptr
+                    ? std::make_unique<EmulatedRobot>(scenario.plant, scenario.robot.flexible,
+                                                      scenario.loop.period_s, model_)
+                    : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
-      drive_(driver == nullptr ? make_drive(scenario, model_) : first_holding(scenario)),
-      encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
+      drive_(driver == nullptr ? make_drive(scenario.plant, scenario.loop, model_)
+                               : real_drive(scenario)),
+      encoder_(emulated() ? Encoder(scenario.plant.encoder,
+                                    scenario::encoder_count(scenario, model_), model_)
+                          : ideal_encoder(model_)),
       speed_(Vector::Zero(model_.num_joints)),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
@@ -117,11 +125,12 @@ void GuardedRobot::start() {
   }
   if (scenario_.plant.dry_run) return;
   started_ = true;
-  driver_.start();
+  if (!emulated()) base::give_notice(base::Notice::robot_starts);
+  base::call_users(driver_name, [&] { driver_.start(); });
 }
 
 void GuardedRobot::require_start() const {
-  const Vector begin = initial_state(scenario_, model_).q;
+  const Vector begin = initial_state(scenario_.plant, scenario_.robot.flexible, model_).q;
   for (Eigen::Index i = 0; i < begin.size(); ++i) {
     if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
     throw scenario_.complaint(
@@ -150,11 +159,16 @@ void GuardedRobot::require_period() {
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   const auto asked = emulated() ? Clock::time_point() : Clock::now();
-  const ArmState before = std::exchange(state_, driver_.read());
+  const ArmState before = std::exchange(
+      state_,
+      emulated() ? driver_.read() : base::call_users(driver_name, [&] { return driver_.read(); }));
   if (!emulated()) {
     require_sound(tick);
     apply_conventions();
     if (!stopped_) require_time(before, tick);
+    if (scenario_.robot.compensates != scenario::Compensates::nothing) {
+      drive_.set_added(robot::gravity_torque(*scenario_.model, state_.q));
+    }
   }
   if (driver_.measures_velocity()) {
     speed_ = state_.v;
@@ -184,7 +198,12 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
   const int num_motors = scenario_.robot.flexible ? scenario_.num_joints : 0;
   if (state_.q.size() != scenario_.num_joints || state_.v.size() != scenario_.num_joints ||
       state_.theta.size() != num_motors || state_.thetadot.size() != num_motors) {
-    throw std::logic_error("the robot's driver reads other joints than the scenario has");
+    throw Failure(
+        ExitCode::protective_stop,
+        "the driver read {} positions and {} velocities of links, {} and {} of motors {}; the "
+        "scenario has {} links and {} motors: give ArmState as many numbers",
+        state_.q.size(), state_.v.size(), state_.theta.size(), state_.thetadot.size(), when(tick),
+        scenario_.num_joints, num_motors);
   }
   if (!all_finite(state_)) {
     throw Failure(ExitCode::protective_stop,
@@ -195,7 +214,9 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
 
 void GuardedRobot::require_time(const ArmState& before, std::int64_t tick) const {
   const bool stands = state_.time_s == before.time_s && (is_clock() || state_.q != before.q);
-  if (!stands && !(state_.time_s < before.time_s)) return;
+  const bool toggles =
+      before.q.size() != 0 && std::isfinite(state_.time_s) != std::isfinite(before.time_s);
+  if (!stands && !toggles && !(state_.time_s < before.time_s)) return;
   throw Failure(ExitCode::protective_stop,
                 "the robot's driver gave the time {} s {}, and {} s before that: speeds cannot be "
                 "watched; give each reading the robot's time when it was measured, or none",
@@ -211,14 +232,6 @@ void GuardedRobot::apply_conventions() {
   for (auto* velocities : {&state_.v, &state_.thetadot}) {
     if (velocities->size() != 0) *velocities = robot.joint_signs.cwiseProduct(*velocities);
   }
-}
-
-Vector GuardedRobot::to_be_sent(const Vector& tau) const {
-  Vector sent = tau;
-  if (scenario_.robot.compensates != scenario::Compensates::nothing) {
-    sent -= robot::gravity_torque(*scenario_.model, state_.q);
-  }
-  return scenario_.robot.joint_signs.cwiseProduct(sent);
 }
 
 void GuardedRobot::measure_speed(Clock::time_point asked) {
@@ -289,25 +302,34 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
 
 std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
   const auto begin = Clock::now();
-  const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
-  try {
+  if (emulated()) {
+    move_emulator(tick);
+  } else {
     if (stopped_) try_to_stop();
-    if (stopped_ || withheld(scenario_.plant, tick)) {
-      driver_.rest(end_s);
-    } else {
-      const Vector& tau = drive_.applied().tau;
-      driver_.hold(emulated() ? tau : to_be_sent(tau), end_s);
-    }
+    base::call_users(driver_name, [&] { hold_or_rest(tick); });
+  }
+  return Clock::now() - begin;
+}
+
+void GuardedRobot::hold_or_rest(std::int64_t tick) {
+  const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
+  if (stopped_ || withheld(scenario_.plant, tick)) return driver_.rest(end_s);
+  driver_.hold(emulated() ? drive_.applied().tau
+                          : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent())),
+               end_s);
+}
+
+void GuardedRobot::move_emulator(std::int64_t tick) {
+  try {
+    hold_or_rest(tick);
   } catch (const Failure&) {
     throw;
   } catch (const std::runtime_error& problem) {
-    if (!emulated()) throw;
     throw Failure(ExitCode::protective_stop,
                   "the simulation failed at tick {}: {}; a loop that is unstable at this period "
                   "ends like this: shorten loop.period_s or soften the gains",
                   tick, problem.what());
   }
-  return Clock::now() - begin;
 }
 
 void GuardedRobot::stop() noexcept {
@@ -322,6 +344,7 @@ void GuardedRobot::try_to_stop() noexcept {
   try {
     driver_.stop();
     driver_stopped_ = true;
+    if (!emulated()) base::give_notice(base::Notice::robot_stopped);
   } catch (...) {
     ++failed_stops_;
     try {

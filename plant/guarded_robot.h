@@ -23,17 +23,17 @@
 namespace tachless::plant {
 
 bool all_finite(const ArmState& state);
-/// What to throw when the state at `tick` is not.
+/// Returns the failure to throw when the state at `tick` is not finite.
 base::Failure not_finite(std::int64_t tick);
 
-/// A robot (the emulator, or a real one's driver) behind the checks of its readings and torques:
-/// readings finite, joints within their ranges and (the emulator's) speeds, the start where the
-/// scenario begins, torques finite and within the drives' limits; and its encoders. Knows neither
-/// the bus nor the clock.
+/// A robot (the emulator, or a real one's driver) with its encoders and checks. The checks require
+/// finite readings and joints within their ranges and speeds. A real robot must start where the
+/// scenario begins. The drives limit the torques. The class does not know the bus.
 class GuardedRobot {
  public:
-  /// @param driver a real robot's, which outlives this; the scenario is emulated when null. With a
-  /// driver the emulator's keys (plant.integrator, plant.payload, friction) are not used.
+  /// Emulates the scenario when `driver` is null. With a driver, the robot does not use the
+  /// emulator's keys (plant.integrator, plant.payload, friction).
+  /// @param driver a real robot's driver, which outlives this object
   /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit.
   explicit GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver = nullptr);
   GuardedRobot(const GuardedRobot&) = delete;
@@ -41,74 +41,78 @@ class GuardedRobot {
   /// Stops a robot that was started and not stopped.
   ~GuardedRobot() { stop(); }
 
-  /// An emulated robot's time is its ticks: it stands still when this process does.
+  /// Returns true for the emulator. An emulated robot stands still while this process does.
   [[nodiscard]] bool emulated() const { return emulator_ != nullptr; }
 
   [[nodiscard]] bool is_clock() const { return driver_.is_clock(); }
 
-  /// The law is fed with the measurement of that channel suffix.
+  /// Chooses the measurement with that channel suffix for the law.
   /// @throw base::Failure(bad_usage) when the robot does not measure it,
   /// (protocol_violated) when there is no such measurement.
   void feed(std::string_view measurement);
 
-  /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`;
-  /// with plant.dry_run it may be anywhere, is not started, and counts as stopped.
-  /// @throw base::Failure(bad_usage) when it is elsewhere, or its own ticks are not as long
+  /// Starts the robot. A real robot has to be within `start_tolerance` of the scenario's start.
+  /// With plant.dry_run the robot may be anywhere, does not start, and counts as stopped.
+  /// @throw base::Failure(bad_usage) when the robot is elsewhere, or its own ticks are not as long
   /// as the scenario's.
   void start();
   static constexpr double start_tolerance = 0.01;  ///< [rad; m]
 
-  /// The state at the beginning of `tick`.
-  /// @throw base::Failure(protective_stop) when a real robot's is not finite, or, unless the
-  /// robot is stopped already, a joint is outside of its range, too fast (by its velocity or, where
-  /// that is not measured, on the average of 20 ms; with plant.on_limit: warn an emulated one is
-  /// warned of instead, once per joint) or further
-  /// from its reference than plant.following_error_rad; std::logic_error when it has other joints
-  /// than the scenario.
+  /// Reads the state at the beginning of `tick`. With plant.on_limit: warn, an emulated joint
+  /// beyond its range or speed causes one warning and no failure. A robot that does not measure
+  /// velocity has its speed averaged over at least 20 ms.
+  /// @throw base::Failure(protective_stop) when a real robot's state is not finite, or has another
+  /// number of joints than the scenario. Unless the robot has stopped, also when a joint is outside
+  /// of its range, too fast, or too far from its reference (plant.following_error_rad).
   const ArmState& read(std::int64_t tick);
-  [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
-  /// The encoders' readings of the measurement that `feed` chose; of an emulated robot's state some
-  /// ticks ago (plant.encoder.latency_ticks). Valid until the next call.
-  /// @throw base::Failure(protective_stop) when it is not finite.
+  [[nodiscard]] const ArmState& state() const { return state_; }  ///< last state read
+  /// Returns the encoders' readings of the measurement that `feed` chose. An emulated robot's
+  /// readings are plant.encoder.latency_ticks old. The result is valid until the next call.
+  /// @throw base::Failure(protective_stop) when a reading is not finite.
   const messages::AnyMeasurement& measure(std::int64_t tick);
-  /// The joints that were outside of range or too fast when last read, where that is no stop.
+  /// Returns the joints that were outside of their range or too fast at the last reading.
   [[nodiscard]] const std::array<bool, max_joints>& beyond_limit() const { return beyond_limit_; }
 
-  /// The drives take the command as this tick's. @throw std::logic_error as `Drive::accept`
+  /// Gives the drives the command of this tick. @throw std::logic_error as `Drive::accept`
   void accept(const messages::TorqueCommand& command) { drive_.accept(command); }
-  /// The torque over this tick.
+  /// Returns the torque over this tick.
   [[nodiscard]] const AppliedTorque& applied() const { return drive_.applied(); }
-  /// Gives the robot that torque for `tick`; once stopped, none. @return the time this has taken
+  /// Gives the robot that torque for `tick`, or none once it has stopped.
+  /// @return the time that the call took
   /// @throw base::Failure(protective_stop) when the simulation diverges.
   std::chrono::nanoseconds advance(std::int64_t tick);
-  /// The tick is over for the drives.
+  /// Ends the tick of the drives.
   void end_tick() { drive_.end_tick(); }
 
-  /// The protective stop and the end: no torque any more, the robot brakes. A driver whose stop
-  /// throws is asked again, `stop_attempts` times now and once in each `advance`.
+  /// Stops the robot, which then gets no torque and brakes. The call makes up to `stop_attempts`
+  /// attempts while the driver's stop throws. Each later `advance` makes one more.
   void stop() noexcept;
   static constexpr int stop_attempts = 10;
   /// Writes a warning when the driver's stop has thrown before it succeeded.
-  /// @param cause why the robot was to stop, if it was not the end of the run
-  /// @throw base::Failure when it has not succeeded, with the words of `cause` and its exit
-  /// code, or else protective_stop.
+  /// @param cause the reason for the stop; null at the end of the run
+  /// @throw base::Failure when the stop has not succeeded, with the words and exit code of `cause`,
+  /// or else protective_stop.
   void require_stopped(const base::Failure* cause = nullptr) const;
-  /// Whether all joints and motors stood still when last read, to 1 mrad/s (mm/s).
+  /// Returns true if every joint and motor was slower than 1 mrad/s (mm/s) at the last reading.
   [[nodiscard]] bool at_rest() const;
 
  private:
   void require_start() const;
   void require_period();
-  /// `state_`, as the driver read it, in the scenario's coordinates.
+  /// Converts `state_` from the driver's coordinates to the scenario's.
   void apply_conventions();
-  /// What a driver is given for the torque `tau` on the joints, by the scenario's conventions.
-  [[nodiscard]] Vector to_be_sent(const Vector& tau) const;
   void try_to_stop() noexcept;
+  /// Calls the driver's `hold` or `rest` for this tick.
+  void hold_or_rest(std::int64_t tick);
+  /// Moves the emulator by this tick. Its errors have other words than a driver's.
+  void move_emulator(std::int64_t tick);
   void require_sound(std::int64_t tick) const;
-  /// @throw base::Failure(protective_stop): time went back, or stood still while it moved
+  /// Checks the robot's own time.
+  /// @throw base::Failure(protective_stop) when the time went back, stood still while the robot
+  /// moved, or only some readings have it
   void require_time(const ArmState& before, std::int64_t tick) const;
-  /// `speed_` of a robot that does not measure it: the mean over `speed_window_s` and more, by the
-  /// robot's own time or from before the first reading to now: never more than it was.
+  /// Sets `speed_` of a robot that does not measure it to a mean over at least `speed_window_s`.
+  /// The time is the robot's if it tells one, else this computer's. The mean never overestimates.
   /// @param asked the time before `state_` was read
   void measure_speed(base::Clock::time_point asked);
   void watch_limits(std::int64_t tick);
@@ -132,15 +136,15 @@ class GuardedRobot {
     Vector q;
     base::Clock::time_point asked;
     double time_s = 0;
-  } mark_;                      ///< where the window of `speed_` begins
-  std::vector<ArmState> past_;  ///< of the last ticks, a ring
+  } mark_;                      ///< beginning of the window of `speed_`
+  std::vector<ArmState> past_;  ///< ring of the states of the last ticks
   std::size_t sensed_ = 0;
   std::array<bool, max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;
-  bool driver_stopped_ = false;  ///< its stop has returned
+  bool driver_stopped_ = false;  ///< the driver's stop has returned
   int failed_stops_ = 0;
-  std::string stop_problem_;  ///< of the last one that failed
+  std::string stop_problem_;  ///< message of the last stop that failed
 };
 
 }  // namespace tachless::plant

@@ -4,7 +4,7 @@
 
 #include "plant/robot_driver.h"
 #include "scenario/scenario.h"
-#include "session/link.h"
+#include "session/session.h"
 
 namespace tachless::plant {
 
@@ -14,13 +14,13 @@ inline constexpr std::chrono::milliseconds longest_stop{500};
 /// The plant process: the emulated robot and the loop's clock. Publishes what the controller
 /// measures, the TRUTH for the logger and RUN_INFO; advances with the commands that come back.
 /// @throw base::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated
-/// (two processes command), protective_stop (the simulation diverged), and what the link throws.
-void run_node(const scenario::Scenario& scenario, session::Link& link);
+/// (two processes command), protective_stop (the simulation diverged), and what the session throws.
+void run_node(const scenario::Scenario& scenario, session::Session& session);
 
 /// The same with a real robot, in realtime: docs/real_robot.md.
 /// @throw base::Failure also bad_usage (lock-step; no torque limits; the robot is not where
 /// the scenario begins, or does not measure what the law needs) and protective_stop (a joint
 /// outside of its range, or whatever the driver says).
-void run_driver(const scenario::Scenario& scenario, session::Link& link, RobotDriver& driver);
+void run_driver(const scenario::Scenario& scenario, session::Session& session, RobotDriver& driver);
 
 }  // namespace tachless::plant

@@ -5,7 +5,7 @@
 #include "base/failure.h"
 #include "base/logging.h"
 #include "plant/node.h"
-#include "plant/run_messages.h"
+#include "plant/truth_of.h"
 #include "session/run_info.h"
 
 namespace tachless::plant {
@@ -16,9 +16,10 @@ using base::Failure;
 
 }  // namespace
 
-PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver)
+PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Session& session,
+                     RobotDriver* driver)
     : scenario_(scenario),
-      link_(link),
+      session_(session),
       robot_(scenario, driver),
       prefix_(scenario.robot.channel_prefix),
       layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
@@ -26,37 +27,37 @@ PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Link& link, Ro
       command_port_(messages::port<messages::TorqueCommand>(prefix_, layout_)),
       truth_port_(messages::port<messages::truth::PlantTruth>(prefix_, layout_)) {
   const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
-  link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
-  link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
-  link_.statistics().plant().robot_is_clock = robot_.is_clock();
+  session_.statistics().plant().saturated_ticks.assign(num_joints, 0);
+  session_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
+  session_.statistics().plant().robot_is_clock = robot_.is_clock();
 }
 
 void PlantLoop::prepare() {
-  const messages::LawInfo law = link_.membership().law();
+  const messages::LawInfo law = session_.membership().law();
   scenario_.require_law(law);
   robot_.feed(law.measurement);
   measurement_port_.emplace(messages::Port<messages::AnyMeasurement>{
       messages::channel(prefix_, law.measurement), {law.measurement, layout_}});
   base::log_detail("the law measures {}", law.measurement);
-  link_.transport().publish(messages::channel<messages::RunInfo>(prefix_),
-                            session::run_info(scenario_, link_.run(), law));
+  session_.publish(messages::channel<messages::RunInfo>(prefix_),
+                   session::run_info(scenario_, session_.run(), law));
 }
 
 messages::Stamp PlantLoop::stamp(std::int64_t tick) const {
   const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
-  return {std::llround(time_s * 1e6), link_.run(), tick};
+  return {std::llround(time_s * 1e6), session_.run(), tick};
 }
 
 PlantLoop::Request PlantLoop::publish_request(const messages::Stamp& tick_stamp) {
   const std::int64_t k = tick_stamp.tick;
   robot_.read(k);
   Request request;
-  request.measurement = measurement_port_->codec.encode(stamp(k), robot_.measure(k));
+  const messages::AnyMeasurement& measurement = robot_.measure(k);
   request.sent = base::Clock::now();
-  // First: the command waits for it.
-  link_.transport().publish(measurement_port_->channel, request.measurement);
-  request.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
-  link_.transport().publish(tick_port_.channel, request.tick);
+  // The command waits for the measurement, which is published first.
+  request.measurement = session_.publish(*measurement_port_, stamp(k), measurement);
+  request.tick = session_.publish(tick_port_, tick_stamp,
+                                  messages::Tick{.last = k + 1 == scenario_.loop.num_ticks});
   return request;
 }
 
@@ -64,52 +65,47 @@ PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::Dr
   const AppliedTorque& applied = robot_.applied();
   messages::truth::PlantTruth truth = truth_of(robot_.state(), applied);
   truth.fault = fault;
-  session::PlantStatistics& statistics = link_.statistics().plant();
+  session::PlantStatistics& statistics = session_.statistics().plant();
   for (std::size_t joint = 0; joint < statistics.saturated_ticks.size(); ++joint) {
     statistics.saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
     statistics.beyond_limit_ticks[joint] += robot_.beyond_limit()[joint] ? 1 : 0;
   }
   if (!messages::all_finite(truth)) throw not_finite(tick);
-  const Bytes bytes = truth_port_.codec.encode(stamp(tick), truth);
-  link_.transport().publish(truth_port_.channel, bytes);
-  return bytes;
+  return session_.publish(truth_port_, stamp(tick), truth);
 }
 
-void PlantLoop::completed(std::int64_t tick) {
-  link_.progressed(tick);
-  link_.statistics().ticks = tick + 1;
+void PlantLoop::note_completed(std::int64_t tick) {
+  session_.note_progress(tick);
+  session_.statistics().ticks = tick + 1;
 }
 
-bool PlantLoop::accept_command(const bus::Datagram& datagram, messages::Stamp& stamp) {
-  const messages::Rejection rejection =
-      command_port_.codec.decode(datagram.payload, stamp, command_);
-  if (rejection == messages::Rejection::non_finite) {
-    const messages::Stamp heard = messages::stamp_of(datagram.payload);
-    if (heard.run == link_.run() && link_.is_from(messages::Role::controller, datagram.sender)) {
-      link_.statistics().rejected.add(rejection);
-      throw Failure(ExitCode::protective_stop,
-                    "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
-                    "or the controller is broken; shorten loop.period_s or soften the gains",
-                    link_.describe(messages::Role::controller), heard.tick);
-    }
-  }
-  return link_.accept(rejection, stamp);
+void PlantLoop::require_finite(messages::Rejection rejection, const bus::Datagram& command) const {
+  if (rejection != messages::Rejection::non_finite) return;
+  const messages::Stamp stamp = messages::stamp_of(command.payload);
+  if (stamp.run != session_.run()) return;
+  if (!session_.is_from(messages::Role::controller, command.sender)) return;
+  session_.statistics().rejected.add(rejection);
+  throw Failure(ExitCode::protective_stop,
+                "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
+                "or the controller is broken; shorten loop.period_s or soften the gains",
+                session_.describe(messages::Role::controller), stamp.tick);
 }
 
-void run_node(const scenario::Scenario& scenario, session::Link& link) {
+void run_node(const scenario::Scenario& scenario, session::Session& session) {
   if (scenario.loop.mode == scenario::Mode::realtime) {
-    run_realtime(scenario, link, nullptr);
+    run_realtime(scenario, session, nullptr);
   } else {
-    run_lockstep(scenario, link);
+    run_lockstep(scenario, session);
   }
 }
 
-void run_driver(const scenario::Scenario& scenario, session::Link& link, RobotDriver& driver) {
+void run_driver(const scenario::Scenario& scenario, session::Session& session,
+                RobotDriver& driver) {
   if (scenario.loop.mode != scenario::Mode::realtime) {
     throw scenario.complaint("loop.mode",
                              "lockstep; a real robot does not wait, so only realtime is allowed");
   }
-  run_realtime(scenario, link, &driver);
+  run_realtime(scenario, session, &driver);
 }
 
 }  // namespace tachless::plant

@@ -13,19 +13,20 @@
 #include "plant/guarded_robot.h"
 #include "plant/robot_driver.h"
 #include "scenario/scenario.h"
-#include "session/link.h"
+#include "session/session.h"
 
 namespace tachless::plant {
 
-/// What the plant's two loops have in common: the robot, and the messages about it. Does not know
-/// when a tick begins.
+/// Base of the plant's two loops: the robot, and the messages about it. It does not know when a
+/// tick begins.
 class PlantLoop {
  protected:
   using Time = base::Clock::time_point;
   using Bytes = std::span<const std::byte>;
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  PlantLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver = nullptr);
+  PlantLoop(const scenario::Scenario& scenario, session::Session& session,
+            RobotDriver* driver = nullptr);
 
   /// Once the others have joined: chooses the measurement, publishes RUN_INFO, once: the logger
   /// writes its own, this one is for lcm-logger.
@@ -48,16 +49,16 @@ class PlantLoop {
   /// saturation, so once a tick. @return the bytes, valid until the next call
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Bytes publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
-  /// Tells that the tick is over.
-  void completed(std::int64_t tick);
+  /// Announces and counts the tick as over.
+  void note_completed(std::int64_t tick);
 
-  /// Whether the message is a command of this run; counts it if not. It is `command_` then.
-  /// @throw base::Failure(protective_stop) when this run's controller commands a torque that
-  /// is not finite. (Anybody else's is dropped.)
-  bool accept_command(const bus::Datagram& datagram, messages::Stamp& stamp);
+  /// Inspects a decoded command before it is accepted or dropped.
+  /// @throw base::Failure(protective_stop) if this run's controller commands a torque that is not
+  /// finite
+  void require_finite(messages::Rejection rejection, const bus::Datagram& command) const;
 
   const scenario::Scenario& scenario_;
-  session::Link& link_;
+  session::Session& session_;
   GuardedRobot robot_;
   std::string prefix_;  ///< of the robot's channels
   messages::Layout layout_;
@@ -65,12 +66,11 @@ class PlantLoop {
   messages::Port<messages::TorqueCommand> command_port_;
   messages::Port<messages::truth::PlantTruth> truth_port_;
   std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
-  messages::TorqueCommand command_;
 };
 
 /// In simulation time: the plant advances only with the command for this tick. Joins, runs all
 /// ticks, leaves.
-void run_lockstep(const scenario::Scenario& scenario, session::Link& link);
+void run_lockstep(const scenario::Scenario& scenario, session::Session& session);
 
 /// On the wall clock: tick k begins at the absolute deadline start + k h, whether its command has
 /// come or not. No tick is left out: late ones follow as fast as they can, each with half a period
@@ -79,6 +79,7 @@ void run_lockstep(const scenario::Scenario& scenario, session::Link& link);
 /// `longest_stop` at most. Notes in the statistics, as a fault with exit code 1, when more
 /// deadlines were missed than the scenario allows. A robot that is the clock begins the ticks
 /// itself: its missed deadlines are those of its ticks, by its own time, that passed unanswered.
-void run_realtime(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver);
+void run_realtime(const scenario::Scenario& scenario, session::Session& session,
+                  RobotDriver* driver);
 
 }  // namespace tachless::plant

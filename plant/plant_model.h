@@ -1,13 +1,16 @@
 #pragma once
 
+#include <optional>
+
 #include "plant/arm.h"
 #include "plant/disturbances.h"
 #include "plant/drive.h"
 #include "plant/robot_driver.h"
+#include "plant/spec.h"
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
-/// What a scenario means for the plant: the true robot, and how it is emulated.
+/// From a scenario to the plant: the true robot, and its emulation.
 namespace tachless::plant {
 
 /// The true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints, and the
@@ -15,28 +18,35 @@ namespace tachless::plant {
 /// @throw base::Failure(bad_usage) naming the key.
 robot::Model plant_model(const scenario::Scenario& scenario);
 
-/// Where the run starts. Motors start, unless given, at rest in static balance:
+/// The same without the payload.
+robot::Model unloaded_model(const scenario::Scenario& scenario);
+
+/// Springs and motors; nothing for rigid joints.
+using Motors = std::optional<FlexibleDrive>;
+
+/// Returns where the run starts. Motors start, unless given, at rest in static balance:
 /// theta = q + K^-1 g(q).
-ArmState initial_state(const scenario::Scenario& scenario, const robot::Model& model);
+ArmState initial_state(const Spec& plant, const Motors& motors, const robot::Model& model);
 
-/// The arm of the scenario, with this model, at `start`. `disturbances`, if not null, outlive it.
-Arm make_arm(const scenario::Scenario& scenario, const robot::Model& model, const ArmState& start,
-             Disturbances* disturbances = nullptr);
+/// The arm with this model at `start`. `motors` and `disturbances`, if not null, outlive it.
+Arm make_arm(const Spec& plant, const Motors& motors, const robot::Model& model,
+             const ArmState& start, Disturbances* disturbances = nullptr);
 
-/// The drives: the scenario's torque limit (which defaults to the URDF's), rate and command delay.
-Drive make_drive(const scenario::Scenario& scenario, const robot::Model& model);
+/// The drives: limits, rates and jitter of the spec, the command delay of the loop.
+Drive make_drive(const Spec& plant, const scenario::LoopSpec& loop, const robot::Model& model);
 
 /// Viscous braking of the protective stop [N m s/rad]: each joint's inertia at `q` (seen by its
-/// drive) over 0.1 s, so that the joint comes to rest in some tenths of a second.
-Vector protective_stop_damping(const scenario::Scenario& scenario, const robot::Model& model,
-                               const Vector& q);
+/// drive) over 0.1 s. The joint comes to rest in some tenths of a second.
+Vector protective_stop_damping(const Motors& motors, const robot::Model& model, const Vector& q);
 
 /// The simulated robot: arm, payload and disturbances. It stops by viscous braking
 /// (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
-  /// @param model `plant_model(scenario)`. Both outlive this.
-  EmulatedRobot(const scenario::Scenario& scenario, const robot::Model& model);
+  /// @param model with the payload (`plant_model`)
+  /// All but the period outlive this.
+  EmulatedRobot(const Spec& plant, const Motors& motors, double period_s,
+                const robot::Model& model);
 
   [[nodiscard]] bool measures_velocity() const override { return true; }
   void start() override {}
@@ -49,7 +59,8 @@ class EmulatedRobot final : public RobotDriver {
  private:
   void advance(const Vector& tau, double until_s);
 
-  const scenario::Scenario& scenario_;
+  const Spec& plant_;
+  const Motors& motors_;
   const robot::Model& model_;
   Disturbances disturbances_;
   double now_s_ = 0;

@@ -6,10 +6,11 @@
 #include <string>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/failure.h"
 #include "base/text.h"
-#include "base/time.h"
 #include "messages/wire.h"
+#include "plant/clock_rate.h"
 #include "plant/node.h"
 #include "plant/plant_loop.h"
 #include "session/responders.h"
@@ -26,7 +27,7 @@ using messages::Role;
 using messages::truth::DriveFault;
 using session::Verdict;
 
-// From the last confirmation of the roster to the first tick.
+// Time from the last confirmation of the roster to the first tick.
 constexpr auto lead_in = 5ms;
 // A flood of datagrams must not delay the next tick.
 constexpr int most_at_once = 64;
@@ -37,18 +38,26 @@ double milliseconds(std::chrono::nanoseconds duration) {
 
 class RealtimeLoop : PlantLoop {
  public:
-  RealtimeLoop(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver)
-      : PlantLoop(scenario, link, driver), commands_(scenario.loop.max_missed) {
-    link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
+  RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver)
+      : PlantLoop(scenario, session, driver),
+        commands_(scenario.loop.max_missed),
+        clock_rate_(scenario.loop.period_s, base::seconds_of(longest_hold())) {
+    session_.on(
+        command_port_, [this](const auto&... message) { on_command(message...); },
+        [this](auto rejection, const auto& datagram) {
+          if (tick_ < 0) refuse_early(datagram);
+          require_finite(rejection, datagram);
+        });
   }
 
   void run() {
-    link_.join({}, [this](const bus::Datagram& datagram) {
+    session_.join({}, [this](const bus::Datagram& datagram) {
       if (datagram.channel == command_port_.channel) refuse_early(datagram);
     });
     prepare();
-    link_.started(Clock::now());
+    session_.note_started(Clock::now());
     try {
+      require_seconds();
       robot_.start();
       start();
       for (tick_ = 0; tick_ < scenario_.loop.num_ticks; ++tick_) {
@@ -57,7 +66,7 @@ class RealtimeLoop : PlantLoop {
         end_tick();
       }
     } catch (...) {
-      robot_.stop();  // before anything else
+      robot_.stop();  // the robot stops before anything else
       const Failure failure = base::current_failure();
       come_to_rest(failure);
       robot_.require_stopped(&failure);
@@ -65,7 +74,7 @@ class RealtimeLoop : PlantLoop {
     }
     robot_.stop();
     robot_.require_stopped();
-    link_.leave();
+    session_.leave();
     judge_deadlines();
   }
 
@@ -78,18 +87,18 @@ class RealtimeLoop : PlantLoop {
     if (robot_.is_clock()) {
       return acted_ ? Time() : asked_ + nanoseconds_of(scenario_.loop.period_s / 2);
     }
-    // Caught up with in no time, late ticks would all miss their commands.
+    // Late ticks in immediate succession would all miss their commands.
     return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds_of(scenario_.loop.period_s / 2));
   }
 
-  /// The run and its log are whole, whatever this says about its real time.
+  /// Judges the share of missed deadlines. The run and its log are complete in either case.
   void judge_deadlines() {
-    const auto missed = link_.statistics().plant().missed_deadlines;
+    const auto missed = session_.statistics().plant().missed_deadlines;
     const double share =
         static_cast<double>(missed) / static_cast<double>(scenario_.loop.num_ticks);
     if (share <= scenario_.loop.max_missed_share) return;
-    link_.statistics().exit_code = ExitCode::check_said_no;
-    link_.statistics().fault = fmt::format(
+    session_.statistics().exit_code = ExitCode::check_said_no;
+    session_.statistics().fault = fmt::format(
         "{} of {} deadlines were missed ({:.3g} %), more than loop.max_missed_share ({}) allows: "
         "this machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; "
         "type: tachless doctor; or lengthen loop.period_s",
@@ -110,15 +119,55 @@ class RealtimeLoop : PlantLoop {
                   datagram.channel, datagram.sender, messages::stamp_of(datagram.payload).run);
   }
 
+  /// Returns the longest time for which a torque may be held.
+  [[nodiscard]] std::chrono::nanoseconds longest_hold() const {
+    return nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2));
+  }
+
+  /// Reads a robot that tells its time until its clock runs as fast as this computer's for one
+  /// window. The first readings may be older than the others.
+  /// @throw Failure(bad_usage) when it never does
+  void require_seconds() {
+    if (robot_.emulated()) return;
+    constexpr int most_windows = 20;
+    for (int windows = 0; windows < most_windows;) {
+      const Time asked = Clock::now();
+      const double own_s = robot_.read(-1).time_s;
+      if (!std::isfinite(own_s)) return;
+      const auto window = clock_rate_.add(own_s, asked, Clock::now());
+      if (window && window->sound) return;
+      if (window && ++windows == most_windows) {
+        throw base::bad_usage(
+            "the driver's time runs {:.3g} times as fast as this computer's clock; give "
+            "ArmState::time_s in seconds, or leave it out",
+            window->rate);
+      }
+      const Time next = asked + nanoseconds_of(scenario_.loop.period_s);
+      while (!robot_.is_clock() && Clock::now() < next) session_.receive(next);
+    }
+  }
+
+  /// @throw Failure(protective_stop) when the driver's time runs at another speed than the clock
+  void watch_time() {
+    if (robot_.emulated()) return;
+    const auto window = clock_rate_.add(robot_.state().time_s, tick_began_, asked_);
+    if (!window || window->sound) return;
+    throw protective_stop(fmt::format(
+        "the driver's time ran {:.3g} times as fast as this computer's clock: speeds cannot be "
+        "watched; give ArmState::time_s in seconds, or leave it out",
+        window->rate));
+  }
+
   void start() {
     start_ = Clock::now() + (robot_.is_clock() ? 0ms : lead_in);
     commanded_at_ = start_;
-    while (Clock::now() < start_) link_.receive(start_);
+    while (Clock::now() < start_) session_.receive(start_);
   }
 
   void begin_tick() {
     tick_began_ = Clock::now();
     ask(tick_began_);
+    watch_time();
     note_wake_up(tick_began_);
     if (scenario_.loop.command_delay > 0) {
       act(held_ ? DriveFault::command_missed : DriveFault::none);
@@ -138,7 +187,7 @@ class RealtimeLoop : PlantLoop {
           std::isfinite(of_robot_s) ? of_robot_s : std::chrono::duration<double>(passed).count();
       missed = tick_ > 0 && gap_s > 1.5 * period_s;
     }
-    session::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = session_.statistics().plant();
     statistics.wake_up_jitter_us.add(late);
     if (commands_.missed_in_a_row() == 0) longest_delay_ = 0ns;
     longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
@@ -165,65 +214,62 @@ class RealtimeLoop : PlantLoop {
     if (fault != DriveFault::protective_stop && !robot_.emulated()) require_recent_torque(now);
     if (fault == DriveFault::none) commanded_at_ = now;
     const auto took = robot_.advance(tick_);
-    if (!robot_.is_clock()) link_.statistics().work_us.add(took);
+    if (!robot_.is_clock()) session_.statistics().work_us.add(took);
   }
 
   void require_recent_torque(Time now) const {
     // A real robot does not wait for a process that stands still. Missed commands alone end the run
     // before this.
     const auto held_for = now - commanded_at_;
-    if (held_for <= nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2)))
-      return;
+    if (held_for <= longest_hold()) return;
     throw protective_stop(fmt::format(
         "the robot's torque has been held for {:.1f} ms, longer than loop.max_missed ({}) allows: "
-        "{}this process, or the driver's read, did not get on; start a new run on a machine that "
+        "{}this process, or the driver's read, made no progress; start a new run on a machine that "
         "is quiet (tachless doctor), with a read that does not wait",
         milliseconds(held_for), scenario_.loop.max_missed,
         commands_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : ""));
   }
 
   void receive_until(Time deadline) {
-    link_.poll(Clock::now());
+    session_.poll(Clock::now());
     while (Clock::now() < deadline) {
-      link_.receive(std::min(deadline, link_.next_poll()));
+      session_.receive(std::min(deadline, session_.next_poll()));
       const auto now = Clock::now();
-      if (now < deadline) link_.poll(now);
+      if (now < deadline) session_.poll(now);
     }
-    // What was there in time and is not read yet counts.
-    for (int i = 0; i < most_at_once && link_.receive(Time()); ++i) {
+    // A datagram that arrived in time counts, although it is read only now.
+    for (int i = 0; i < most_at_once && session_.receive(Time()); ++i) {
     }
   }
 
-  void on_command(const bus::Datagram& datagram) {
-    if (tick_ < 0) return refuse_early(datagram);
-    messages::Stamp stamp;
-    if (!accept_command(datagram, stamp)) return;
-    session::PlantStatistics& statistics = link_.statistics().plant();
+  void on_command(const messages::Stamp& stamp, const messages::TorqueCommand& command,
+                  const bus::Datagram& datagram) {
+    session::PlantStatistics& statistics = session_.statistics().plant();
     const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload);
     if (verdict == Verdict::too_old) {
       ++statistics.late_commands;
       return;
     }
-    link_.count(verdict, Role::controller, datagram, stamp.tick);
+    session_.count(verdict, Role::controller, datagram, stamp.tick);
     if (verdict != Verdict::fresh) return;
     statistics.command_age_us.add(Clock::now() - asked_);
-    robot_.accept(command_);
+    robot_.accept(command);
     if (scenario_.loop.command_delay == 0) act(DriveFault::none);
   }
 
   void end_tick() {
     commands_.end();
-    held_ = !commands_.commanded();
+    held_ = !commands_.is_commanded();
     if (!acted_) act(DriveFault::command_missed);
     robot_.end_tick();
     begun_ = false;
     acted_ = false;
 
-    session::PlantStatistics& statistics = link_.statistics().plant();
+    session::PlantStatistics& statistics = session_.statistics().plant();
     statistics.missed_commands = commands_.missed();
     statistics.longest_command_miss = commands_.longest_miss();
-    completed(tick_);
-    if (!commands_.too_many()) return;
+    note_completed(tick_);
+    if (!commands_.has_missed_too_many()) return;
     // The others are not to blame if the plant itself was late.
     const std::string remedy =
         longest_delay_ <= nanoseconds_of(scenario_.loop.period_s)
@@ -243,37 +289,37 @@ class RealtimeLoop : PlantLoop {
   [[nodiscard]] std::string what_is_missing() const {
     return fmt::format("{} commands in a row did not come in time from {}",
                        commands_.missed_in_a_row(),
-                       link_.silent_among({Role::controller, Role::reference}));
+                       session_.silent_among({Role::controller, Role::reference}));
   }
 
   /// Announces the failure, and measures the robot, which is stopped already, until it stands
   /// still.
   void come_to_rest(const Failure& failure) {
     try {
-      link_.stopping(failure, Clock::now());
-      if (tick_ < 0) return;  // it has not begun
+      session_.announce_stop(failure, Clock::now());
+      if (tick_ < 0) return;  // the run has not begun
       if (begun_ && !acted_) act(DriveFault::protective_stop);
       const auto most = static_cast<std::int64_t>(
           std::chrono::duration<double>(longest_stop).count() / scenario_.loop.period_s);
       const std::int64_t end = std::min(scenario_.loop.num_ticks, tick_ + 1 + most);
       for (++tick_; tick_ < end; ++tick_) {
         while (!robot_.is_clock() && Clock::now() < deadline(tick_)) {
-          if (const auto datagram = link_.transport().receive(deadline(tick_)))
-            link_.handle(*datagram);
-          link_.announce_if_due(Clock::now());
+          session_.attend(std::min(deadline(tick_), session_.next_poll()));
+          session_.announce_if_due(Clock::now());
         }
-        link_.announce_if_due(Clock::now());  // behind time too
+        session_.announce_if_due(Clock::now());  // a late loop announces too
         ask(Clock::now());
         act(DriveFault::protective_stop);
-        completed(tick_);
+        note_completed(tick_);
         if (robot_.at_rest()) break;
       }
     } catch (...) {
-      // Neither the bus nor the robot can be relied on any more: `failure` is the one to report.
+      // The bus or the robot has failed too. The caller reports `failure`.
     }
   }
 
   session::MissedCommandMonitor commands_;
+  ClockRate clock_rate_;  ///< of a robot that tells its time
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
   Time last_began_;    ///< of a robot that is the clock: when the tick before did
@@ -290,8 +336,9 @@ class RealtimeLoop : PlantLoop {
 
 }  // namespace
 
-void run_realtime(const scenario::Scenario& scenario, session::Link& link, RobotDriver* driver) {
-  RealtimeLoop(scenario, link, driver).run();
+void run_realtime(const scenario::Scenario& scenario, session::Session& session,
+                  RobotDriver* driver) {
+  RealtimeLoop(scenario, session, driver).run();
 }
 
 }  // namespace tachless::plant

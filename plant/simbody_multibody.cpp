@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "base/elementary.h"
 #include "plant/multibody.h"
 
 namespace tachless::plant {
@@ -29,6 +30,41 @@ SimTK::MassProperties mass_properties(const robot::Body& body) {
                              SimTK::Vec3(I(1, 0), I(2, 0), I(2, 1)))};
 }
 
+/// A pin about the z axis of the mobilizer's frames. Simbody's own pin takes sine and cosine from
+/// the C library, whose bits depend on the processor.
+class Hinge final : public SimTK::MobilizedBody::Custom::Implementation {
+ public:
+  explicit Hinge(SimTK::SimbodyMatterSubsystem& matter) : Implementation(matter, 1, 1, 1) {}
+
+  Implementation* clone() const override { return new Hinge(*this); }
+
+  SimTK::Transform calcMobilizerTransformFromQ(const SimTK::State& /*state*/, int /*nq*/,
+                                               const SimTK::Real* q) const override {
+    double s = 0, c = 0;
+    base::sin_cos(q[0], s, c);
+    return SimTK::Transform(
+        SimTK::Rotation(SimTK::Mat33(c, -s, 0, s, c, 0, 0, 0, 1), /*trustMe=*/true));
+  }
+
+  SimTK::SpatialVec multiplyByHMatrix(const SimTK::State& /*state*/, int /*nu*/,
+                                      const SimTK::Real* u) const override {
+    return {SimTK::Vec3(0, 0, u[0]), SimTK::Vec3(0)};
+  }
+  void multiplyByHTranspose(const SimTK::State& /*state*/, const SimTK::SpatialVec& force,
+                            int /*nu*/, SimTK::Real* along) const override {
+    along[0] = force[0][2];
+  }
+  /// The axis is constant in both frames.
+  SimTK::SpatialVec multiplyByHDotMatrix(const SimTK::State& /*state*/, int /*nu*/,
+                                         const SimTK::Real* /*u*/) const override {
+    return {SimTK::Vec3(0), SimTK::Vec3(0)};
+  }
+  void multiplyByHDotTranspose(const SimTK::State& /*state*/, const SimTK::SpatialVec& /*force*/,
+                               int /*nu*/, SimTK::Real* along) const override {
+    along[0] = 0;
+  }
+};
+
 /// The tree of bodies in Simbody, and its mechanics in independent coordinates: with
 /// q_tree = G q + offset (G has one entry per row), M = G' M_tree G and bias = G' bias_tree.
 /// Eliminating mimic joints by G instead of Simbody's coupler constraints leaves an ODE: no
@@ -42,7 +78,7 @@ class SimbodyMultibody final : public Multibody {
   explicit SimbodyMultibody(const robot::Model& model)
       : num_joints_(model.num_joints), matter_(system_), gravity_(vec3(model.gravity)) {
     for (const robot::Body& body : model.bodies) {
-      // Simbody pins turn about z and sliders move along x of the mobilizer's frames F and M.
+      // Hinges turn about z and Simbody's sliders move along x of the mobilizer's frames F and M.
       const bool revolute = body.type == robot::JointType::revolute;
       const Eigen::Vector3d along = revolute ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
       const SimTK::Rotation R_BM =
@@ -54,7 +90,7 @@ class SimbodyMultibody final : public Multibody {
           matter_.updMobilizedBody(SimTK::MobilizedBodyIndex(body.parent + 1));
       const SimTK::Body::Rigid rigid(mass_properties(body));
       if (revolute) {
-        SimTK::MobilizedBody::Pin(parent, X_PF, rigid, X_BM);
+        SimTK::MobilizedBody::Custom(parent, new Hinge(matter_), X_PF, rigid, X_BM);
       } else {
         SimTK::MobilizedBody::Slider(parent, X_PF, rigid, X_BM);
       }

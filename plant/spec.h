@@ -10,8 +10,8 @@
 #include "base/quantities.h"
 #include "base/schema.h"
 
-/// What a scenario says about the plant (the models: docs/plant.md), each value declared once with
-/// its key. Values only: no mechanics and no reading.
+/// Values of a scenario for the plant, whose models docs/plant.md describes. Each value is declared
+/// once, with its key. The header has no mechanics and reads no file.
 namespace tachless::plant {
 
 /// Longest command delay and encoder latency [ticks].
@@ -57,7 +57,7 @@ struct FlexibleDrive {
 /// The drives' torque until the first command acts.
 enum class InitialTorque {
   zero,
-  hold,  ///< what holds the initial posture: a real arm opens its brakes under torque
+  hold,  ///< torque that holds the initial posture, as of a real arm that opens its brakes
 };
 constexpr std::array<std::string_view, 2> names(InitialTorque /*type*/) { return {"zero", "hold"}; }
 
@@ -88,7 +88,7 @@ struct InitialState {
           .by_default("zero; hold with a real robot")};
 };
 
-/// What computes the links' inertia matrix and bias.
+/// Program part that computes the links' inertia matrix and bias.
 enum class Mechanics {
   simbody,  ///< the reference
   native,   ///< robot/'s recursions; allocates nothing
@@ -107,7 +107,7 @@ struct IntegratorSpec {
           .by_default()};
 };
 
-/// Where a flexible robot has encoders.
+/// Side of the springs on which a flexible robot has encoders.
 enum class EncoderSide { link, motor, both };
 constexpr std::array<std::string_view, 3> names(EncoderSide /*type*/) {
   return {"link", "motor", "both"};
@@ -168,7 +168,7 @@ struct DriveSpec {
   std::uint64_t seed = 1;
   double delay_fraction = 0;  ///< no key: of a tick, on top of loop.command_delay, in [0, 1)
 
-  /// Whether any joint has friction that can hold it.
+  /// Returns true if any joint has friction that can hold it.
   [[nodiscard]] bool dry_friction() const {
     return (coulomb_friction_Nm.array() > 0).any() ||
            (static_friction_Nm && (static_friction_Nm->array() > 0).any());
@@ -223,7 +223,7 @@ struct DriveSpec {
           .by_default()};
 };
 
-/// What is wrong with a list that has not `size` numbers.
+/// Returns the refusal of a list that does not have `size` numbers.
 inline base::Refusal numbers_refusal(std::string_view key, const std::vector<double>& given,
                                      int size) {
   return {std::string(key),
@@ -265,11 +265,11 @@ constexpr std::array<std::string_view, 3> names(DisturbanceShape /*type*/) {
 
 /// A torque on a joint, or a force on a link, that no drive gives: its value times its shape.
 struct DisturbanceSpec {
-  std::string joint;                           ///< that the torque acts on; empty: a force
-  std::string link;                            ///< that the force acts on; empty: a torque
+  std::string joint;                           ///< joint that the torque acts on; empty: a force
+  std::string link;                            ///< link that the force acts on; empty: a torque
   std::optional<double> torque_Nm;             ///< of `joint`
   std::optional<std::vector<double>> force_N;  ///< of `link`, in the world
-  std::vector<double> point_m = {0, 0, 0};     ///< where the force acts, in the link's frame
+  std::vector<double> point_m = {0, 0, 0};     ///< point where the force acts, in the link's frame
   DisturbanceShape shape = DisturbanceShape::constant;
   double start_s = 0;
   std::optional<double> end_s;  ///< nothing: it does not end
@@ -328,10 +328,10 @@ struct DisturbanceSpec {
       base::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Of a sinusoid"}.by_default()};
 };
 
-/// What the emulator does when a link leaves the URDF's range or exceeds the URDF's velocity.
+/// Reaction of the emulator to a joint beyond the URDF's range or velocity.
 enum class OnLimit {
   stop,  ///< the protective stop, as a real robot's driver does
-  warn   ///< says so once per joint, and counts
+  warn   ///< one warning per joint; the ticks are counted
 };
 constexpr std::array<std::string_view, 2> names(OnLimit /*type*/) { return {"stop", "warn"}; }
 
@@ -383,7 +383,7 @@ struct Spec {
           .by_default()};
 };
 
-/// Whether a real robot is sent nothing in `tick`.
+/// Returns true if a real robot is sent nothing in `tick`.
 inline bool withheld(const Spec& plant, std::int64_t tick) {
   const std::int64_t ticks = plant.withheld_ticks;
   return ticks > 0 && tick % (10 * ticks) >= 9 * ticks;

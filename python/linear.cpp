@@ -17,7 +17,7 @@ namespace {
 using Names = std::vector<std::string>;
 using py::literals::operator""_a;
 
-/// "what joint [unit]" of each joint.
+/// Adds "what joint [unit]" for each joint to `names`.
 void add(Names& names, const std::string& what, const Names& joints, const Names& units,
          const char* per = "") {
   for (std::size_t i = 0; i < joints.size(); ++i) {
@@ -25,7 +25,7 @@ void add(Names& names, const std::string& what, const Names& joints, const Names
   }
 }
 
-/// Of the `size` entries of the state of `linear::CutLoop`.
+/// Names the `size` entries of the state of `linear::CutLoop`.
 Names states_of(const scenario::Scenario& scenario, Eigen::Index size, int delay) {
   const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
   Names names;

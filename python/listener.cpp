@@ -11,7 +11,6 @@
 #include "base/clock.h"
 #include "base/failure.h"
 #include "base/json_text.h"
-#include "base/time.h"
 #include "bus/udp_transport.h"
 #include "live/bus_monitor.h"
 #include "python/python_law.h"
@@ -23,19 +22,21 @@ namespace {
 using base::Clock;
 using bus::UdpTransport;
 
-/// @param channels exact names; empty: all. @param url empty: $LCM_DEFAULT_URL, else the default
+/// Returns a transport that receives the channels.
+/// @param channels exact names; empty: all
+/// @param url empty: $LCM_DEFAULT_URL, otherwise the programs' default
 std::unique_ptr<UdpTransport> joined(const std::vector<std::string>& channels,
                                      const std::string& url) try {
   auto transport = std::make_unique<UdpTransport>(session::parse_lcm_url(url));
   for (const std::string& channel : channels) transport->subscribe(channel);
   if (channels.empty()) transport->subscribe_all();
-  transport->read_in_batches(std::chrono::milliseconds(1));  // so that no sender waits for it
+  transport->read_in_batches(std::chrono::milliseconds(1));  // so no sender waits for this reader
   return transport;
 } catch (const std::exception& problem) {
   throw base::bad_usage(problem.what());
 }
 
-/// The next message that can be decoded, as JSON; empty after so many seconds without one.
+/// Returns the next message that can be decoded, as JSON. Returns "" after `seconds` without one.
 std::string take(UdpTransport& transport, double seconds) {
   const Clock::time_point end = Clock::now() + base::nanoseconds_of(seconds);
   do {
@@ -44,7 +45,7 @@ std::string take(UdpTransport& transport, double seconds) {
     nlohmann::ordered_json json;
     {
       const py::gil_scoped_release unlocked;
-      // In short waits: Ctrl-C may have come in between.
+      // Waits briefly, because Ctrl-C may have arrived meanwhile.
       const auto short_end = Clock::now() + std::chrono::milliseconds(50);
       if (const auto message = transport.receive(std::min(end, short_end))) {
         seen = live::glance(message->payload, &fields);
@@ -58,7 +59,7 @@ std::string take(UdpTransport& transport, double seconds) {
     for (const auto& [name, unit, value] : fields) {
       nlohmann::ordered_json& field = json[name.substr(0, name.find('['))];
       if (!name.ends_with(']')) field = value;
-      if (name.ends_with(']')) field.push_back(value);  // "value[0]", ...: rows of one list
+      if (name.ends_with(']')) field.push_back(value);  // "value[0]", ...: entries of one list
     }
     return base::json_text(json);
   } while (Clock::now() < end);
@@ -68,7 +69,7 @@ std::string take(UdpTransport& transport, double seconds) {
 }  // namespace
 
 void declare_listener(py::module_& module) {
-  py::class_<UdpTransport>(module, "Listener").def(py::init(&joined)).def("take", &take);
+  declare_class<UdpTransport>(module, "Listener").def(py::init(&joined)).def("take", &take);
 }
 
 }  // namespace tachless::python

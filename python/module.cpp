@@ -16,14 +16,14 @@
 #include "in_process/in_process_loop.h"
 #include "logger/log_file.h"
 #include "logger/table.h"
-#include "plant/run_messages.h"
+#include "plant/truth_of.h"
 #include "python/python_law.h"
 #include "robot/dynamics.h"
 #include "robot/kinematics.h"
 #include "scenario/scenario.h"
 
-/// The compiled half of the Python package: a robot's mechanics, runs as arrays, simulation and the
-/// controller's program; the rest of the package is tachless/__init__.py.
+/// The compiled part of the Python package: a robot's mechanics, runs as arrays, simulation and the
+/// controller's program. The other part of the package is tachless/__init__.py.
 namespace tachless::python {
 namespace {
 
@@ -81,7 +81,7 @@ void declare_robot(py::module_& module) {
   };
   using Robot = const Model&;
   using Given = const py::handle&;  // n numbers
-  py::class_<Model>(module, "Robot")
+  declare_class<Model>(module, "Robot")
       .def(py::init(&read_robot))
       .def_readonly("num_joints", &Model::num_joints, "n.")
       .def_readonly("joints", &Model::joint_names, "Names of the joints, in the order of q.")
@@ -158,7 +158,7 @@ struct Run {
     }
   }
 
-  /// One tick; what the record does not have is NaN.
+  /// Adds one tick. Quantities that the record lacks are NaN.
   void add(const messages::TickRecord& record) {
     ticks.push_back(record.tick);
     for (Column& column : columns) {
@@ -170,7 +170,7 @@ struct Run {
       column.any = true;
     }
   }
-  /// Without the quantities that no record had. No more may be added.
+  /// Removes the quantities that no record had. It must be called last.
   void finish() {
     std::erase_if(columns, [](const Column& column) { return !column.any; });
   }
@@ -180,7 +180,8 @@ struct Run {
     for (const Column& column : columns) all.push_back(column.quantity.name);
     return all;
   }
-  /// @throw py::key_error naming what there is
+  /// Returns the column of that name.
+  /// @throw py::key_error, naming the columns that exist
   [[nodiscard]] const Column& column(const std::string& name) const {
     for (const Column& column : columns) {
       if (column.quantity.name == name) return column;
@@ -210,6 +211,7 @@ py::array_t<double> times(const Run& run) {
   return t;
 }
 
+/// Reads a run from a log.
 /// @param path a log, or a run's directory
 Run read(const std::filesystem::path& path, std::int64_t id) {
   const py::gil_scoped_release unlocked;
@@ -223,7 +225,8 @@ Run read(const std::filesystem::path& path, std::int64_t id) {
   return run;
 }
 
-/// @param f law in place of the scenario's, a Python callable; None: the scenario's
+/// Simulates the loop of a scenario.
+/// @param f a Python callable as the law in place of the scenario's; None: the scenario's law
 Run simulate(const std::filesystem::path& path, const std::vector<std::string>& overrides,
              const py::object& f, const std::string& name) {
   const bool own = !f.is_none();
@@ -238,7 +241,7 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
   const py::gil_scoped_release unlocked;
   Run run(scenario, controller::law_info(*law));
   in_process::run_in_process(scenario, std::move(law), [&](const in_process::TickRecord& tick) {
-    if (tick.tick % 1000 == 0) {  // Ctrl-C; seldom, for it waits for the lock
+    if (tick.tick % 1000 == 0) {  // checks for Ctrl-C; seldom, because it waits for the lock
       const py::gil_scoped_acquire locked;
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
@@ -257,7 +260,7 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
 }
 
 void declare_run(py::module_& module) {
-  py::class_<Run>(
+  declare_class<Run>(
       module, "Run",
       R"(A run, simulated or recorded: run["q"] is an array (ticks, joints), run.t its times.
 
@@ -318,7 +321,7 @@ int run_controller(const std::vector<std::string>& words, const py::object& f,
 PYBIND11_MODULE(_tachless, module) {
   module.attr("version") = std::string(base::version);
   static const py::exception<Failure> error(module, "Error");
-  // NOLINTNEXTLINE(performance-unnecessary-value-param): so pybind11 has it
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): pybind11 requires this signature
   py::register_exception_translator([](std::exception_ptr raised) {
     try {
       if (raised) std::rethrow_exception(raised);
@@ -328,12 +331,12 @@ PYBIND11_MODULE(_tachless, module) {
       PyErr_SetObject(error.ptr(), made.ptr());
     }
   });
-  py::class_<Measurement>(module, "Measurement")
+  declare_class<Measurement>(module, "Measurement")
       .def_readonly("q", &Measurement::q)
       .def_readonly("v", &Measurement::v)
       .def_readonly("theta", &Measurement::theta)
       .def_readonly("thetadot", &Measurement::thetadot);
-  py::class_<Reference>(module, "Reference")
+  declare_class<Reference>(module, "Reference")
       .def_readonly("q", &Reference::q)
       .def_readonly("v", &Reference::v)
       .def_readonly("a", &Reference::a)

@@ -89,7 +89,8 @@ class PythonLaw final : public controller::AnyLaw {
     });
   }
 
-  /// Under the lock. What `action` raises becomes the run's end; its traceback goes to stderr.
+  /// Runs `action` under the lock. An exception of `action` ends the run; its traceback goes to
+  /// stderr.
   /// @param tick nothing: before the run, in set_gains
   template <class Action>
   void in_python(std::optional<std::int64_t> tick, const Action& action) const {
@@ -104,7 +105,7 @@ class PythonLaw final : public controller::AnyLaw {
       const std::string what =
           fmt::format("{}: {}", std::string(py::str(raised.type().attr("__name__"))),
                       std::string(py::str(raised.value())));
-      // Not PyErr_Print, which ends the process at a SystemExit, with the law's exit code.
+      // PyErr_Print would end the process at a SystemExit, with the law's exit code.
       const py::object trace = raised.trace() ? raised.trace() : py::object(py::none());
       py::module_::import("traceback")
           .attr("print_exception")(raised.type(), raised.value(), trace);
@@ -118,7 +119,7 @@ class PythonLaw final : public controller::AnyLaw {
   Interrupt interrupt_;
   int num_joints_;
   double period_s_;
-  messages::AnyMeasurement measurement_of_step_;  ///< of the last one, as `reference_`
+  messages::AnyMeasurement measurement_of_step_;  ///< of the last step, like `reference_`
   messages::ReferencePoint reference_;
 };
 
@@ -131,7 +132,7 @@ py::array_t<double> array_of(const Vector& x) {
 }
 
 Vector vector_of(const py::handle& object, int size, const std::string& what) {
-  // Integers and floating point only: the cast would take None for NaN, and 1j for 0.
+  // Accepts integers and floating point only. The cast would convert None to NaN and 1j to 0.
   const auto given = py::array::ensure(object);
   if (!given || std::string_view("iuf").find(given.dtype().kind()) == std::string_view::npos) {
     throw base::bad_usage("{} is {}; needed: {} numbers", what,

@@ -3,16 +3,18 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <cstddef>
 #include <string>
+#include <typeinfo>
 
 #include "controller/registry.h"
 
-/// A control law that is a Python callable; what the module's sources share.
+/// A control law that is a Python callable, and declarations that the module's sources share.
 namespace tachless::python {
 
 namespace py = pybind11;
 
-/// What the callable is given; its own, so it may keep them.
+/// Copies for the callable, which may keep them.
 struct Measurement {
   py::object q, v, theta, thetadot;  ///< None: not measured
 };
@@ -24,18 +26,33 @@ enum class Interrupt { passed_on, a_failure };
 
 py::array_t<double> array_of(const Vector& x);
 
-/// @throw base::Failure naming `what`, the shape that is needed and the one that came
+/// Returns the vector that a Python object holds.
+/// @throw base::Failure naming `what`, the required shape and the given shape
 Vector vector_of(const py::handle& object, int size, const std::string& what);
 
-/// `f(k, t, measurement, reference) -> torque`. Where it has a method `reset`, that is called
-/// before the first step, and whenever the memory has to begin anew (after a long gap in realtime).
-/// What it raises is a base::Failure; on `Interrupt::passed_on`, KeyboardInterrupt is not.
-/// Logs the position error where it measures the links. To be used and destroyed without the GIL.
-/// @param name as announced; the law measures what the scenario's controller.measurement says
+/// Returns a law whose torque is `f(k, t, measurement, reference)`. If `f` has a method `reset`, it
+/// is called before the first step. It is called again after a long gap in realtime, when the
+/// memory has to start anew. An exception of the callable becomes a base::Failure, except
+/// KeyboardInterrupt with `Interrupt::passed_on`. The law logs the position error if it measures
+/// the links. Use and destroy the law without the GIL.
+/// @param name as announced
+/// @param scenario its controller.measurement determines the measurement of the law
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt);
 
-/// The parts of the module with a source of their own.
+/// Declares a class. Python can make objects of it without a value, by `__new__` alone. Each use of
+/// such an object raises TypeError: pybind11 would allocate memory for the value and not initialise
+/// it.
+template <class T>
+py::class_<T> declare_class(py::module_& module, const char* name, const char* doc = "") {
+  py::class_<T> declared(module, name, doc);
+  py::detail::get_type_info(typeid(T))->operator_new = [](std::size_t /*size*/) -> void* {
+    throw py::type_error("the object has no value, because its __init__ was not called");
+  };
+  return declared;
+}
+
+/// Declare the parts of the module that have their own source files.
 void declare_linear(py::module_& module);
 void declare_listener(py::module_& module);
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int per_cycle = 50, per_piece = 4;
 
-/// The highest frequency of which both are multiples, to a billionth of them.
+/// Returns the highest frequency of which both are multiples, with a relative tolerance of 1e-9.
 double common_frequency(double a, double b) {
   const double least = 1e-9 * std::max(a, b);
   while (b > least) a = std::exchange(b, std::fmod(a, b));
@@ -78,7 +78,8 @@ std::vector<double> Motion::instants(int count) const {
   const bool irregular = cycles_ > 1.5 && count < per_cycle * cycles_;
   std::vector<double> result;
   for (int k = 0; k < count; ++k) {
-    // The golden ratio's multiples are spread evenly between 0 and 1, of whatever k.
+    // The fractional parts of the golden ratio's multiples are spread evenly over [0, 1) for any
+    // number of samples.
     const double beyond = irregular && k + 1 < count ? std::fmod(k * 0.6180339887498949, 1) : 0;
     result.push_back(at((k + beyond) / (count - 1)));
   }

@@ -8,13 +8,14 @@
 #include "reference/spec.h"
 #include "scenario/scenario.h"
 
-/// From what a scenario asks for to the reference at a time. Does not read the scenario's file.
+/// The reference of a scenario as a function of time. This header does not read the scenario's
+/// file.
 namespace tachless::reference {
 
-/// What a robot is to follow: pure, t -> reference, C4 for t >= 0.
+/// A robot's desired motion: a pure function of time, C4 for t >= 0.
 class Trajectory {
  public:
-  /// @throw std::invalid_argument, one line, when the spec makes no sense.
+  /// @throw std::invalid_argument, with one line, if the spec is invalid.
   explicit Trajectory(const Spec& spec)
       : at_(std::visit(
             []<class T>(const T& made) -> At {
@@ -26,7 +27,8 @@ class Trajectory {
             },
             spec)) {}
 
-  /// Position to snap at t [s] since the start of the run, one entry per joint. Allocates nothing.
+  /// Returns position to snap at t [s] since the start of the run, one entry per joint. Allocates
+  /// no memory.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const { return at_(t_s); }
 
  private:
@@ -34,39 +36,38 @@ class Trajectory {
   At at_;
 };
 
-/// The trajectory a scenario asks for.
-/// @throw base::Failure(bad_usage), one line with file, line, key, value and allowed range,
-/// for a reference that leaves the joint limits of the URDF during the run.
+/// Returns the trajectory of a scenario.
+/// @throw base::Failure(bad_usage), one line with file, line, key, value and allowed range, if the
+/// reference leaves the joint limits of the URDF during the run.
 Trajectory make_trajectory(const scenario::Scenario& scenario);
 
-/// The sinusoids of a reference; empty: it is not made of them.
+/// Returns the sinusoids of a reference; empty for a reference of another kind.
 std::vector<trajectory::Sine> sines_of(const Spec& spec);
 
-/// When a reference moves within its run [s], and when to look at it: one common period of
-/// sinusoids, otherwise from its first motion to its last, pauses between them included. Of length
-/// 0 where it is constant.
+/// Time interval in which a reference moves within its run [s], with sample times. For sinusoids
+/// the interval is one common period. For other references it lasts from the first motion to the
+/// last, with the pauses between them. A constant reference has an interval of length 0.
 class Motion {
  public:
-  /// Precondition: the table of a `MotionFile` was read.
+  /// Precondition: the table of a `MotionFile` has been read.
   Motion(const scenario::Scenario& scenario, const Trajectory& trajectory);
 
   double begin_s = 0, end_s = 0;
-  bool repeats = false;  ///< within the run
+  bool repeats = false;  ///< the reference is periodic, and a period fits within the run
 
   [[nodiscard]] bool moves() const { return end_s > begin_s; }
-  /// The time after that share of it, 0 … 1: even in time, but that no piece between waypoints has
-  /// less than about a quarter of the mean.
+  /// Maps a share in [0, 1] to time; short segments get at least a quarter of the mean share.
   [[nodiscard]] double at(double share) const;
-  /// As many, the first and the last included, increasing; one where it does not move. Even in
-  /// `at`, but irregular where even ones may lie at the same phase of each period.
+  /// Returns `count` increasing sample times including both ends, or one time if nothing moves. The
+  /// times of a periodic motion with few samples are jittered to avoid aliasing.
   [[nodiscard]] std::vector<double> instants(int count) const;
-  /// 50 for each period of the fastest sinusoid, so that it is between two beyond both by 0.2 % of
-  /// its amplitude, and 4 for each piece between waypoints.
+  /// Returns 50 sample times per period of the fastest sinusoid, which miss a peak by at most 0.2
+  /// %. Between waypoints it returns 4 for each segment.
   [[nodiscard]] std::vector<double> closely(int at_least = 2000, int at_most = 200000) const;
 
  private:
-  std::vector<double> time_s_, share_;  ///< of the waypoints
-  double cycles_ = 0;                   ///< of the fastest sinusoid
+  std::vector<double> time_s_, share_;  ///< waypoints' times [s] and shares of the interval
+  double cycles_ = 0;                   ///< number of periods of the fastest sinusoid
 };
 
 }  // namespace tachless::reference

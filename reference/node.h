@@ -1,14 +1,14 @@
 #pragma once
 
 #include "scenario/scenario.h"
-#include "session/link.h"
+#include "session/session.h"
 
 namespace tachless::reference {
 
-/// The reference process: answers TICK(k) with the reference of k + 1, one tick ahead, until the
-/// plant has finished.
-/// @throw base::Failure bad_usage (scenario), protocol_violated (two plants),
-/// protective_stop (a reference that is not finite), and what the link throws.
-void run_node(const scenario::Scenario& scenario, session::Link& link);
+/// Runs the reference process: answers TICK(k) with the reference of k + 1, one tick ahead, until
+/// the plant has finished.
+/// @throw base::Failure: bad_usage (scenario), protocol_violated (two plants), protective_stop (a
+/// reference that is not finite), and the failures of the session.
+void run_node(const scenario::Scenario& scenario, session::Session& session);
 
 }  // namespace tachless::reference

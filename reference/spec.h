@@ -7,12 +7,13 @@
 #include "reference/trajectory/sinusoids.h"
 #include "reference/trajectory/waypoints.h"
 
-/// The list of all trajectories. To add one: a header in trajectory/ with a struct that has a
-/// `name`, its `keys` and `at(t)` (or `Shape`, the type with `at` that is made of it), and its line
-/// here. The scenario's keys, their documentation and the node follow.
+/// The list of all trajectories. To add one, write a header in trajectory/ with a struct that has a
+/// `name` and `keys`. The struct also has `at(t)`, or a type `Shape` with `at` that is constructed
+/// from the struct. Then add its line here. The scenario's keys, their documentation and the node
+/// use this list.
 namespace tachless::reference {
 
-/// What a scenario asks for.
+/// The scenario's `reference` map.
 using Spec = std::variant<trajectory::Hold, trajectory::Sinusoid, trajectory::MultiSine,
                           trajectory::PointToPoint, trajectory::Waypoints, trajectory::MotionFile>;
 

@@ -4,10 +4,13 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string_view>
 #include <utility>
 
 #include "base/text.h"
+#include "lyapunov/law_loop.h"
+#include "reference/make_trajectory.h"
 #include "robot/model.h"
 
 namespace tachless::certify {
@@ -16,12 +19,12 @@ namespace {
 using base::period_text;
 using Json = nlohmann::ordered_json;
 
-/// What is not finite is null.
+/// Returns null for a number that is not finite.
 Json json_of(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 Json json_of(const std::optional<double>& x) { return x ? json_of(*x) : Json(); }
 Json json_of(const Eigen::VectorXd& x) { return std::vector<double>(x.begin(), x.end()); }
 
-/// What is printed, in its order: text and JSON are made of it.
+/// A printed result. Text and JSON are made of these results, in their order.
 struct Entry {
   std::string_view key, label;  ///< without a label only in JSON, without a key only in the text
   Json value;
@@ -46,10 +49,14 @@ Group loop_group(const Prediction& p) {
   }
   group.heading += " (linearised at the worst postures of the reference that were found)";
   group.add("stable", "stable", p.stable,
-            p.stable ? p.unstable_q.size() == 0
-                           ? "yes"
-                           : "along the motion, but not at rest at q = " + list_text(p.unstable_q)
-                     : "NO: " + growth_text(p));
+            !p.stable ? "NO: " + growth_text(p)
+            : p.growth > 0
+                ? fmt::format("where the motion ends; errors grow {:.2g}-fold over the motion "
+                              "before they decay",
+                              p.growth)
+            : p.unstable_q.size() > 0
+                ? "along the motion, but not at rest at q = " + list_text(p.unstable_q)
+                : std::string("yes"));
   group.add("period_s", "", p.settings.period_s, "");
   group.add("delay", "", p.settings.command_delay, "");
   group.add("not_counted", p.not_counted.empty() ? "" : "not counted", p.not_counted,
@@ -59,6 +66,7 @@ Group loop_group(const Prediction& p) {
   group.add("limit_q", "", json_of(p.limit_q), "");
   group.add("spectral_radius", "spectral radius, per period", json_of(p.radius),
             fmt::format("{:.6g}", p.radius));
+  group.add("growth_over_motion", "", p.growth > 0 ? json_of(p.growth) : Json(), "");
   const linear::Modes& m = p.modes;
   if (m.stable) {
     group.add("settling_s", "settles to 1 % in", m.settling_s, settling_text(m.settling_s));
@@ -74,6 +82,7 @@ Group loop_group(const Prediction& p) {
     const linear::Margins& g = *p.margins;
     group.add("margins", "margins",
               {{"gain", json_of(g.gain)},
+               {"least_gain", g.least_gain},
                {"phase_deg", g.phase_deg},
                {"delay_s", json_of(g.delay_s)},
                {"modulus", g.modulus},
@@ -85,7 +94,8 @@ Group loop_group(const Prediction& p) {
   if (p.missed) {
     const linear::MissedTicks& missed = *p.missed;
     group.add("missed", "missed commands",
-              {{"commands", missed.commands},
+              {{"status", "searched"},
+               {"commands", missed.commands},
                {"measurements", missed.measurements ? Json(*missed.measurements) : Json()},
                {"unstable", missed.unstable ? Json(*missed.unstable) : Json()},
                {"unstable_hits", missed.unstable ? Json(missed.hits) : Json()}},
@@ -137,26 +147,59 @@ std::string share_text(const lyapunov::CertifiedStart& start, std::string_view b
   return fmt::format("{}needs at most {:.0f} % of a limit", before, 100 * *start.torque_share);
 }
 
-/// Where torque limits end the region.
-std::string torque_text(const lyapunov::CertifiedRegion& c) {
+Eigen::VectorXd start_range_of(const scenario::Scenario& scenario) {
+  const robot::Model& model = *scenario.model;
+  const Vector q_ref = reference::make_trajectory(scenario).at(0).q_ref;
+  Eigen::VectorXd range = (model.upper - q_ref).cwiseMax(q_ref - model.lower);
+  for (Eigen::Index i = 0; i < range.size(); ++i) {
+    const bool turns = model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute;
+    if (turns && !std::isfinite(range[i])) range[i] = std::numbers::pi;
+  }
+  return range;
+}
+
+/// Returns the errors, of the links no more than the joints' range.
+Eigen::VectorXd within(Eigen::VectorXd errors, const Eigen::VectorXd& range) {
+  errors.head(range.size()) = errors.head(range.size()).cwiseMin(range);
+  return errors;
+}
+
+/// "up to |e_i| = [0.3, 1.2]", "anywhere in the joints' range".
+std::string reach_text(const Eigen::VectorXd& errors, const Eigen::VectorXd& range) {
+  const auto whole = errors.head(range.size()).array() >= range.array();
+  if (range.size() > 0 && whole.all()) return "anywhere in the joints' range";
+  std::string text = "up to |e_i| = " + list_text(within(errors, range));
+  std::vector<Eigen::Index> joints;
+  for (Eigen::Index i = 0; i < range.size(); ++i) {
+    if (whole[i]) joints.push_back(i + 1);
+  }
+  if (!joints.empty()) {
+    text += fmt::format(" (joint{} {}: the whole range)", joints.size() > 1 ? "s" : "",
+                        fmt::join(joints, ", "));
+  }
+  return text;
+}
+
+/// Returns where torque limits end the region.
+std::string torque_text(const lyapunov::CertifiedRegion& c, const Eigen::VectorXd& range) {
   if (c.torque->level >= c.region.level) return "no limit is reached in the region";
-  return fmt::format("without saturation from rest up to |e_i| = {} (joint {} is first)",
-                     list_text(c.torque->e_at_rest), c.torque->joint + 1);
+  return fmt::format("without saturation from rest {} (joint {} is first)",
+                     reach_text(c.torque->e_at_rest, range), c.torque->joint + 1);
 }
 
 void add(Group& group, std::string_view key, std::string_view name,
-         const std::optional<lyapunov::CertifiedRegion>& c) {
+         const std::optional<lyapunov::CertifiedRegion>& c, const Eigen::VectorXd& range) {
   if (!c) return group.add(key, name, Json(), "nothing certified: no weights were found");
   const lyapunov::Region& region = c->region;
   group.add(
       key, name,
       {{"epsilon_1", json_of(c->weights.eps_1)},
        {"epsilon_2", json_of(c->weights.eps_2)},
-       {"rate_per_s", c->rate},
-       {"error_rate_per_s", c->rate / 2},
+       {"rate_per_s", c->rate > 0 ? json_of(c->rate) : Json()},
+       {"error_rate_per_s", c->rate > 0 ? json_of(c->rate / 2) : Json()},
        {"level", json_of(region.level)},
        {"ball", json_of(region.ball)},
-       {"e_at_rest", json_of(region.e_at_rest)},
+       {"e_at_rest", json_of(within(region.e_at_rest, range))},
        {"edot", json_of(region.edot)},
        {"unknown_torque_Nm", json_of(c->unknown_torque)},
        {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
@@ -166,13 +209,13 @@ void add(Group& group, std::string_view key, std::string_view name,
        {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}},
       fmt::format("this start: {} (V = {:.4g} J of {:.4g} J)",
                   c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
-  group.add("", "  one error alone from rest, up to", Json(), list_text(region.e_at_rest));
+  group.add("", "  one error alone, from rest", Json(), reach_text(region.e_at_rest, range));
   group.add("", "  one rate alone, up to", Json(), list_text(region.edot));
   if (c->tube.size() > 0)
     group.add("", "  postures", Json(), "within " + list_text(c->tube) + " of the reference");
   group.add("", "  small errors decay at", Json(),
             c->rate > 0 ? fmt::format("{:.4g} 1/s", c->rate / 2) : "no certified rate");
-  if (c->torque) group.add("", "  torque", Json(), torque_text(*c));
+  if (c->torque) group.add("", "  torque", Json(), torque_text(*c, range));
   if (c->unknown_torque.size() > 0)
     group.add("", "  unknown torque at one joint, up to", Json(),
               list_text(c->unknown_torque) + " N m, constant; errors then end at 0");
@@ -198,8 +241,11 @@ Group region_group(const Certificate& all) {
   group.add("B_d", "", json_of(s.B_d), "");
   group.add("constant_reference", s.constant ? "constant reference" : "", s.constant,
             "asymptotically stable for any positive gains (LaSalle)");
-  add(group, "fastest", s.own_weights ? "with the law's eps_1, eps_2" : "fastest rate", s.fastest);
-  if (!s.constant && !s.own_weights) add(group, "largest", "largest region", s.largest);
+  add(group, "fastest", s.own_weights ? "with the law's eps_1, eps_2" : "fastest rate", s.fastest,
+      all.start_range);
+  if (!s.constant && !s.own_weights) {
+    add(group, "largest", "largest region", s.largest, all.start_range);
+  }
   for (const std::string& proviso : s.provisos) group.add("", "proviso", Json(), proviso);
   group.add("provisos", "", s.provisos, "");
   return group;
@@ -218,8 +264,10 @@ Group nonlinear_group(const Certificate& all) {
             fmt::format("searched in {} directions, not proved", r.directions));
   group.add("directions", "", r.directions, "");
   group.add("q_ref", "at q =", json_of(r.q_ref), list_text(r.q_ref));
-  group.add("e_at_rest", "e up to, alone from rest", json_of(r.e_at_rest), list_text(r.e_at_rest));
-  group.add("edot", "edot up to, alone", json_of(r.edot), list_text(r.edot));
+  group.add("e_at_rest", "one error alone, from rest",
+            json_of(within(r.e_at_rest, all.start_range)),
+            reach_text(r.e_at_rest, all.start_range));
+  group.add("edot", "one rate alone, up to", json_of(r.edot), list_text(r.edot));
   group.add("no_end_found", r.cut ? "no end found" : "", r.cut,
             fmt::format("up to where the search ends, an error of {:.3g}", r.widest));
   return group;
@@ -271,8 +319,9 @@ std::vector<Group> groups(const Certificate& certificate) {
   return all;
 }
 
-/// Of torque or speed the largest share of a limit that the reference asks for, or where no joint
-/// has one the largest value: "57 % of the torque limit (elbow)", "345 N m (elbow, no limit)".
+/// Returns the largest share of a torque or speed limit that the reference asks for: "57 % of the
+/// torque limit (elbow)". If no joint has a limit, returns the largest value: "345 N m (elbow, no
+/// limit)".
 std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
   std::pair<bool, double> largest;
   std::string text;
@@ -290,26 +339,41 @@ std::string largest_text(const Feasibility& f, bool speed, const robot::JointLab
   return text;
 }
 
-/// With the larger region that holds the start, else the larger one; last what it leaves out.
-std::string region_text(const lyapunov::StabilityCertificate& s) {
+/// Returns the larger of the regions that contain the start, or the larger of both; then what the
+/// proof does not cover.
+std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::VectorXd& range) {
   const bool faster =
       !s.largest || (lyapunov::holds_start(s.fastest) && !lyapunov::holds_start(s.largest));
   const auto& region = faster ? s.fastest : s.largest;
   std::string rest = share_text(s.start, "; torque: this start ");
-  if (region && region->torque) rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region);
+  if (region && region->torque)
+    rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region, range);
   for (const std::string& proviso : s.provisos) rest += "; " + proviso;
   if (!region)
-    return (s.constant ? "every start, without a rate" : "none: no weights were found") + rest;
-  return fmt::format("{}{}: this start is {}; from rest up to |e_i| = {}, one at a time{}",
-                     s.proved ? "proved" : "at sampled postures",
-                     region->tube.size() > 0 ? " near the reference" : "",
-                     lyapunov::holds_start(region) ? "in it"
-                     : s.constant ? "certified, but without a rate (constant reference)"
-                                  : "NOT in it",
-                     list_text(region->region.e_at_rest), rest);
+    return (s.constant && s.start.certified ? "this start is certified, but without a rate"
+                                            : "none: no weights were found") +
+           rest;
+  return fmt::format(
+      "{}{} in continuous time: this start is {}; from rest {}, one error at a time{}",
+      s.proved ? "proved" : "at sampled postures",
+      region->tube.size() > 0 ? " near the reference,"
+      : s.proved              ? ""
+                              : ",",
+      lyapunov::holds_start(region)     ? "in it"
+      : s.constant && s.start.certified ? "certified, but without a rate (constant reference)"
+                                        : "NOT in it",
+      reach_text(region->region.e_at_rest, range), rest);
 }
 
-/// What matters most: four lines; one more with dry friction, and in realtime.
+/// Returns why a loop has no margins.
+std::string no_margins(const Prediction& loop) {
+  return loop.unstable_q.size() == 0
+             ? "none"
+             : "none: at rest it is unstable at q = " + list_text(loop.unstable_q);
+}
+
+/// Returns the most important results in four lines. Missed commands in realtime, dry friction and
+/// uncounted parts of the arm add one line each.
 std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const auto line = [](std::string_view label, std::string_view text) {
     return fmt::format("  {:<17} {}\n", label, text);
@@ -318,7 +382,7 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const auto& margins = all.loop.margins;
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
-                                  : "none");
+                                  : no_margins(all.loop));
   if (all.loop.missed && scenario.loop.mode == scenario::Mode::realtime) {
     const int most = scenario.loop.max_missed;
     text += line("missed commands",
@@ -333,10 +397,13 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const robot::JointLabels labels = robot::joint_labels(*scenario.model);
   const auto largest = [&](bool speed) { return largest_text(all.feasibility, speed, labels); };
   std::string reference = fmt::format("asks for {}, {}", largest(false), largest(true));
-  for (const std::string& problem : all.feasibility.impossible) reference = problem;
+  if (const auto& problems = all.feasibility.impossible; !problems.empty()) {
+    reference = fmt::format("{}", fmt::join(problems, "; "));
+  }
   text += line("reference", reference);
-  return text + line("certified region",
-                     all.stability ? region_text(*all.stability) : "none: " + all.no_stability);
+  return text + line("certified region", all.stability
+                                             ? region_text(*all.stability, all.start_range)
+                                             : "none: " + all.no_stability);
 }
 
 }  // namespace
@@ -345,14 +412,27 @@ Certificate certify(const scenario::Scenario& scenario, bool paper, const linear
                     bool full, const linear::LawAnswers& answers) {
   Certificate result;
   result.feasibility = feasibility(scenario);
+  result.start_range = start_range_of(scenario);
   const bool may_miss = scenario.loop.mode == scenario::Mode::realtime;
   result.loop = analyse(scenario, full || may_miss ? linear::Effort::full : linear::Effort::margins,
                         tell, answers);
-  result.stability =
-      lyapunov::stability_certificate(scenario, linear::Effort::full, result.no_stability, tell);
+  result.no_stability = no_region(result.loop);
+  if (result.no_stability.empty()) {
+    result.stability =
+        lyapunov::stability_certificate(scenario, linear::Effort::full, result.no_stability, tell);
+  }
   if (full) result.nonlinear = lyapunov::sampled_region(scenario, result.no_nonlinear, tell);
-  if (paper) result.paper = lyapunov::paper_conditions(scenario, result.no_stability);
+  if (paper) {
+    std::string why_not;
+    result.paper = lyapunov::paper_conditions(scenario, why_not);
+  }
   return result;
+}
+
+std::optional<lyapunov::CertifiedRun> certified_run(const scenario::Scenario& scenario) {
+  if (!lyapunov::no_certificate(scenario).empty()) return {};
+  if (!no_region(analyse(scenario, linear::Effort::quick)).empty()) return {};
+  return lyapunov::certified_run(scenario);
 }
 
 std::vector<std::string> objections(const Certificate& certificate) {

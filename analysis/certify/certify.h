@@ -10,15 +10,18 @@
 #include "lyapunov/sampled_region.h"
 #include "lyapunov/stability_certificate.h"
 
-/// `tachless certify`: what is known of a scenario before it is run, for people and as JSON.
+/// `tachless certify`: the analysis of a scenario before it runs, for people and as JSON.
 namespace tachless::certify {
 
 struct Certificate {
   Prediction loop;
   Feasibility feasibility;
-  std::optional<lyapunov::StabilityCertificate> stability;
-  std::optional<lyapunov::PaperConditions> paper;    ///< where it was asked for
-  std::string no_stability;                          ///< why there is none
+  std::optional<lyapunov::StabilityCertificate> stability;  ///< nothing under an unstable loop
+  std::optional<lyapunov::PaperConditions> paper;           ///< where it was asked for
+  std::string no_stability;                                 ///< why there is none
+  /// Largest error of each joint that its range allows at the start [rad; m], half a turn where it
+  /// has no limits: no region is shown beyond. Empty: not known.
+  Eigen::VectorXd start_range;
   std::optional<lyapunov::SampledRegion> nonlinear;  ///< where it was asked for
   std::string no_nonlinear;                          ///< why there is none; empty: not asked for
 };
@@ -31,8 +34,11 @@ Certificate certify(const scenario::Scenario& scenario, bool paper,
                     const linear::OnProgress& tell = linear::no_progress, bool full = false,
                     const linear::LawAnswers& answers = {});
 
-/// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
-/// Empty when nothing stands against it.
+/// Returns what `lyapunov::certified_run` does; nothing under a sampled loop that `no_region`
+/// names.
+std::optional<lyapunov::CertifiedRun> certified_run(const scenario::Scenario& scenario);
+
+/// Returns the reasons why a run must fail: an unstable loop, torque or speed beyond a limit.
 std::vector<std::string> objections(const Certificate& certificate);
 
 /// For people: five lines, and what the paper prints where it was asked for.

@@ -6,8 +6,8 @@
 
 #include "scenario/scenario.h"
 
-/// What a scenario's reference asks of its drives and joints, against what these can do. Of the
-/// reference alone: what errors ask for comes on top.
+/// Demands of a scenario's reference on its drives and joints, against the limits of these. The
+/// reference alone makes these demands. Errors add to them.
 namespace tachless::certify {
 
 struct JointDemand {
@@ -23,9 +23,9 @@ struct JointDemand {
 
 struct Feasibility {
   std::vector<JointDemand> joints;
-  /// What the drives or joints cannot do, one line each: joint, numbers, remedy.
+  /// One line for each demand that the drives or joints cannot meet: joint, numbers, remedy.
   std::vector<std::string> impossible;
-  /// What is possible and probably a mistake.
+  /// One line for each setting that is possible and probably a mistake.
   std::vector<std::string> doubtful;
 };
 

@@ -40,9 +40,9 @@ ReferencePoint worst_near(const linear::ScenarioLoop& loop, std::size_t k,
   return loop.rest_at(worst.x[0]);
 }
 
-/// The least limit over the motion and where: from the posture that is the least stable at the
-/// scenario's period on, then of each that is unstable at the least found so far, then searched
-/// beside that.
+/// Finds the least limit over the motion and its posture. It begins at the posture that is the
+/// least stable at the scenario's period, goes on with each posture that is unstable at the least
+/// limit so far, and searches beside the last one.
 void find_limit(Prediction& result, const linear::ScenarioLoop& scenario_loop,
                 const std::vector<linear::SampledLoop>& loops,
                 const std::vector<ReferencePoint>& rests, std::size_t first) {
@@ -76,8 +76,13 @@ MatrixXd power(MatrixXd base, std::int64_t exponent) {
   return result;
 }
 
-/// Per period over the motion, in pieces each of which stands for equally many periods.
-double radius_over_motion(const linear::ScenarioLoop& loop) {
+/// Spectral radius of the product of the one-period maps over a motion.
+struct OverMotion {
+  double per_period, product;
+};
+
+/// Returns it of the motion in pieces, each of which stands for equally many periods.
+OverMotion radius_over_motion(const linear::ScenarioLoop& loop) {
   const double h = loop.settings().period_s;
   const linear::ScenarioLoop::Motion& motion = loop.motion();
   const auto ticks = std::max<std::int64_t>(1, std::llround((motion.end_s - motion.begin_s) / h));
@@ -92,7 +97,23 @@ double radius_over_motion(const linear::ScenarioLoop& loop) {
       });
   const double over_pieces = linear::radius_along(
       [&](int k) { return maps[static_cast<std::size_t>(k)]; }, static_cast<int>(count));
-  return std::pow(over_pieces, static_cast<double>(count) / static_cast<double>(ticks));
+  return {std::pow(over_pieces, static_cast<double>(count) / static_cast<double>(ticks)),
+          std::pow(over_pieces, static_cast<double>(count))};
+}
+
+/// Sets `radius` and `growth`. @param end_radius at rest at the end of the motion
+void find_radius(Prediction& result, const linear::ScenarioLoop& loop,
+                 const scenario::Scenario& scenario, double end_radius) {
+  result.radius = end_radius;
+  if (!loop.moves()) return;
+  const OverMotion over = radius_over_motion(loop);
+  if (loop.motion().repeats) {
+    result.radius = over.per_period;
+  } else if (loop.motion().end_s < scenario.loop.duration_s) {
+    result.growth = over.product > 1 ? over.product : 0;
+  } else {
+    result.radius = std::max(over.per_period, end_radius);
+  }
 }
 
 void find_margins(Prediction& result, const linear::ScenarioLoop& scenario_loop,
@@ -112,13 +133,17 @@ void find_margins(Prediction& result, const linear::ScenarioLoop& scenario_loop,
   };
   result.margins =
       linear::Margins{least(&linear::Margins::modulus),
-                      least(&linear::Margins::modulus_independent), least(&linear::Margins::gain),
-                      least(&linear::Margins::phase_deg), least(&linear::Margins::delay_s)};
+                      least(&linear::Margins::modulus_independent),
+                      least(&linear::Margins::gain),
+                      std::ranges::max(all, {}, &linear::Margins::least_gain).least_gain,
+                      least(&linear::Margins::phase_deg),
+                      least(&linear::Margins::delay_s)};
   const auto at = std::ranges::min_element(all, {}, &linear::Margins::modulus) - all.begin();
   result.margin_q = found_posture(rests[static_cast<std::size_t>(at)].q_ref);
 }
 
-/// At the postures alone: the least of each number, and an unstable pattern where commands are it.
+/// Finds the least of each number over the postures, and an unstable pattern at the posture with
+/// the fewest commands.
 void find_missed(Prediction& result, const std::vector<linear::SampledLoop>& loops) {
   const double h = result.settings.period_s;
   const std::vector<linear::MissedTicks> all =
@@ -151,7 +176,7 @@ void find_settling(Prediction& result, const linear::ScenarioLoop& scenario_loop
   result.modes.settling_mean_s = longest.settling_mean_s;
 }
 
-/// Gain, stiffness and rest error, of each the worst over the postures.
+/// Finds gain, stiffness and rest error, each the worst over the postures.
 void find_stiffness(Prediction& result, const scenario::Scenario& scenario,
                     const std::vector<linear::SampledLoop>& loops) {
   const double h = result.settings.period_s;
@@ -194,7 +219,7 @@ std::string rate_text(double period_s) {
   return hz >= 1000 ? fmt::format("{:.4g} kHz", hz / 1000) : fmt::format("{:.4g} Hz", hz);
 }
 
-/// What of the emulated arm is in no linear loop.
+/// Returns the keys of the emulated arm that no linear loop contains.
 std::string uncounted(const plant::Spec& plant, const scenario::RobotSpec& robot) {
   std::vector<std::string_view> all;
   const auto add = [&](bool there, std::string_view what) {
@@ -228,8 +253,7 @@ void examine(Prediction& result, const scenario::Scenario& scenario, linear::Eff
   if (answers) {  // whose states at two postures need not be the same: at rest
     result.radius = radius[slowest];
   } else {
-    result.radius = scenario_loop.moves() ? radius_over_motion(scenario_loop) : 0;
-    if (!scenario_loop.motion().repeats) result.radius = std::max(result.radius, radius.back());
+    find_radius(result, scenario_loop, scenario, radius.back());
   }
   result.stable = result.radius < 1;
 
@@ -307,11 +331,12 @@ std::string limit_text(const std::optional<double>& limit_s) {
 std::string settling_text(double seconds) { return fmt::format("{:.2g} s", seconds); }
 
 std::string margins_text(const linear::Margins& margins) {
-  return fmt::format(
-      "gain {}, phase {:.0f} deg, delay {}",
-      std::isinf(margins.gain) ? "without limit" : fmt::format("{:.3g}", margins.gain),
-      margins.phase_deg,
-      std::isinf(margins.delay_s) ? "without limit" : period_text(margins.delay_s));
+  const std::string most =
+      std::isinf(margins.gain) ? "without limit" : fmt::format("{:.3g}", margins.gain);
+  return fmt::format("gain {}{}, phase {:.0f} deg, delay {}",
+                     margins.least_gain > 0 ? fmt::format("{:.3g} to ", margins.least_gain) : "",
+                     most, margins.phase_deg,
+                     std::isinf(margins.delay_s) ? "without limit" : period_text(margins.delay_s));
 }
 
 std::string modulus_text(const linear::Margins& margins) {
@@ -320,17 +345,16 @@ std::string modulus_text(const linear::Margins& margins) {
 }
 
 std::string pattern_text(int in_a_row) {
-  if (in_a_row == 0) return "not even single ones are proved stable";
-  return fmt::format("any pattern of {}{} in a row is stable",
+  if (in_a_row == 0) return "not even single ones were found to be stable (searched, not proved)";
+  return fmt::format("any pattern of {}{} in a row is stable (searched, not proved)",
                      in_a_row == linear::most_missed ? "" : "at most ", in_a_row);
 }
 
 std::string missed_text(const linear::MissedTicks& missed) {
   std::string text = pattern_text(missed.commands);
   if (missed.unstable) {
-    text +=
-        fmt::format("; {} in a row and {} hit{}, again and again, {} not", *missed.unstable,
-                    missed.hits, missed.hits == 1 ? "" : "s", missed.commands > 0 ? "is" : "are");
+    text += fmt::format("; the repeated pattern of {} missed and {} received is unstable",
+                        *missed.unstable, missed.hits);
   }
   return text;
 }
@@ -345,6 +369,18 @@ std::string list_text(const VectorXd& values) {
   // Rounding, such as sin(pi) = 1e-16, is shown as 0.
   const VectorXd shown = (values.array().abs() < 1e-12).select(0.0, values);
   return fmt::format("[{:.4g}]", fmt::join(shown.begin(), shown.end(), ", "));
+}
+
+std::string no_region(const Prediction& prediction) {
+  if (!prediction.unknown.empty()) return {};
+  if (!prediction.stable) {
+    return "the sampled loop is unstable, and a region holds in continuous time alone";
+  }
+  if (prediction.growth > 0) {
+    return "errors of the sampled loop grow over the motion, and a region holds in continuous time "
+           "alone";
+  }
+  return {};
 }
 
 std::string growth_text(const Prediction& prediction) {
@@ -367,8 +403,17 @@ std::string text(const Prediction& prediction) {
                   ticks == 1 ? "" : "s");
   const std::string limit = limit_text(prediction.limit_s);
   if (!prediction.stable) {
+    if (!prediction.limit_s) {
+      return fmt::format("unstable {}, and at any other period: {}", at, growth_text(prediction));
+    }
     return fmt::format("unstable {}: largest stable period {}, {}", at, limit,
                        growth_text(prediction));
+  }
+  if (prediction.growth > 0) {
+    return fmt::format(
+        "stable {} where the motion ends: errors grow {:.2g}-fold over the motion, then decay; "
+        "largest stable period at rest {}",
+        at, prediction.growth, limit);
   }
   if (prediction.unstable_q.size() > 0) {
     return fmt::format(

@@ -11,10 +11,10 @@
 #include "linear/sampled_limit.h"
 #include "linear/scenario_loop.h"
 
-/// What is predicted of a scenario's sampled loop: of its linearisation about rest at postures of
-/// the reference, the worst of them searched, and along the reference where it moves. It covers no
-/// large errors, saturation or quantisation. `certify`, `design`, `run` and the report all take
-/// their numbers from here.
+/// Prediction of a scenario's sampled loop by its linearisation: about rest at postures of the
+/// reference, the worst of which is searched, and along the reference where it moves. It does not
+/// cover large errors, saturation or quantisation. `certify`, `design`, `run` and the report all
+/// take their numbers from here.
 namespace tachless::certify {
 
 /// Postures of the reference from the worst of which on a worse one is searched.
@@ -25,14 +25,19 @@ struct Prediction {
   std::string not_counted;  ///< what of the emulated arm is in none of the numbers; empty: all is
   controller::law::Settings settings;
 
-  /// The errors of the linearised loop decay at the scenario's period: over the motion, and at rest
-  /// where a motion that does not repeat ends. A posture on the way may be unstable at rest:
-  /// eigenvalues at frozen postures are neither necessary nor sufficient for a moving reference.
+  /// The errors of the linearised loop decay at the scenario's period: over a motion that repeats
+  /// or that the run cuts off, and at rest at the end of any other. A posture on the way may be
+  /// unstable at rest: eigenvalues at frozen postures are neither necessary nor sufficient for a
+  /// moving reference.
   bool stable = false;
-  /// Per period: the root of the spectral radius of the product of the one-period maps over the
-  /// motion, or where it is larger the radius at rest at its end; of a law known by its answers
-  /// the largest at rest at the postures of the reference.
+  /// Spectral radius per period. A motion that repeats: the root of that of the product of its
+  /// one-period maps. A motion that ends in the run: at rest at its end. A motion that is cut off:
+  /// the larger of both. A law known by its answers: the largest at rest at the reference's
+  /// postures.
   double radius = 0;
+  /// Factor by which errors grow over a motion that ends in the run, before they decay: the
+  /// spectral radius of the product of its one-period maps; 0 where that is not above 1.
+  double growth = 0;
   Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
   /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
   std::optional<double> limit_s;
@@ -46,7 +51,8 @@ struct Prediction {
   /// friction may hold a joint at rest [rad; m]; empty without friction.
   Vector rest_error;
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
-  /// Of each the least over the postures; nothing with quick effort or where one is unstable.
+  /// The least of each margin over the postures. Nothing: with quick effort, or where a posture is
+  /// unstable.
   std::optional<linear::Margins> margins;
   Vector margin_q;                            ///< the posture with the least modulus margin
   std::optional<linear::MissedTicks> missed;  ///< with full effort, where there are margins
@@ -67,9 +73,13 @@ Eigen::VectorXd own_gain(const linear::LinearLaw& law);
 
 /// Torque per position error at rest, of each joint alone: the least over postures of the reference
 /// [N m/rad; N/m]; of a joint with dry friction F_c over Prediction::rest_error, which is less
-/// where gains couple joints. What an integral adds with time is not in it. Empty for a law that
-/// cannot be linearised. @throw as `analyse`.
+/// where gains couple joints. The growth of an integral with time is not in it.
+/// Empty for a law that cannot be linearised. @throw as `analyse`.
 Vector stiffness(const scenario::Scenario& scenario);
+
+/// Returns why no region of the loop in continuous time is shown: the sampled loop is unstable, or
+/// its errors grow over the motion. Empty: it may be shown.
+std::string no_region(const Prediction& prediction);
 
 /// "errors grow by e each 12 ms", of an unstable loop.
 std::string growth_text(const Prediction& prediction);
@@ -77,22 +87,25 @@ std::string growth_text(const Prediction& prediction);
 /// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
 std::string text(const Prediction& prediction);
 
-/// Why a run is refused, and what to type: limit, a stable period nearby. Of an unstable loop.
+/// Returns why a run of an unstable loop is refused, and what to type: limit, a stable period
+/// nearby.
 std::string refusal(const Prediction& prediction, const std::string& scenario_file);
 
 // ---- the numbers as text: one way of each, wherever they are printed ----------------------------
 
 std::string limit_text(const std::optional<double>& limit_s);
 std::string settling_text(double seconds);
-/// "gain 3.5, phase 50 deg, delay 4.1 ms".
+/// "gain 3.5, phase 50 deg, delay 4.1 ms"; "gain 0.62 to 30, …" where a smaller gain is unstable
+/// too.
 std::string margins_text(const linear::Margins& margins);
 /// "0.61 (common to all torques), 0.45 (independent)".
 std::string modulus_text(const linear::Margins& margins);
-/// "any pattern of at most 12 in a row is stable".
+/// "any pattern of at most 12 in a row is stable (searched, not proved)".
 std::string pattern_text(int in_a_row);
 /// The same of commands; "; 21 in a row and 4 hits, again and again, is not".
 std::string missed_text(const linear::MissedTicks& missed);
-/// Where dry friction may hold the joints, as a sentence; empty.
+/// Returns a sentence about the errors at which dry friction may hold the joints; empty without
+/// friction.
 std::string friction_text(const Prediction& prediction);
 /// "[1.2, 3]".
 std::string list_text(const Eigen::VectorXd& values);

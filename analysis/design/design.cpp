@@ -36,7 +36,7 @@ using messages::ReferencePoint;
 constexpr int pool_size = 400, first_postures = 16, most_added = 3;
 constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
 constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4;
-constexpr double slower = 1.02;  // another posture has to settle that much later to count
+constexpr double slower = 1.02;  // least factor of the settling time by which a posture is added
 constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
 
 class Search {
@@ -65,7 +65,7 @@ class Search {
     }
   }
 
-  /// Nothing: no gains keep the margin.
+  /// Returns the design, or nothing when no gains keep the margin.
   std::optional<Design> found(const linear::OnProgress& tell) {
     const std::vector<FoundGains> starts = good_starts(tell);
     if (starts.empty()) return {};
@@ -91,7 +91,8 @@ class Search {
       const double lacking = goal_.modulus - design.loop.margins->modulus;
       if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) return design;
       add(problem_, law_.at({linear::constant_reference(design.loop.margin_q)}), 0, 1);
-      problem_.margin += std::max(0.0, lacking);  // between its frequencies
+      // The margin lacks between the frequencies of the grid.
+      problem_.margin += std::max(0.0, lacking);
       best_ = climbed("design: once more with what lacked", best_.theta.cwiseMax(problem_.lower),
                       steps_of_a_round, tell);
       if (!std::isfinite(best_.settling_s)) break;
@@ -126,12 +127,12 @@ class Search {
     return found;
   }
 
-  /// Of an external law there is one start, and the programmes end at the optimum next to where
-  /// they begin: begun anew beside the best.
+  /// Restarts the search beside the best gains of an external law. The search has only one start
+  /// for such a law, and the linear programmes end at the optimum nearest to their start.
   void try_beside(const linear::OnProgress& tell) {
     const std::size_t count = law_.beside(best_.theta).size();
     for (std::size_t k = 0; k < count; ++k) {
-      const VectorXd start = law_.beside(best_.theta)[k];  // the best changes
+      const VectorXd start = law_.beside(best_.theta)[k];  // evaluated again because best_ changes
       if (!(judged(problem_, start).modulus > 0)) continue;
       const FoundGains other =
           climbed(fmt::format("design: beside the best, {} of {}", k + 1, count), start,
@@ -146,7 +147,7 @@ class Search {
     problem.rests.push_back(from.rests[which]);
   }
 
-  /// Least moduli at the postures of the pool, ascending, with their numbers.
+  /// Returns the least moduli at the postures of the pool, ascending, with the postures' numbers.
   [[nodiscard]] std::vector<std::pair<double, std::size_t>> worst_of_pool(
       const VectorXd& theta) const {
     const std::vector<double> modulus = least_moduli(pool_, theta, 0);
@@ -156,8 +157,8 @@ class Search {
     return order;
   }
 
-  /// Of the postures in the joints' range those with the least modulus, where it lacks, and of the
-  /// motion the one that settles last.
+  /// Adds the postures of the joints' range that lack the margin most. Also adds the posture of the
+  /// motion that settles last. Returns whether it added any.
   bool add_lacking(GainProblem& problem, const VectorXd& theta) {
     const std::size_t before = problem.loops.size();
     for (const auto& [modulus, k] : worst_of_pool(theta)) {
@@ -181,10 +182,11 @@ class Search {
     return problem.loops.size() > before;
   }
 
-  /// The gains of some starts after some steps each, the best first: by the rule, with the inertias
-  /// of joints when the others are free or halfway to when they are held, at the largest w that has
-  /// half the margin; where these come to nothing, at the largest that has it all. Of a rule that
-  /// has less, the w with the most.
+  /// Returns the gains that a few steps from each start reach, the fastest first. The starts are
+  /// gains by the rule, with joint inertias for free other joints or halfway to held ones. Each
+  /// start takes the largest w that has half the margin. If none of these succeeds, it takes the
+  /// largest w that has the whole margin. If a rule never reaches it, its start takes the w with
+  /// the largest modulus.
   std::vector<FoundGains> good_starts(const linear::OnProgress& tell) {
     if (from_own_) {
       const auto own = law_.own_theta();
@@ -230,14 +232,14 @@ class Search {
     return all;
   }
 
-  /// The least modulus at a posture; above 1 beyond the joints' ranges.
+  /// Returns the least modulus at a posture; 2 outside the joints' ranges.
   [[nodiscard]] double modulus_at(const Vector& q) const {
     const robot::Model& model = law_.model();
     if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2;
     return least_moduli(law_.at({linear::constant_reference(q)}), best_.theta, near_margin)[0];
   }
 
-  /// The worst postures near the worst of the pool.
+  /// Searches for the postures with the least modulus, starting from the worst of the pool.
   [[nodiscard]] std::vector<numerics::Minimum> worst_postures() const {
     const auto order = worst_of_pool(best_.theta);
     return parallel_map(searched_postures, [&](std::size_t k) {
@@ -249,7 +251,8 @@ class Search {
   [[nodiscard]] const numerics::Minimum& worst() const {
     return *std::ranges::min_element(worst_, {}, &numerics::Minimum::value);
   }
-  /// Where one lacks the margin, adds those that lack what is asked; whether there were any.
+  /// Adds the worst postures that lack the margin asked of them, if the very worst lacks
+  /// `range_share` of it. Returns whether it added any.
   bool add_worst() {
     if (worst().value >= range_share * problem_.margin) return false;
     for (const numerics::Minimum& each : worst_) {
@@ -259,7 +262,8 @@ class Search {
     return true;
   }
 
-  /// Whether the joints are as stiff as asked; if not, kp is bounded by what springs leave to it.
+  /// Returns whether the joints are as stiff as asked. If not, raises the lower bound on kp by what
+  /// the springs in series leave to it.
   bool stiff_enough(const Eigen::ArrayXd& stiffness) {
     if (!goal_.least_kp || (stiffness > 0.999 * goal_.least_kp->array()).all()) return true;
     const Eigen::ArrayXd asked = *goal_.least_kp, theta = best_.theta.head(asked.size());
@@ -334,15 +338,15 @@ class Search {
   const scenario::Scenario& scenario_;
   DesignGoal goal_;
   linear::LawAnswers answers_;
-  bool from_own_;  ///< it starts from the scenario's gains, those of an external law
+  bool from_own_;  ///< start from the scenario's gains
   DesignProblem law_;
   robot::JointLabels labels_;
   GainProblem problem_;
-  GainProblem pool_, way_;              ///< in the joints' range; along the motion
-  std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
+  GainProblem pool_, way_;              ///< loops in the joints' range; loops along the motion
+  std::vector<char> in_pool_, on_way_;  ///< whether each of these loops is in the problem
   FoundGains best_;
-  std::vector<numerics::Minimum> worst_;  ///< postures of the best gains
-  int done_ = 0, most_steps_ = 0;         ///< for the time that is left
+  std::vector<numerics::Minimum> worst_;  ///< least moduli of the best gains, with their postures
+  int done_ = 0, most_steps_ = 0;         ///< to estimate the time left
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 

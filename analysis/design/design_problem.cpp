@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -27,11 +28,12 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
-constexpr int settling_postures = 3, margin_postures = 4;  // of the reference's motion
-constexpr double gain_difference = 1e-4;                   // of the logarithm of a gain
-constexpr double most_factor = 100;                        // of an external law's gains
+// Numbers of postures along the reference's motion.
+constexpr int settling_postures = 3, margin_postures = 4;
+constexpr double gain_difference = 1e-4;  // step of a gain's logarithm for derivatives
+constexpr double most_factor = 100;       // by which an external law's gains may change
 
-/// The geometric mean over the postures of m_j = 1 / (M^-1)_jj, or of M_jj.
+/// Returns the geometric mean over the postures of m_j = 1 / (M^-1)_jj, or of M_jj if `held`.
 Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoint>& rests,
                        bool held) {
   Vector sum = Vector::Zero(model.num_joints);
@@ -50,7 +52,7 @@ Matrix mean_matrix(const robot::Model& model, const std::vector<ReferencePoint>&
   return sum / static_cast<double>(rests.size());
 }
 
-/// Of inertias of 1.
+/// Returns the tuning for inertias of 1.
 Tuning tuning_of(const scenario::Scenario& scenario) {
   Tuning tuning;
   tuning.inertia = Vector::Ones(scenario.num_joints);
@@ -68,7 +70,8 @@ const controller::LawFacts& tuned_law(const std::string& name) {
   throw Failure(ExitCode::check_said_no, "{} has no rule for its gains: tune it by hand", name);
 }
 
-/// 0 where there are more states, or fewer: a gain at which a pole vanishes.
+/// Returns the derivative by differences. Returns 0 when the number of states changes, which
+/// happens at a gain where a pole vanishes.
 linear::LinearLaw difference(const linear::LinearLaw& to, const linear::LinearLaw& from) {
   const double by = to.A.rows() == from.A.rows() ? 1 / gain_difference : 0;
   if (by == 0) return {0 * from.A, 0 * from.B, 0 * from.C, 0 * from.D, from.measured};
@@ -81,7 +84,7 @@ linear::LinearLaw difference(const linear::LinearLaw& to, const linear::LinearLa
 void require_rule(const scenario::Scenario& scenario) {
   const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
   if (law.name == controller::external_law_name)
-    controller::scenario_law(scenario);  // says why not
+    controller::scenario_law(scenario);  // throws with the reason
   if (!law.no_linearisation.empty()) {
     throw Failure(ExitCode::check_said_no,
                   "{} cannot be linearised ({}): tune it by hand, or by the rule of thumb of "
@@ -160,7 +163,7 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
   const Vector& friction = scenario_.plant.drive.viscous_friction_Nms_per_rad;
   for (const controller::Parameter& each : law_.parameters) {
     if (each.shape != base::Shape::matrix || mean_matrix_.size() == 0) continue;
-    if (mean_matrix_.size() > max_joints) continue;  // a gain has no more numbers
+    if (mean_matrix_.size() > max_joints) continue;  // a gain cannot hold more numbers
     Vector& value = all.at(std::string(each.name));
     Matrix matrix = value[0] / tuning.inertia[0] * mean_matrix_;
     if (each.name == "kp" && friction.size() > 0) matrix.diagonal() += w * friction;
@@ -170,7 +173,7 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
   if (kp != all.end() && kp->second.size() == friction.size() && kp->second == tuning.kp()) {
     kp->second += w * friction;
   }
-  // Only kd b counts, in the loop and in its certificate.
+  // Only the product kd b counts, in the loop and in its certificate.
   if (one_b && all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
     all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
     all["b"].setConstant(rate());
@@ -208,7 +211,11 @@ Gains DesignProblem::gains(const VectorXd& theta) const {
 Gains DesignProblem::rounded(Gains all) const {
   for (auto& [name, values] : all) {
     if (!law_.tuned && values.size() != model_.num_joints) continue;
-    for (double& value : values) value = std::stod(fmt::format("{:.4g}", value));
+    for (double& value : values) {
+      const std::string text = fmt::format("{:.4g}", value);
+      // Parses subnormal numbers too.
+      std::from_chars(text.data(), text.data() + text.size(), value);
+    }
   }
   return all;
 }
@@ -226,14 +233,15 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
   return theta;
 }
 std::optional<VectorXd> DesignProblem::own_theta() const {
-  if (!entries_.empty()) return VectorXd::Zero(std::ssize(kinds_));  // start_ is the scenario's own
+  // The member start_ holds the scenario's gains.
+  if (!entries_.empty()) return VectorXd::Zero(std::ssize(kinds_));
   Gains own = scenario_.controller.gains;
   for (auto& [name, value] : own) {
     const auto like = start_.find(name);
     if (like == start_.end()) return std::nullopt;
     if (value.size() == 1) value = Vector::Constant(like->second.size(), value[0]);
   }
-  for (const auto& [name, value] : own) {  // only kd b counts
+  for (const auto& [name, value] : own) {  // only the product kd b counts
     const auto kd = own.find("kd" + name.substr(1));
     if (name.front() == 'b' && kd != own.end()) {
       kd->second.array() *= value.array() / start_.at(name).array();
@@ -314,7 +322,7 @@ void DesignProblem::choose_variables() {
                           last = feedback_at(start_, rest_in_range(model_, mean_postures));
   const double size = first.D.cwiseAbs().maxCoeff();
   by_joint_ = has_own_gains_ && (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
-              (first.B - last.B).isZero(1e-5);  // also without a memory
+              (first.B - last.B).isZero(1e-5);  // also true for a law without memory
   problem_.same_everywhere = by_joint_;
   set_bounds();
 }
@@ -351,7 +359,8 @@ void DesignProblem::set_bounds() {
     problem_.upper.head(per_kind()) =
         theta_of(by_rule(2 * std::numbers::pi * *goal_.bandwidth_hz, 10)).head(per_kind());
   }
-  if (!by_joint_ || law_.parameters.front().unit != "N m/rad") {  // then not of a kp
+  // The goals below need a kp of each joint as the first gain.
+  if (!by_joint_ || law_.parameters.front().unit != "N m/rad") {
     if (!goal_.start_error && !goal_.least_kp) return;
     throw Failure(ExitCode::bad_usage,
                   "--stiffness, --rest-error and --start-error are about a kp of each joint "

@@ -1,5 +1,4 @@
-// What of analysis/design/design_problem.h is for external laws: their gains as the variables of a
-// search.
+// The parts of DesignProblem that concern external laws: their gains as the variables of a search.
 
 #include <algorithm>
 #include <cmath>
@@ -20,7 +19,7 @@ using Eigen::VectorXd;
 using messages::ReferencePoint;
 namespace {
 
-/// The largest difference of the two frequency responses, as a part of the second.
+/// Returns the largest difference of the two frequency responses, relative to the second.
 double unlike(const linear::LinearLaw& one, const linear::LinearLaw& other, double period_s) {
   double most = 0;
   for (const double turn : {0.01, 0.1, 1.0}) {
@@ -34,8 +33,8 @@ double unlike(const linear::LinearLaw& one, const linear::LinearLaw& other, doub
 
 }  // namespace
 
-/// Of an external law each number of the scenario's gains, a matrix left as it is, by its logarithm
-/// from there.
+/// Makes each number of the scenario's gains a variable: the logarithm of its ratio to the
+/// scenario's value. Matrices do not vary.
 void DesignProblem::choose_entries() {
   by_joint_ = false;
   for (const auto& [name, value] : start_) {
@@ -60,8 +59,8 @@ void DesignProblem::choose_entries() {
   problem_.same_everywhere = unlike(feedback_at(start_, beside), first, h) < 1e-5;
 }
 
-/// As far as a filter of 1 / h by Tustin's rule, whose pole is 1/3: each number alone is moved no
-/// further than the law gets another pole beyond.
+/// Bounds each number so that the law gets no further pole faster than 1/3. The pole 1/3 is that of
+/// a filter of rate 1 / h under Tustin's rule. Each number is moved alone.
 void DesignProblem::bound_poles() {
   const auto fast_poles = [&](std::size_t kind, double log_factor) {
     Gains moved = start_;

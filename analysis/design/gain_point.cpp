@@ -19,12 +19,12 @@ using Eigen::VectorXd;
 using Row = numerics::LinearProgramme::Row;
 
 constexpr int num_instants = 96;
-// How much log |e| has to fall in another T: a slow pole of an amplitude just below 1 % does not
-// pass.
+// Fall of log |e| that is required during another T. It excludes a slow pole with an amplitude just
+// below 1 %.
 constexpr double fall = 1;
-constexpr double near_largest = 1.5;  // rows of errors within exp(-1.5) of the largest
+constexpr double near_largest = 1.5;  // keeps rows of errors within exp(-1.5) of the largest
 
-/// The law at the frequencies of a grid and at these besides.
+/// Evaluates the law at the kept frequencies and at the frequencies `w`.
 std::vector<linear::FeedbackAt> on_grid(const linear::Feedback& feedback, double period_s,
                                         std::vector<double> w) {
   const std::vector<double> kept = linear::kept_frequencies(period_s);
@@ -34,8 +34,8 @@ std::vector<linear::FeedbackAt> on_grid(const linear::Feedback& feedback, double
       w.size(), [&](std::size_t k) { return linear::at_frequency(feedback, w[k], period_s); });
 }
 
-/// Of poles that are little damped: the modulus may have a minimum there that is narrower than a
-/// grid's steps [rad/s].
+/// Returns the frequencies of lightly damped poles [rad/s]. The modulus may have a minimum there
+/// that is narrower than the grid's steps.
 std::vector<double> resonances(const linear::RestLoop& loop, const linear::LinearLaw& law) {
   std::vector<double> w;
   for (const std::complex<double>& z : numerics::eigenvalues(loop.closed(law))) {
@@ -162,7 +162,7 @@ void GainPoint::add_margin_rows(std::size_t loop, std::vector<Row>& rows) const 
   }
 }
 
-/// s - gradient' d >= log |e| at the peaks of each error that come near the largest.
+/// Adds rows s - gradient' d >= log |e| at the peaks of each error that come near the largest.
 void GainPoint::add_error_rows(std::size_t loop, double T, double largest,
                                std::vector<Row>& rows) const {
   constexpr double difference = 1e-4;
@@ -199,7 +199,7 @@ void GainPoint::add_error_rows(std::size_t loop, double T, double largest,
   }
 }
 
-/// -d log(gain) >= log(gain / most).
+/// Adds rows -d log(gain) >= log(gain / most).
 void GainPoint::add_count_rows(std::vector<Row>& rows) const {
   constexpr double difference = 1e-5;
   const VectorXd gain = largest_gain();

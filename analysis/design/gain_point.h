@@ -6,7 +6,7 @@
 
 #include "design/gain_search.h"
 
-/// The problem of a search for gains at one point, and the linear programme about that.
+/// The problem of a search for gains at one point, and the linear programme about that point.
 namespace tachless::design {
 
 using linear::FeedbackAt;
@@ -14,34 +14,37 @@ using numerics::LinearProgramme;
 
 constexpr double settled = 0.01;
 constexpr double price_of_margin = 60;
-constexpr double margin_kept = 0.003;  // of it for what is between the frequencies
-// How long the errors are looked at, as part of T.
+constexpr double margin_kept = 0.003;  // added to the margin for dips between the frequencies
+// Time for which errors are examined, as a multiple of T.
 constexpr double window = 3;
-constexpr double near_margin = 0.3;  // rows of eigenvalues within it
+constexpr double near_margin = 0.3;  // distance above the margin within which eigenvalues get rows
 
 class GainPoint {
  public:
   GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
-  /// Before moduli and programmes; that much above the margin are bounds from below.
+  /// Computes the moduli. Call it before asking for moduli or programmes. A modulus further than
+  /// `above` over the margin is replaced by a lower bound.
   void look_at_margins(double above = near_margin);
-  void differentiate();  ///< before a programme is asked for
+  void differentiate();  ///< call it before asking for a programme
 
   [[nodiscard]] const Eigen::VectorXd& theta() const { return theta_; }
   [[nodiscard]] Eigen::Index num_joints() const { return feedback_[0].law.D.rows(); }
-  /// Over a loop's share of the margin.
+  /// Returns the least modulus of a loop, divided by the loop's share of the margin.
   [[nodiscard]] double least_modulus(std::size_t loop) const;
-  [[nodiscard]] double least_modulus() const;  ///< of all loops
-  /// What margins and counts lack; at most 0: nothing.
+  [[nodiscard]] double least_modulus() const;  ///< over all loops
+  /// Returns how much margins and counts lack; 0: nothing.
   [[nodiscard]] double lack() const;
   [[nodiscard]] bool stable() const;
 
-  /// Log of the largest error in the window of T, of each loop whose errors are looked at.
+  /// Returns the largest logarithm of an error from T to `window` T, for each judged loop. The fall
+  /// required up to the error's time is added to the logarithm.
   [[nodiscard]] Eigen::VectorXd log_errors(double T) const;
-  /// When the errors are last above 1 %, up to `end_s`, at these loops.
+  /// Returns the last times up to `end_s` at which the errors of these loops exceed 1 %.
   [[nodiscard]] std::vector<double> settling_s(double end_s,
                                                const std::vector<std::size_t>& loops) const;
 
-  // Rows in (d, s, v) with v = 0 for rows without it.
+  // Append rows of the linear programme in the step d of theta, s and v. Margin and count rows hold
+  // d alone. Error rows hold all three.
   void add_margin_rows(std::size_t loop, std::vector<numerics::LinearProgramme::Row>& rows) const;
   void add_error_rows(std::size_t loop, double T, double largest,
                       std::vector<numerics::LinearProgramme::Row>& rows) const;
@@ -50,7 +53,8 @@ class GainPoint {
  private:
   void make_feedback(bool derivatives);
   void make_grids();
-  /// Torque per measured angle, the largest at the postures of the motion; of gains moved that far.
+  /// Returns the largest torque per measured angle of each joint over the postures of the motion.
+  /// Gains are moved by `by` along `variable`.
   [[nodiscard]] Eigen::VectorXd largest_gain(double by = 0, Eigen::Index variable = 0) const;
   [[nodiscard]] const linear::Feedback& feedback(std::size_t loop) const {
     return feedback_[problem_->same_everywhere ? 0 : loop];
@@ -66,10 +70,10 @@ class GainPoint {
   std::vector<std::vector<double>> modulus_;
 };
 
-/// A linear programme about a point, and where its rows are.
+/// A linear programme about a point, with the positions of its rows.
 struct Linearised {
   numerics::LinearProgramme programme;
-  std::vector<std::size_t> first_margin_row;  ///< of each loop, and the end
+  std::vector<std::size_t> first_margin_row;  ///< of each loop; then the end
 };
 Linearised programme_at(const GainProblem& problem, const GainPoint& point, double T,
                         const Eigen::VectorXd& log_errors, double radius);

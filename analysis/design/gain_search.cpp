@@ -18,13 +18,15 @@ using base::parallel_map;
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double next_time = 0.85;  // of the settling time reached
+constexpr double next_time = 0.85;  // share of the settling time reached
 constexpr double first_step = 0.3, largest_step = 0.8, smallest_step = 2e-3;
-constexpr double least_promise = 0.02;  // of s: about 0.4 % of the settling time
+constexpr double least_promise = 0.02;  // least decrease of s, about 0.4 % of the settling time
 constexpr int steps_between_loops = 5;
-constexpr double near_best = 0.97;  // T that near the settling time reached is not tried
+// Share of the settling time reached, beyond which no T is tried.
+constexpr double near_best = 0.97;
 
-/// When the errors at these loops are last above 1 %, looked at for at least twice as long.
+/// Returns the times at which the errors of these loops last exceed 1 %. Extends the examined
+/// interval until it is at least twice as long as these times.
 std::vector<double> settling_times(const GainPoint& point, const std::vector<std::size_t>& loops) {
   double end_s = 0.1;
   std::vector<double> times;
@@ -62,7 +64,7 @@ std::vector<double> settling_times(const GainProblem& problem, const VectorXd& t
 
 namespace {
 
-/// Steps from some gains to faster ones.
+/// Moves from given gains to faster ones, step by step.
 class Climb {
  public:
   Climb(GainProblem& problem, const FoundGains& start)
@@ -71,7 +73,7 @@ class Climb {
   }
   ~Climb() { problem_.margin = margin_; }
 
-  /// Anew from there, with the problem as it is now.
+  /// Restarts from `theta` with the present problem.
   void begin_at(const VectorXd& theta) {
     problem_.margin = margin_;
     best_ = judged(problem_, theta);
@@ -88,7 +90,9 @@ class Climb {
   [[nodiscard]] const FoundGains& best() const { return best_; }
   [[nodiscard]] const VectorXd& theta() const { return at_->theta(); }
 
-  /// @return whether it can go on; `accepted` when it is at other gains
+  /// Takes one step.
+  /// @param accepted set to whether the step led to other gains
+  /// @return whether the search can go on
   bool step(bool& accepted) {
     accepted = false;
     at_->differentiate();
@@ -133,7 +137,7 @@ class Climb {
     log_errors_ = at_->log_errors(T_);
     reached_ = merit(log_errors_, at_->lack());
   }
-  /// Gains that keep the margin.
+  /// Records the present gains, which keep the margin, if they are better than the best so far.
   void note() {
     const double settling_s =
         std::ranges::max(at_->settling_s(window * T_ / next_time, problem_.settling));
@@ -163,7 +167,7 @@ FoundGains faster_gains(GainProblem& problem, const VectorXd& start, int most_st
                         const AddLoops& add,
                         const std::function<void(int, const FoundGains&)>& tell) {
   const FoundGains begin = judged(problem, start);
-  if (!(begin.modulus > 0)) return begin;  // unstable: it has no settling time to begin with
+  if (!(begin.modulus > 0)) return begin;  // unstable loops have no settling time
   Climb climb(problem, begin);
   int accepted = 0;
   for (int step = 0; step < most_steps; ++step) {
@@ -171,7 +175,7 @@ FoundGains faster_gains(GainProblem& problem, const VectorXd& start, int most_st
     const bool goes_on = climb.step(moved);
     accepted += moved ? 1 : 0;
     tell(step, climb.best());
-    if (step + 1 == most_steps) break;  // what lacks there is for what comes next
+    if (step + 1 == most_steps) break;  // after the last step, no loops are added
     if (goes_on && (!moved || accepted % steps_between_loops != 0)) continue;
     const VectorXd here =
         goes_on || !std::isfinite(climb.best().settling_s) ? climb.theta() : climb.best().theta;
@@ -194,7 +198,7 @@ std::vector<Binding> bindings(const GainProblem& problem, const FoundGains& gain
   std::vector<Binding> all;
   const auto optimum = numerics::solution(linear.programme);
   if (!optimum) return all;
-  // Errors that fall by 100 in the settling time: log |e| falls by log 100 for all of it.
+  // The errors fall by 100 in the settling time, so log 100 corresponds to the whole of it.
   const auto add = [&](Binding::Kind kind, std::size_t which, double gained) {
     const double share = gained / std::log(1 / settled);
     if (share > 1e-3) all.push_back({kind, which, share});

@@ -24,12 +24,12 @@ using Eigen::VectorXd;
 constexpr int candidates = 60;
 constexpr int harmonics = 6;
 constexpr double base_hz = 0.1, highest_hz = 1;
-constexpr double row_s = 0.2;      ///< between waypoints: a fifth of the fastest period
-constexpr double ramp_s = 2;       ///< of the envelope at both ends
-constexpr double sample_s = 0.01;  ///< of the regression and the limits
+constexpr double row_s = 0.2;      ///< between waypoints, a fifth of the fastest period
+constexpr double ramp_s = 2;       ///< of the envelope at each end
+constexpr double sample_s = 0.01;  ///< step at which regression and limits are evaluated
 constexpr double of_range = 0.9, of_limit = 0.8, usual_speed = 1;
 
-/// How far each joint may go to the nearer side.
+/// Returns the largest deflection from the start that each joint has on both sides.
 VectorXd room(const scenario::Scenario& scenario, double reach) {
   const Vector& start = scenario.plant.initial.position_rad;
   const robot::Model& model = *scenario.model;
@@ -39,7 +39,7 @@ VectorXd room(const scenario::Scenario& scenario, double reach) {
     const auto [lower, upper] = robot::finite_range(model, i);
     const double middle = (lower + upper) / 2, half = of_range * (upper - lower) / 2;
     const double side = half - std::abs(start[i] - middle);
-    if (side < std::min(0.02, half / 2)) {  // a finger's whole range is less
+    if (side < std::min(0.02, half / 2)) {  // a gripper finger's whole range is shorter
       throw scenario.complaint(
           "plant.initial.position_rad",
           "joint {} begins {:.2g} from the end of its range; begin further inside",
@@ -50,7 +50,7 @@ VectorXd room(const scenario::Scenario& scenario, double reach) {
   return result;
 }
 
-/// Waypoints, a row each, that begin and end at the start.
+/// Draws offsets from the start, one row per waypoint. Each row begins and ends with zero.
 MatrixXd draw(std::mt19937& random, const VectorXd& start, const VectorXd& most,
               Eigen::Index rows) {
   std::uniform_real_distribution<double> part(0, 1);
@@ -58,7 +58,7 @@ MatrixXd draw(std::mt19937& random, const VectorXd& start, const VectorXd& most,
   const double end = static_cast<double>(rows - 1) * row_s;
   for (Eigen::Index j = 0; j < start.size(); ++j) {
     for (int h = 0; h < harmonics; ++h) {
-      // Slow ones for gravity and friction, fast ones for inertia.
+      // Low frequencies excite gravity and friction, high frequencies inertia.
       const double hz = base_hz * std::round(std::pow(highest_hz / base_hz, part(random)));
       const double phase = 2 * std::numbers::pi * part(random), amplitude = part(random) / hz;
       for (Eigen::Index k = 0; k < rows; ++k) {
@@ -76,7 +76,7 @@ MatrixXd draw(std::mt19937& random, const VectorXd& start, const VectorXd& most,
   return result;
 }
 
-/// The waypoints as overrides of the scenario.
+/// Returns the waypoints as overrides of the scenario.
 std::vector<std::string> overrides_of(const MatrixXd& offset, const VectorXd& start,
                                       double period_s) {
   std::string times, rows;
@@ -91,9 +91,9 @@ std::vector<std::string> overrides_of(const MatrixXd& offset, const VectorXd& st
 }
 
 struct Motion {
-  Recording recording;     ///< torques are those of the arm without unknowns
-  VectorXd speed, torque;  ///< largest
-  VectorXd holding;        ///< torque at the start, at rest
+  Recording recording;     ///< torques of the arm without unknowns
+  VectorXd speed, torque;  ///< largest of each joint
+  VectorXd holding;        ///< torque at rest at the start
 };
 
 Motion motion_of(const scenario::Scenario& scenario) {
@@ -122,7 +122,8 @@ Motion motion_of(const scenario::Scenario& scenario) {
   return motion;
 }
 
-/// By how much each joint's motion has to shrink for its speed and torque: 1 for none.
+/// Returns the factors by which the joints' motions have to shrink to keep speeds and torques; 1:
+/// none.
 VectorXd shrink(const scenario::Scenario& scenario, const Motion& motion) {
   VectorXd factor = VectorXd::Ones(motion.speed.size());
   const Vector& rated = scenario.model->velocity_limit;
@@ -132,7 +133,7 @@ VectorXd shrink(const scenario::Scenario& scenario, const Motion& motion) {
   }
   if (!scenario.plant.drive.torque_limit_Nm) return factor;
   const VectorXd left = of_limit * *scenario.plant.drive.torque_limit_Nm - motion.holding;
-  // The torque of a joint is that of all motions: one factor for all.
+  // A joint's torque depends on the motions of all joints, so one factor serves all.
   const VectorXd moving = (motion.torque - motion.holding).cwiseMax(1e-12);
   return factor * std::clamp(left.cwiseQuotient(moving).minCoeff(), 0.0, 1.0);
 }
@@ -175,7 +176,7 @@ Excitation excite(const scenario::Scenario& scenario, const std::vector<Kind>& u
       motion = motion_of(with(overrides));
     }
     if ((shrink(scenario, motion).array() < 1).any()) continue;
-    motion.recording.tau.rowwise() = motion.torque.transpose();  // the scale of each joint's rows
+    motion.recording.tau.rowwise() = motion.torque.transpose();  // scale of each joint's rows
     const double condition = condition_of(regression(motion.recording, parameters));
     if (condition >= best.condition) continue;
     best = {overrides, condition, offset.cwiseAbs().colwise().maxCoeff().transpose(), motion.speed,

@@ -19,14 +19,14 @@ namespace {
 
 using Eigen::VectorXd;
 
-/// A joint has to move by this much for its own parameters [rad; m].
+/// Least motion of a joint for which its own parameters are identified [rad; m].
 constexpr double least_motion = 0.02;
-/// What an interval may leave open of a joint's largest torque.
+/// Largest share of a joint's peak torque that an interval may leave undetermined.
 constexpr double most_open = 0.05;
 
-/// Why the parameter, number i, is not identifiable: its interval reaches zero and leaves open a
-/// good part of the joint's torque, or the joint hardly moves. A parameter that is zero within a
-/// narrow interval is identified.
+/// Returns why parameter number i is not identifiable, or "" if it is. One reason is that the joint
+/// hardly moves. The other is that the interval reaches zero and covers a good part of the joint's
+/// torque. A parameter that is zero within a narrow interval is identifiable.
 std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
                         const std::vector<Recording>& recordings,
                         const std::vector<Regression>& regressions) {
@@ -91,7 +91,8 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   if (validate) require_same_robot(recordings.front(), *validate);
   const bool simulated = std::ranges::all_of(recordings, &Recording::controlled);
   std::vector<Kind> kinds = unknown;
-  std::erase(kinds, simulated ? Kind::offset : Kind::delay);  // that torque is known as it acts
+  // A log's torques are the sent ones; a table's torques are not delayed.
+  std::erase(kinds, simulated ? Kind::offset : Kind::delay);
   if (kinds.empty()) {
     throw base::bad_usage(
         "{}: nothing is left to identify: a log has no offset, a table no delay; name another "
@@ -141,7 +142,7 @@ std::string urdf_of(const Identified& found, const scenario::Scenario& scenario)
   if (found.links.empty()) return scenario.robot.urdf_text;
   std::map<std::string, robot::MassProperties> links;
   for (const auto& [name, frame] : scenario.model->frames) {
-    if (frame.body >= 0) links[name];  // what is fixed to a link is in that one's
+    if (frame.body >= 0) links[name];  // bodies fixed to a link are part of that link
   }
   for (const Identified::Link& each : found.links) links[each.name] = each.after;
   return robot::urdf_with_inertials(scenario.robot.urdf_text, links);

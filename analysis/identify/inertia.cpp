@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <stdexcept>
 #include <vector>
 
 namespace tachless::identify {
@@ -15,10 +16,10 @@ using Eigen::VectorXd;
 
 constexpr int most_steps = 200;
 constexpr double prior = 0.5;      ///< standard deviation
-constexpr double smallest = 0.01;  ///< kg and m of what a body without mass may become
+constexpr double smallest = 0.01;  ///< mass [kg] and length [m] that a body without mass gets
 
-/// A body's U: the log of its scale, the logs of three lengths, the entries 12, 23, 13 and the last
-/// column; lengths as multiples of the body's own.
+/// A body's U as ten numbers: the logarithm of its scale, the logarithms of three lengths, the
+/// entries 12, 23 and 13, and the last column. Lengths are multiples of the body's own length.
 struct Shape {
   Inertial numbers;
   double length = 1;  ///< [m]
@@ -50,7 +51,8 @@ struct Shape {
   }
 };
 
-/// Of a body; what is a point, nothing or impossible gets as much more as it needs.
+/// Returns the shape of a body. Adds to the inertia of a point, of nothing or of an impossible body
+/// until U exists.
 Shape shape_of(const robot::MassProperties& body) {
   const Inertial of = inertial_of(body);
   Matrix3d I;
@@ -59,9 +61,10 @@ Shape shape_of(const robot::MassProperties& body) {
   P << 0.5 * I.trace() * Matrix3d::Identity() - I, of.segment<3>(1), of.segment<3>(1).transpose(),
       of[0];
   if (of[0] < 1e-6) P(3, 3) = smallest;
-  for (double more = 1e-6;; more *= 2) {
+  constexpr double most = 1e30;  // far more than any finite matrix needs
+  for (double more = 1e-6; more < most; more *= 2) {
     P.diagonal().head<3>().array() += more * P(3, 3) * smallest * smallest;
-    // The reverse of the reverse's lower factor is upper triangular.
+    // The lower factor of the reversed matrix is upper triangular after a second reversal.
     const Eigen::LLT<Matrix4d> factor(P.reverse());
     if (factor.info() != Eigen::Success) continue;
     const Matrix4d U = MatrixXd(factor.matrixL()).reverse();
@@ -72,6 +75,7 @@ Shape shape_of(const robot::MassProperties& body) {
         unit(0, 1), unit(1, 2), unit(0, 2), unit.topRightCorner<3, 1>();
     return shape;
   }
+  throw std::domain_error("a body's inertia is not a number");
 }
 
 }  // namespace

@@ -17,9 +17,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double cutoff_hz = 15;
-constexpr double settle_s = 0.3;  ///< left out at both ends: the filter's own transient
+constexpr double settle_s = 0.3;  ///< left out at both ends because of the filter's transient
 
-/// Butterworth's low-pass of second order, forwards and backwards: no phase.
+/// Applies a second-order Butterworth low-pass forwards and backwards, which adds no phase.
 void low_pass(Eigen::Ref<VectorXd> x, double h) {
   const double w = std::tan(std::numbers::pi * std::min(cutoff_hz * h, 0.2));
   const double scale = 1 / (1 + std::numbers::sqrt2 * w + w * w);
@@ -37,7 +37,7 @@ void low_pass(Eigen::Ref<VectorXd> x, double h) {
   }
 }
 
-/// The robot without unknowns, and, where the payload is one, with a unit of it.
+/// The robot with all unknowns zero. If the payload is unknown, `loaded` has 1 kg of it.
 struct Models {
   robot::Model bare, loaded;
 
@@ -45,7 +45,8 @@ struct Models {
     const VectorXd zero = VectorXd::Zero(parameters.size());
     scenario::Scenario plant = parameters.plant(recording.scenario, zero);
     const bool unknown = parameters.first(Kind::payload) >= 0;
-    if (unknown) plant.plant.payload.mass_kg = 1e-9;  // its inertia is known, if any
+    // The payload's own inertia stays, if it has one.
+    if (unknown) plant.plant.payload.mass_kg = 1e-9;
     bare = scenario::with_payload(plant, *plant.model);
     bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
     drive = plant.plant.drive;
@@ -58,8 +59,8 @@ struct Models {
   plant::DriveSpec drive;
 };
 
-/// A model for each number of each body, all else without mass; of first moments, of a mass of 1 at
-/// 1 m.
+/// Returns a model for each number of each body, with all else massless. The model of a first
+/// moment has a mass of 1 kg at 1 m.
 std::vector<robot::Model> unit_models(const robot::Model& bare) {
   robot::Model empty = bare;
   empty.rotor_inertia = Vector::Zero(bare.num_joints);
@@ -78,9 +79,10 @@ std::vector<robot::Model> unit_models(const robot::Model& bare) {
 
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
-/// The rows at every few instants, without both ends.
-/// @param columns of each parameter, @param torque a row per tick, @param whole its scale, which is
-/// `applied` through the filter once less
+/// Selects the rows at every few instants and leaves out both ends.
+/// @param columns one matrix per parameter
+/// @param torque one row per tick
+/// @param whole scale of the torques, filtered once less than `applied`
 Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
                    const MatrixXd& whole, const MatrixXd& applied, double h) {
   const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
@@ -136,13 +138,13 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const Eigen::Index ticks = recording.num_ticks(), n = recording.q.cols(), p = parameters.size();
   const Models models(recording, parameters);
   const MatrixXd q = low_passed(recording.q, h);
-  // What acts at t_k: the torque is held over each tick.
+  // Mean torque about t_k, because each torque is held over its tick.
   MatrixXd tau = recording.tau;
   if (recording.controlled) {
     tau.bottomRows(ticks - 1) =
         0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
   }
-  MatrixXd left = low_passed(tau, h);  // without the robot's own torque, below
+  MatrixXd left = low_passed(tau, h);  // the robot's own torque is subtracted below
   const MatrixXd whole = left;
   const Eigen::Index inertia = parameters.first(Kind::inertia),
                      delay = parameters.first(Kind::delay);
@@ -158,7 +160,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     for (Eigen::Index j = 0; j < n; ++j)
       friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
     left.row(k) -= (own + friction).transpose();
-    // Over a delay of d ticks: tau(t - d h) = tau - d h taudot.
+    // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
     const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
     if (delay >= 0) left.row(k) += recording.scenario.loop.command_delay * per_tick;
     for (Eigen::Index i = 0; i < p; ++i) {
@@ -206,16 +208,18 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
 namespace {
 
 constexpr int passes = 4;
-constexpr int blocks = 20;       ///< of time, for the covariance
-constexpr double slowest = 0.1;  ///< of a joint's speeds: below, its friction may be that of rest
+constexpr int blocks = 20;  ///< of time, for the covariance
+/// Share of a joint's largest speed below which its friction may be that of rest.
+constexpr double slowest = 0.1;
 
-/// All rows, each weighted by its joint's.
+/// All rows, each multiplied by its joint's weight.
 struct Weighted {
   MatrixXd columns;
   VectorXd torque;
 };
 
-/// @param viscous number of the column that is the first joint's velocity, -1: rows at rest as well
+/// @param viscous index of the column that is the first joint's velocity. Rows at low speed then
+/// have weight 0; -1 keeps them.
 Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight, Eigen::Index viscous) {
   Eigen::Index rows = 0, row = 0;
   for (const Regression& each : of) rows += each.torque.size();
@@ -235,21 +239,23 @@ Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight, Eig
   return all;
 }
 
-/// Student's, 97.5 %, to 1 % from one degree of freedom on: the normal's, its expansion's first
-/// term and a fit of the others.
+/// Returns Student's 97.5 % quantile to within 1 % from one degree of freedom on. It is the normal
+/// quantile with the first term of its expansion and a fit of the others.
 double quantile(double freedom) {
   const double x = 1 / std::max(1.0, freedom);
   return 1.96 * std::exp(x * (1.21 + x * (0.735 - 0.075 * x)));
 }
 
-/// Of `of` times the least-squares solution: what leaving out each block of time moves it by, so
-/// that a block that it follows counts as it should, and Student's quantile at the degrees of
-/// freedom of that sum of squares for a white residual (R. Bell, D. McCaffrey, Bias reduction in
-/// standard errors for linear regression with multi-stage samples, Survey Methodology 28(2), 2002).
+/// Returns the half widths of the 95 % intervals of `of` times the least-squares solution. They are
+/// the solution's changes when each block of time is left out, so correlated residuals count
+/// correctly. Student's quantile has the degrees of freedom of that sum of squares for a white
+/// residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for linear regression with
+/// multi-stage samples, Survey Methodology 28(2), 2002).
 VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
   const Eigen::Index length = residual.size() / blocks, p = J.cols();
   const MatrixXd N = J.transpose() * J, inverse = numerics::inverse(N);
-  std::vector<MatrixXd> own, without;  // normal matrices; solutions of the other blocks'
+  // Normal matrices of the blocks; solutions of the other blocks.
+  std::vector<MatrixXd> own, without;
   MatrixXd moves(of.rows(), blocks);
   for (Eigen::Index b = 0; b < blocks; ++b) {
     const auto rows = J.middleRows(b * length, length);
@@ -274,10 +280,10 @@ VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd
   return result;
 }
 
-/// Which parameters are determined, alone or in sums, and how well.
+/// Computes which parameters are determined, alone or in sums, and how well.
 void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
   VectorXd norm = rows.columns.colwise().norm().transpose();
-  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // less is rounding
+  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
   static_cast<Precision&>(of) =
       precision(rows.columns, norm, rows.torque - rows.columns * of.values);
   of.sums.resize(static_cast<std::size_t>(norm.size()));
@@ -297,7 +303,7 @@ void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSqua
 }  // namespace
 
 Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual) {
-  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
+  // Share of the scaled normal matrix's largest eigenvalue that counts as zero: a condition of 3e4.
   constexpr double zero = 1e-9;
   const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
   const auto [value, V] = numerics::symmetric_eigen(scaled.transpose() * scaled);

@@ -9,46 +9,54 @@
 
 namespace tachless::identify {
 
-/// The inverse dynamics of recordings, linear in the parameters, with both sides through the same
-/// filter: position and torque through a low-pass without phase, velocity and acceleration by
-/// differences of the filtered position. A row per joint and instant.
+/// The inverse dynamics of a recording, linear in the parameters, with one row per joint and
+/// instant. Both sides pass the same filter: a low-pass without phase. Velocity and acceleration
+/// are differences of the filtered position.
 struct Regression {
   Eigen::MatrixXd columns;  ///< torque per parameter
-  Eigen::VectorXd torque;   ///< [N m; N] beyond what the robot takes whose unknowns are all zero
-  Eigen::VectorXd applied;  ///< [N m; N] all of it
-  Eigen::VectorXd time_s;   ///< of the row, from the recording's start
-  Eigen::VectorXi joint;    ///< likewise
+  Eigen::VectorXd torque;   ///< torque beyond that of the robot with all unknowns zero [N m; N]
+  Eigen::VectorXd applied;  ///< whole torque [N m; N]
+  Eigen::VectorXd time_s;   ///< time of the row from the recording's start
+  Eigen::VectorXi joint;    ///< joint of the row
   Eigen::VectorXd peak;     ///< largest filtered torque of each joint [N m; N]
-  Eigen::VectorXd share;    ///< of each parameter: largest torque of a unit, at any tick, over peak
+  Eigen::VectorXd share;  ///< of each parameter: largest torque of one unit at any tick, over peak
 
-  /// Root mean square of what `values` leave of the torque, per joint [N m; N].
+  /// Returns the rms of the torque that `values` leave unexplained, per joint [N m; N].
   [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values) const;
 };
 
 Regression regression(const Recording& recording, const Parameters& parameters);
 
-/// Columns through that low-pass (15 Hz). @param h their period [s]
+/// Filters each column with that low-pass (15 Hz).
+/// @param h period of the rows [s]
 Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h);
 
-/// How well a least-squares estimate is determined.
+/// The precision of a least-squares estimate.
 struct Precision {
-  Eigen::VectorXd half_width;  ///< of the 95 % intervals
-  Eigen::Index rank = 0;       ///< combinations that are determined: eigenvalues above 1e-9
-  double condition = 0;        ///< of these: square root of the eigenvalues' ratio
-  Eigen::MatrixXd free;        ///< projector onto the others
+  Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
+  /// Number of determined combinations: eigenvalues above 1e-9 of the largest.
+  Eigen::Index rank = 0;
+  /// Square root of the ratio of the determined eigenvalues.
+  double condition = 0;
+  Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
 };
-/// From the Jacobian, its columns' norms, by which it is scaled, and the residual in order of time:
-/// what the estimate varies by when blocks of time are left out, whatever the residual's colour.
+/// Computes the precision from the variation of the estimate when blocks of time are left out. It
+/// holds for residuals of any autocorrelation.
+/// @param J Jacobian, rows in order of time
+/// @param norm norms of its columns, by which it is scaled
+/// @param residual in order of time
 Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
                     const Eigen::VectorXd& residual);
 
-/// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they
-/// can be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for
-/// `output_error`, and an answer only where no loop can be simulated. As a `start` without joints
-/// at rest, whose friction is any up to Coulomb's.
-struct LeastSquares : Precision {  ///< widths infinite where not determined
+/// Weighted least squares: the weight of a joint is the reciprocal of its residual. Friction,
+/// rotors and payload are not negative, and links are physically possible (inertia.h). Errors of
+/// the filtered signs of the velocity bias the result. It therefore serves as a start for
+/// `output_error` and is the answer only if no loop can be simulated. With `start`, rows of joints
+/// at rest are left out, because their friction can be anything up to Coulomb's.
+struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
-  std::vector<std::string> sums;  ///< of what a parameter is determined with only; empty: alone
+  /// For each parameter: the others it is determined with in a sum; empty: alone.
+  std::vector<std::string> sums;
 };
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
                            const robot::Model& model, bool start = false);

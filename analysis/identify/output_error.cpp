@@ -18,9 +18,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int most_iterations = 30;
-constexpr double good_step = 0.02;  ///< of half an interval's width: then it has converged
+/// Share of an interval's half width; smaller steps mean convergence.
+constexpr double good_step = 0.02;
 
-/// All recordings' residuals at once: a column vector, tick by tick, joints weighted.
+/// The residuals of all recordings as one column vector, tick by tick.
 using Residual = VectorXd;
 
 class Problem {
@@ -28,7 +29,7 @@ class Problem {
   Problem(const std::vector<Recording>& recordings, const Parameters& parameters)
       : recordings_(recordings), parameters_(parameters) {}
 
-  /// Nothing (size 0) when a simulated run ends early.
+  /// Returns the residual, or nothing (size 0) when a simulated run ends early.
   [[nodiscard]] Residual residual(const VectorXd& values) const {
     std::vector<MatrixXd> parts;
     Eigen::Index rows = 0;
@@ -47,13 +48,13 @@ class Problem {
     return all;
   }
 
-  /// Root mean square per joint.
+  /// Returns the root mean square per joint.
   [[nodiscard]] VectorXd spread(const Residual& residual) const {
     const Eigen::Index n = recordings_.front().q.cols(), ticks = residual.size() / n;
     return residual.reshaped(n, ticks).rowwise().norm() / std::sqrt(static_cast<double>(ticks));
   }
 
-  /// By differences, one simulation per parameter.
+  /// Returns the Jacobian by differences, with one simulation per parameter.
   [[nodiscard]] MatrixXd jacobian(const VectorXd& values, const Residual& here,
                                   const VectorXd& steps) const {
     MatrixXd result(here.size(), values.size());
@@ -76,15 +77,15 @@ class Problem {
   const Parameters& parameters_;
 };
 
-/// Weighted by each joint's spread.
+/// Divides each row by its joint's spread.
 template <class Matrix>
 Matrix weighted(Matrix rows, const VectorXd& spread) {
   for (Eigen::Index row = 0; row < rows.rows(); ++row) rows.row(row) /= spread[row % spread.size()];
   return rows;
 }
 
-/// A step of each parameter that the simulation resolves: from its value, or its `scale`; of a
-/// link's numbers, from that link.
+/// Returns a step of each parameter that the simulation resolves. It is a share of the parameter's
+/// value or `scale`; for link parameters it depends on the link. A delay's step is 0.1 tick.
 VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
                           const Parameters& parameters, const robot::Model& model) {
   VectorXd steps = (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
@@ -135,7 +136,8 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
                         "the loop with the parameters of least squares does not run to its "
                         "end in simulation; nothing is identified");
   }
-  // Of a parameter that is near zero: what it began at, or a thousandth of the largest.
+  // Scale of a parameter: its start value, or a thousandth of the largest start value if that is
+  // more.
   VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
   const robot::Model& model = *recordings.front().scenario.model;
   VectorXd left;
@@ -170,7 +172,7 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
     }
     if (!moved) break;
   }
-  fit.half_width += left;  // has not converged: by so much it would still change
+  fit.half_width += left;  // no convergence: the estimate would still change by this step
   return fit;
 }
 

@@ -11,27 +11,27 @@
 
 namespace tachless::identify {
 
-/// The parameters with which the loop, simulated with the recorded law's own code, measures what
-/// was measured.
+/// The parameters with which the simulated loop reproduces the measured positions. The simulation
+/// runs the recorded law's own code.
 struct Fit {
   Eigen::VectorXd values;
-  Eigen::VectorXd half_width;  ///< of the 95 % interval of each
+  Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
   double condition = 0;        ///< of the scaled normal matrix
   Eigen::VectorXd residual;    ///< rms of measured minus simulated position, per joint [rad; m]
 };
 
 using Report = std::function<void(std::string_view what)>;
 
-/// Gauss-Newton on measured minus simulated positions, joints weighted by their residual, from
-/// `start`, to what a robot can have (inertia.h); the derivatives are differences of simulations.
-/// The intervals hold for residuals of any colour (`precision`); where it has not converged they
-/// are wider by the step that is left.
+/// Fits the parameters by Gauss-Newton on measured minus simulated positions. The weight of a joint
+/// is the reciprocal of its residual. The parameters stay physically possible (inertia.h).
+/// Derivatives are differences of simulations. The intervals hold for residuals of any
+/// autocorrelation (`precision`). Without convergence they are wider by the remaining step.
 /// @throw base::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);
 
-/// Measured minus simulated positions [rad; m], a row per tick; fewer rows where the simulated run
-/// ended early.
+/// Returns measured minus simulated positions [rad; m], one row per tick. There are fewer rows if
+/// the simulated run ends early.
 Eigen::MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
                                    const Eigen::VectorXd& values);
 

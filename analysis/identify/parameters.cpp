@@ -11,7 +11,8 @@
 namespace tachless::identify {
 namespace {
 
-/// N m, N m s/rad and kg m², or on a prismatic joint N, N s/m and kg.
+/// Returns the unit: N m, N m s/rad and kg m² for a revolute joint; N, N s/m and kg for a prismatic
+/// joint.
 std::string unit_of(Kind kind, bool turns) {
   switch (kind) {
     case Kind::rotor:
@@ -30,7 +31,7 @@ std::string unit_of(Kind kind, bool turns) {
   return "kg";
 }
 
-/// Just below the next tick after the longest that drives have.
+/// Largest delay [ticks]: just below the tick after the longest delay of a drive.
 constexpr double longest_delay = plant::max_delay_ticks + 0.999;
 
 constexpr std::array<const char*, 10> component_names = {"mass", "mx",  "my",  "mz",  "Ixx",
@@ -126,7 +127,8 @@ scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
     }
   }
   changed.plant.mechanics = plant::Mechanics::native;
-  // What the recorded run did beyond the URDF's range and speed it does again, without a warning.
+  // The recorded run may exceed the URDF's range and speed. The simulation may too, without a
+  // warning.
   auto model = std::make_shared<robot::Model>(*scenario.model);
   if (const Eigen::Index first_of_bodies = first(Kind::inertia); first_of_bodies >= 0) {
     for (std::size_t body = 0; body < model->bodies.size(); ++body) {

@@ -14,10 +14,11 @@ namespace {
 using base::bad_usage;
 
 constexpr double shortest_s = 2;
-constexpr double most_saturated = 0.01;  ///< of the ticks
+constexpr double most_saturated = 0.01;  ///< share of the ticks
 
-/// A real arm begins near the scenario's start (plant::GuardedRobot::start_tolerance) and under a
-/// torque that holds it; an emulated one where the scenario says, but for its encoders' errors.
+/// Sets the initial state of the recorded run. A real arm begins near the scenario's start
+/// (plant::GuardedRobot::start_tolerance) under a torque that holds it. An emulated arm begins at
+/// the scenario's start, and its first reading differs by encoder errors only.
 void begin_as_recorded(Recording& recording) {
   const scenario::Scenario& scenario = recording.scenario;
   const plant::EncoderSpec& encoder = scenario.plant.encoder;

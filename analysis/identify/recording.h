@@ -7,47 +7,54 @@
 #include "logger/run_log.h"
 #include "scenario/scenario.h"
 
-/// Rotor inertia, friction and payload of a robot with rigid joints, from logs of its own runs:
-/// measured positions and applied torques. No velocity is measured, and the truth of an emulator is
-/// not read.
+/// Identification of a rigid robot's parameters from logs of its own runs. It uses measured
+/// positions and applied torques. It needs no measured velocity and does not read an emulator's
+/// true state.
 namespace tachless::identify {
 
-/// What identification reads of a run.
+/// The data of a run that identification reads.
 struct Recording {
-  std::string source;  ///< the log's file
+  std::string source;  ///< path of the log
   scenario::Scenario scenario;
   Eigen::MatrixXd q;    ///< measured positions [rad; m], a row per tick
-  Eigen::MatrixXd tau;  ///< applied over the tick [N m; N], likewise
-  /// By the scenario's law, which can be simulated, with torques held over each tick; otherwise
-  /// torques are of the instant of the positions.
+  Eigen::MatrixXd tau;  ///< applied over the tick [N m; N], a row per tick
+  /// Whether the scenario's law controlled the run, with torques held over each tick. The run
+  /// can then be simulated. Otherwise torques and positions are of the same instant.
   bool controlled = true;
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
 };
 
-/// Positions and torques in a log, as in a Recording.
+/// Positions and torques of a log, in the form of a Recording.
 struct Ticks {
   Eigen::MatrixXd q, tau;
-  std::int64_t missed = 0, saturated = 0;  ///< ticks without a command, with a torque at its limit
+  /// Ticks without a command; ticks with a torque at its limit.
+  std::int64_t missed = 0, saturated = 0;
 };
-/// @param to_stop not from a protective stop on
+/// Reads positions and torques from a log.
+/// @param to_stop leave out the ticks from a protective stop on
 /// @throw base::Failure(bad_usage) when positions of the joints are not recorded
 Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
 
-/// @throw base::Failure(bad_usage), one line that says what the log lacks: the joints are
-/// flexible or their positions not recorded, ticks or commands are missing, a torque was at its
-/// limit in more than 1 % of the ticks, the run is shorter than 2 s, or no joint moves
+/// Reads a recording from a log.
+/// @throw base::Failure(bad_usage) with one line that names the log's fault. The robot: flexible
+/// joints. The content: positions not recorded, or missing ticks or commands. The run: a dry run,
+/// withheld torques, changing gains, a torque at its limit in more than 1 % of the ticks, less than
+/// 2 s, or no joint that moves.
 Recording read_recording(const std::filesystem::path& log);
 
-/// From the table of another logger, as a YAML file beside it says what its columns are
-/// (docs/identification.md), on an even grid of the median of its steps.
-/// @throw base::Failure(bad_usage), one line: file, line, what is wrong, what is allowed
+/// Reads a recording from another logger's table. The YAML file `description` names the table's
+/// columns (docs/identification.md). Interpolates on an even grid whose step is the median step of
+/// the table.
+/// @throw base::Failure(bad_usage) with one line: file, line, fault and allowed values
 Recording read_table(const std::filesystem::path& description);
 
+/// Checks the length and motion of a recording.
 /// @throw base::Failure(bad_usage) for less than 2 s, or when no joint moves
 void require_usable(const Recording& recording);
 
-/// @throw base::Failure(bad_usage) unless both are of the same URDF, joints and gravity
+/// Checks that both recordings are of the same robot.
+/// @throw base::Failure(bad_usage) when URDF, locked joints, base or gravity differ
 void require_same_robot(const Recording& first, const Recording& other);
 
 }  // namespace tachless::identify

@@ -1,8 +1,9 @@
-// Positions and torques that another program has recorded: text in columns, and a YAML file that
-// says which is which.
+// Reads positions and torques that another program has recorded. A YAML file names the columns of
+// the table.
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <string_view>
 #include <vector>
 
@@ -11,29 +12,63 @@
 #include "base/text.h"
 #include "identify/recording.h"
 #include "scenario/reader.h"
+#include "scenario/table.h"
 
 namespace tachless::identify {
 namespace {
 
 using base::bad_usage;
 
-constexpr std::uintmax_t most_bytes = 512U << 20U;
-constexpr double most = 1e12;       ///< of a number in a table
-constexpr double longest_gap = 20;  ///< of the median step
-constexpr base::Range column_number{1, 10000, false, false, true};
+constexpr double most = 1e12;       ///< largest number in a table
+constexpr double longest_gap = 20;  ///< in median steps
+constexpr double shortest_step_s = 1e-6, longest_step_s = 0.5;
+
+/// Names or numbers of columns, one for each joint.
+struct Columns {
+  std::vector<std::string> given;
+};
+
+/// Reads the columns of a key: a list of names or numbers, or one for a robot of one joint.
+void read(const scenario::Place& place, Columns& to) {
+  using scenario::YamlNode;
+  constexpr std::string_view allowed = "a list with a column per joint, each by name or number";
+  if (place.node == nullptr) throw place.complaint(fmt::format("missing; allowed: {}", allowed));
+  const YamlNode& node = *place.node;
+  const auto add = [&](const YamlNode& entry) {
+    const std::optional<double> number = base::number_in(entry.scalar);
+    if (entry.kind != YamlNode::Kind::scalar || entry.scalar.empty() || (number && *number < 1)) {
+      throw place.complaint(fmt::format("{}; allowed: {}", scenario::emit_line(node), allowed));
+    }
+    to.given.push_back(entry.scalar);
+  };
+  if (node.kind == YamlNode::Kind::list) {
+    for (const YamlNode& entry : node.children) add(entry);
+  } else {
+    add(node);
+  }
+  if (std::ssize(to.given) != place.scenario.num_joints) {
+    throw place.complaint(fmt::format("{} has length {}, the robot has {} joints; allowed: {}",
+                                      scenario::emit_line(node), to.given.size(),
+                                      place.scenario.num_joints, allowed));
+  }
+}
 
 /// The YAML file's keys.
 struct Description {
-  std::string scenario, table;
-  Vector position, torque, position_scale, torque_scale;
-  double time = 1;
+  std::string scenario, table, time_column;
+  Columns position, torque;
+  Vector position_scale, torque_scale;
+  double time_scale = 1, time_offset = 0;
 
   static constexpr std::tuple keys{
       base::Key{"scenario", &Description::scenario},
       base::Key{"table", &Description::table},
-      base::Key{"time_column", &Description::time}.in(column_number).by_default(),
-      base::Key{"position_columns", &Description::position}.in(column_number),
-      base::Key{"torque_columns", &Description::torque}.in(column_number),
+      base::Key{"time_column", &Description::time_column}.by_default(
+          "the column with a usual name of the time"),
+      base::Key{"time_scale", &Description::time_scale}.in(base::positive).by_default(),
+      base::Key{"time_offset", &Description::time_offset}.by_default(),
+      base::Key{"position_columns", &Description::position},
+      base::Key{"torque_columns", &Description::torque},
       base::Key{"position_scale", &Description::position_scale}.by_default(1),
       base::Key{"torque_scale", &Description::torque_scale}.by_default(1)};
 };
@@ -41,70 +76,60 @@ struct Description {
 /// The table's rows: time, positions, torques.
 class Rows {
  public:
-  Rows(const std::string& source, const Description& of) : source_(source) {
-    columns_.push_back(static_cast<std::size_t>(of.time));
-    for (const Vector* each : {&of.position, &of.torque}) {
-      for (const double column : *each) columns_.push_back(static_cast<std::size_t>(column));
+  Rows(std::string_view text, const std::string& source, const Description& of)
+      : table_(text, source), offset_(of.time_offset) {
+    columns_.push_back(table_.time_column(of.time_column, of.time_scale != 1));
+    for (const Columns* each : {&of.position, &of.torque}) {
+      for (const std::string& column : each->given) {
+        columns_.push_back(table_.column_by_name_or_number(column));
+      }
     }
     scale_ = Eigen::VectorXd(std::ssize(columns_));
-    scale_ << 1, of.position_scale, of.torque_scale;
+    scale_ << of.time_scale, of.position_scale, of.torque_scale;
+    while (table_.next()) add_row();
   }
 
-  void add_line(std::string_view line) {
-    ++line_;
-    line = line.substr(0, line.find('#'));
-    line = line.substr(0, line.find_last_not_of(",; \t\r") + 1);
-    base::split_row(line, fields_);
-    if (fields_.empty()) return;
-    if (values_.empty()) {
-      const std::string_view time = fields_[std::min(columns_.front(), fields_.size()) - 1];
-      if (!base::number_in(time)) return;  // a header
-      width_ = fields_.size();
-    }
-    const auto separators =
-        std::ranges::count_if(line, [](char c) { return c == ',' || c == ';'; });
-    if (fields_.size() != width_ || separators >= std::ssize(fields_)) {
-      throw bad_usage(
-          "{}:{}: {} columns, the first row of numbers has {}; allowed: as many in each, none "
-          "empty",
-          source_, line_, fields_.size(), width_);
-    }
-    for (std::size_t i = 0; i < columns_.size(); ++i) {
-      if (columns_[i] > fields_.size()) {
-        throw bad_usage("{}:{}: {} columns, but column {} is asked for", source_, line_,
-                        fields_.size(), columns_[i]);
-      }
-      const std::string_view field = fields_[columns_[i] - 1];
-      const std::optional<double> value = base::number_in(field);
-      if (!value || !(std::abs(*value) < most)) {
-        throw bad_usage("{}:{}: \"{}\" in column {} is not a finite number below {:g}", source_,
-                        line_, field, columns_[i], most);
-      }
-      values_.push_back(*value * scale_[static_cast<Eigen::Index>(i)]);
-    }
-    const std::size_t width = columns_.size(), last = values_.size() - width;
-    if (last > 0 && !(values_[last] > values_[last - width])) {
-      throw bad_usage("{}:{}: time {:g} s is not after {:g} s; allowed: increasing times", source_,
-                      line_, values_[last], values_[last - width]);
-    }
-  }
-
-  /// A column per instant.
+  /// Returns the values with one column per instant.
   [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> all() const {
     const auto width = std::ssize(columns_);
     return {values_.data(), width, std::ssize(values_) / width};
   }
 
  private:
-  std::string source_;
+  void add_row() {
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      const double value = table_.number(columns_[i]) * scale_[static_cast<Eigen::Index>(i)];
+      if (i > 0 && !(std::abs(value) < most)) {
+        table_.refuse(fmt::format("{} in column {}; allowed: below {:g}", base::shortest(value),
+                                  columns_[i] + 1, most));
+      }
+      values_.push_back(i == 0 ? value + offset_ : value);
+    }
+    const std::size_t width = columns_.size(), last = values_.size() - width;
+    if (last == 0 || values_[last] > values_[last - width]) return;
+    table_.refuse(fmt::format("time {} s is not after {} s; allowed: increasing times",
+                              base::shortest(values_[last]),
+                              base::shortest(values_[last - width])));
+  }
+
+  scenario::Table table_;
   std::vector<std::size_t> columns_;
   Eigen::VectorXd scale_;
+  double offset_;
   std::vector<double> values_;
-  std::vector<std::string_view> fields_;
-  std::size_t line_ = 0, width_ = 0;
 };
 
-/// Onto an even grid, by straight lines between the rows.
+/// Throws for a median step that no recording has, because the times are then in another unit.
+void require_seconds(double step, const std::string& source) {
+  if (step >= shortest_step_s && step <= longest_step_s) return;
+  throw bad_usage(
+      "{}: the usual step is {} s; allowed: {} to {} s; give the seconds of the table's unit: "
+      "time_scale: 0.001 for milliseconds, 1e-9 for nanoseconds",
+      source, base::shortest(step), base::shortest(shortest_step_s),
+      base::shortest(longest_step_s));
+}
+
+/// Interpolates the rows linearly on an even grid.
 void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording& to) {
   const Eigen::Index count = rows.cols(), n = to.scenario.num_joints;
   if (count < 2) throw bad_usage("{}: {} rows of numbers; allowed: at least 2", source, count);
@@ -112,6 +137,7 @@ void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording&
   std::vector<double> steps(step.begin(), step.end());
   std::ranges::nth_element(steps, steps.begin() + std::ssize(steps) / 2);
   const double h = steps[steps.size() / 2];
+  require_seconds(h, source);
   Eigen::Index widest = 0;
   if (step.maxCoeff(&widest) > longest_gap * h) {
     throw bad_usage(
@@ -137,7 +163,7 @@ void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording&
 }  // namespace
 
 Recording read_table(const std::filesystem::path& description) {
-  scenario::Scenario file;  // for complaints
+  scenario::Scenario file;  // source of complaints
   file.source = description.string();
   const scenario::YamlNode root =
       scenario::parse_yaml(base::given_text(description, base::max_text_bytes), file.source);
@@ -162,14 +188,12 @@ Recording read_table(const std::filesystem::path& description) {
   Description described;
   read(place, described);
   const std::filesystem::path table = directory / described.table;
-  const std::string text = base::given_text(table, most_bytes);
-  Rows rows(table.string(), described);
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    rows.add_line(std::string_view(text).substr(begin, end - begin));
-    begin = end + 1;
+  const std::string text = base::given_text(table, scenario::max_table_bytes);
+  try {
+    set_even(Rows(text, table.string(), described).all(), table.string(), result);
+  } catch (const std::invalid_argument& refused) {
+    throw bad_usage(refused.what());
   }
-  set_even(rows.all(), table.string(), result);
   require_usable(result);
   return result;
 }

@@ -7,7 +7,7 @@
 #include "messages/measurements.h"
 #include "messages/truth/truth_wire.h"
 #include "messages/wire.h"
-#include "plant/run_messages.h"
+#include "plant/truth_of.h"
 #include "session/run_info.h"
 
 namespace tachless::in_process {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <complex>
 #include <cstddef>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -39,7 +40,8 @@ class FrequencyResponse {
 std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points,
                                 const Eigen::VectorXcd& peaks = {});
 
-/// The least f over the frequencies, refined between the neighbours of the lowest minima.
+/// Returns the least f over the frequencies, refined between the neighbours of the lowest minima;
+/// not a number where f has no number at any frequency.
 template <class F>
 double least_over(const std::vector<double>& w, const F& f) {
   constexpr std::size_t refined = 3;
@@ -50,6 +52,7 @@ double least_over(const std::vector<double>& w, const F& f) {
     const bool before = k == 0 || value[k] <= value[k - 1];
     if (before && (k + 1 == w.size() || value[k] <= value[k + 1])) minima.emplace_back(value[k], k);
   }
+  if (minima.empty()) return std::numeric_limits<double>::quiet_NaN();
   std::ranges::sort(minima);
   double least = minima.front().first;
   for (std::size_t m = 0; m < std::min(refined, minima.size()); ++m) {

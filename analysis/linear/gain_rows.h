@@ -8,17 +8,18 @@
 #include "linear/sampled_limit.h"
 #include "numerics/linear_programme.h"
 
-/// What a loop at rest asks of the gains of its law, and its derivatives by them: the distance of
-/// L(exp(iwh)) from -1 and the errors from each joint alone. The derivatives are by the logarithms
-/// of gains, numbered kind by kind, joint by joint within a kind.
+/// Demands of a loop at rest on the gains of its law, and their derivatives by these gains. The
+/// demands are the distance of L(exp(iwh)) from -1 and the errors from each joint alone. The
+/// derivatives are by the logarithms of gains. They are numbered kind by kind, and joint by joint
+/// within a kind.
 namespace tachless::linear {
 
 /// A law's feedback terms, D without the compensation, and their derivatives.
 struct Feedback {
   LinearLaw law;
   std::vector<LinearLaw> by_kind;  ///< by the gains of one kind, those of all joints together
-  /// Whether each joint's gains act on its own torque and memory alone, so that each is a variable
-  /// of its own; otherwise there is one variable for each kind.
+  /// True if each joint's gains act on its own torque and memory alone. Each gain is a variable of
+  /// its own then. Otherwise there is one variable for each kind.
   bool by_joint = true;
 
   [[nodiscard]] LinearLaw derivative(Eigen::Index variable) const;
@@ -43,8 +44,8 @@ class RestLoop {
 
   /// The map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
-  /// Of `closed`: a column for each joint displaced alone by 1, its rotor with it and the law's
-  /// memory as a run begins there.
+  /// Returns starts for `closed`: a column for each joint displaced alone by 1. The joint's rotor
+  /// is displaced with it. The law's memory is that of a run that begins there.
   [[nodiscard]] Eigen::MatrixXd displaced(const LinearLaw& feedback) const;
 
   /// The least |1 + eigenvalue of L| at each of these frequencies; where it is above `enough` for

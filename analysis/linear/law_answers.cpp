@@ -26,7 +26,7 @@ constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
 
 double largest(const MatrixXd& x) { return x.size() == 0 ? 0 : x.cwiseAbs().maxCoeff(); }
 
-/// What is odd in the deviations of the answer to them: all that is linear, nothing quadratic.
+/// Returns the odd part of the answer to deviations: all that is linear, nothing quadratic.
 MatrixXd odd_part(const Ask& ask, const MatrixXd& deviations) {
   return (ask(deviations) - ask(-deviations)) / 2;
 }
@@ -102,8 +102,9 @@ LinearLaw model_of(const std::vector<MatrixXd>& h, const VectorXd& noise) {
       shifted.block(i * n, j * m, n, m) = weight.asDiagonal() * h[k + 2];
     }
   }
-  // Of the triangle's first rows, which have all but rounding: as exact as the answers whatever
-  // their scale, which Eigen's divide and conquer is not (a value of 1e-6 of the largest too many).
+  // The SVD is that of the triangle's first rows, which have all but rounding. It is as exact as
+  // the answers, whatever their scale. Eigen's divide and conquer is not: it finds a value of 1e-6
+  // of the largest too many.
   const double least = 64 * std::sqrt(static_cast<double>(blocks * std::max(n, m)));
   const Eigen::ColPivHouseholderQR<MatrixXd> qr(hankel);
   const MatrixXd triangle = qr.matrixR().template triangularView<Eigen::Upper>();
@@ -183,7 +184,8 @@ LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
   };
   const MatrixXd even = (plus + minus) / 2 - at_rest;
   if (disagreement(once + even, once, noise) >= agreement) {
-    // What is smooth in it is quadratic, and a hundredth at a tenth; the rest is as |x|.
+    // The smooth part of it is quadratic: a hundredth at a tenth of the deviations. The rest grows
+    // as |x|.
     const MatrixXd less = (ask(given) + ask(-given)) / 2 - at_rest;
     const double square = factor * factor;
     refuse_unless("that to -1e-05 is not the opposite of that to 1e-05",

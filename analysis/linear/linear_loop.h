@@ -15,7 +15,8 @@ namespace tachless::linear {
 
 using messages::Part;
 
-/// Where `is` ends between `inside`, where it holds, and `outside`, by bisection: it holds there.
+/// Returns where `is` ends between `inside`, where it holds, and `outside`, by bisection. `is`
+/// holds at the returned value.
 template <class Inside>
 double edge(double inside, double outside, int halvings, const Inside& is) {
   for (; halvings > 0; --halvings) {
@@ -58,7 +59,8 @@ struct LinearLaw {
   Eigen::MatrixXd start = {};
 };
 
-/// What of so many states, the plant's first, a law measures: y = C x.
+/// Returns C of y = C x, the measurement of a law. The vector x has so many states, the plant's
+/// first.
 Eigen::MatrixXd measured_rows(const std::vector<Part>& measured, Eigen::Index num_joints,
                               Eigen::Index states);
 

@@ -16,15 +16,16 @@
 /// given the positions plus an error whose second differences are those of the positions, negated,
 /// and which is zero at both ends: the inverse of the discrete Laplacian, of norm
 ///   gamma_y(m) = 1 / (4 sin²(pi / (2 (m + 1)))).
-/// Both operators are the same for all joints, so that they commute with any constant matrix, and
-/// the small-gain theorem (Zames, 1966) on the loop between them and the rest holds with any
-/// scaling: the loop is stable where gamma_u |G_u| < 1, or where the spectral radius of the matrix
-/// of the four gains of both is below 1, |G| the largest singular value over all frequencies.
+/// Both operators are the same for all joints, so that they commute with any constant matrix. The
+/// small-gain theorem (Zames, 1966) on the loop between them and the rest then holds with any
+/// scaling. The loop is stable where gamma_u |G_u| < 1. It is also stable where the spectral radius
+/// of the matrix of the four gains of both is below 1. |G| is the largest singular value over all
+/// frequencies. The supremum is searched, not bounded: the numbers are searched, not proved.
 namespace tachless::linear {
 
 /// Largest numbers in a row, up to `most_missed`.
 struct MissedTicks {
-  int commands = 0;                 ///< stable for every pattern with at most so many
+  int commands = 0;                 ///< found stable for every pattern with at most so many
   std::optional<int> measurements;  ///< the same; nothing for a law that measures velocities
   std::optional<int> unstable;  ///< fewest commands in a row of an unstable pattern that was found
   int hits = 0;                 ///< that follow them in it, again and again
@@ -41,7 +42,7 @@ struct HeldMaps {
 };
 HeldMaps held_maps(const SampledLoop& loop, double period_s);
 
-/// Of a stable loop.
+/// Returns how many ticks in a row a stable loop may miss.
 MissedTicks missed_ticks(const SampledLoop& loop, double period_s);
 
 /// Fewest commands in a row, in patterns of so many misses and 1 to 4 hits, repeated, that make it

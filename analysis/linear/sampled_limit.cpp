@@ -9,6 +9,7 @@
 
 #include "linear/gain_rows.h"
 #include "numerics/decompositions.h"
+#include "numerics/golden_section.h"
 
 namespace tachless::linear {
 namespace {
@@ -26,7 +27,8 @@ class Response {
     MatrixXd closed = open.closed();
     const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
     poles_ = numerics::eigenvalues(closed);
-    // Of the balanced loop, or the rounding of a law's large states hides its small ones.
+    // The decomposition is that of the balanced loop. Otherwise the rounding of a law's large
+    // states would hide its small ones.
     const numerics::Schur A =
         numerics::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
     peaks_ = A.T.diagonal();
@@ -94,34 +96,109 @@ Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, co
   }
 }
 
-/// Phase and delay margin: where an eigenvalue of L crosses the unit circle, turned by its
-/// distance from -1 it makes 1 + L singular.
-void crossings(const Response& response, const std::vector<double>& w, Margins& margins) {
-  constexpr int halvings = 40;
-  margins.phase_deg = 180;
-  margins.delay_s = infinity;
-  const auto by_size = [&](double x) {
-    VectorXcd all = response.eigenvalues(x);
-    std::sort(all.begin(), all.end(),
-              [](const auto& a, const auto& b) { return std::abs(a) < std::abs(b); });
-    return all;
-  };
-  VectorXcd before = by_size(w[0]);
-  for (std::size_t k = 1; k < w.size(); ++k) {
-    const VectorXcd now = by_size(w[k]);
+/// Finds phase and delay margin: the lag that rotates an eigenvalue of L to -1 where it crosses the
+/// unit circle. Each eigenvalue is followed by itself, so that one which leaves the circle does not
+/// hide another which enters it.
+class Crossings {
+ public:
+  explicit Crossings(const Response& response) : response_(response) {}
+
+  void find(const std::vector<double>& w, Margins& margins) {
+    margins.phase_deg = 180;
+    margins.delay_s = infinity;
+    VectorXcd before = response_.eigenvalues(w[0]);
+    for (std::size_t k = 1; k < w.size(); ++k) {
+      before = between(w[k - 1], before, w[k], most_halvings, margins);
+    }
+  }
+
+ private:
+  /// Halvings of an interval in which an eigenvalue may cross the circle and come back.
+  static constexpr int most_halvings = 4;
+
+  /// Returns the eigenvalues at w, each in the place of the nearest one of `near`.
+  [[nodiscard]] VectorXcd followed(double w, const VectorXcd& near) const {
+    VectorXcd rest = response_.eigenvalues(w), result = near;
+    for (Index i = 0; i < near.size(); ++i) {
+      Index nearest = i;
+      for (Index j = i + 1; j < rest.size(); ++j) {
+        if (std::abs(rest[j] - near[i]) < std::abs(rest[nearest] - near[i])) nearest = j;
+      }
+      result[i] = rest[nearest];
+      std::swap(rest[nearest], rest[i]);
+    }
+    return result;
+  }
+
+  /// Adds the crossings from `low`, where the eigenvalues are `before`, to `high`. Returns those at
+  /// `high`.
+  VectorXcd between(double low, const VectorXcd& before, double high, int halvings,
+                    Margins& margins) const {
+    const VectorXcd now = followed(high, before);
+    const auto may_return = [&](Index i) {
+      const double from_circle =
+          std::min(std::abs(std::abs(before[i]) - 1), std::abs(std::abs(now[i]) - 1));
+      return from_circle < std::abs(now[i] - before[i]);
+    };
+    bool halve = false;
+    for (Index i = 0; i < now.size(); ++i) halve = halve || may_return(i);
+    if (halve && halvings > 0) {
+      const double middle = (low + high) / 2;
+      const VectorXcd at_middle = between(low, before, middle, halvings - 1, margins);
+      return between(middle, at_middle, high, halvings - 1, margins);
+    }
     for (Index i = 0; i < now.size(); ++i) {
       const bool outside = std::abs(before[i]) > 1;
-      if (outside == (std::abs(now[i]) > 1)) continue;
-      const double at = edge(w[k - 1], w[k], halvings,
-                             [&](double x) { return (std::abs(by_size(x)[i]) > 1) == outside; });
-      // A lag turns -1's predecessor into it: the angle from -1 up to the eigenvalue.
-      double lag = std::arg(-by_size(at)[i]);
-      margins.phase_deg = std::min(margins.phase_deg, std::abs(lag) * 180 / std::numbers::pi);
-      if (lag < 0) lag += 2 * std::numbers::pi;
-      margins.delay_s = std::min(margins.delay_s, lag / at);
+      if (outside != (std::abs(now[i]) > 1)) add(low, before, high, i, margins);
     }
-    before = now;
+    return now;
   }
+
+  void add(double low, VectorXcd at_low, double high, Index i, Margins& margins) const {
+    constexpr int bisections = 40;
+    const bool outside = std::abs(at_low[i]) > 1;
+    for (int k = 0; k < bisections; ++k) {
+      const double middle = (low + high) / 2;
+      const VectorXcd at_middle = followed(middle, at_low);
+      if ((std::abs(at_middle[i]) > 1) != outside) {
+        high = middle;
+      } else {
+        low = middle;
+        at_low = at_middle;
+      }
+    }
+    double lag = std::arg(-at_low[i]);
+    margins.phase_deg = std::min(margins.phase_deg, std::abs(lag) * 180 / std::numbers::pi);
+    if (lag < 0) lag += 2 * std::numbers::pi;
+    margins.delay_s = std::min(margins.delay_s, lag / low);
+  }
+
+  const Response& response_;
+};
+
+/// A stable period and an unstable one above it.
+struct Limit {
+  double stable, unstable;
+};
+
+/// Returns the first limit above `low`, which is stable, in steps of 2 % up to `high`. Nothing:
+/// none was found. A maximum of the radius is looked at too, if it may be 1: if 1 is within ten
+/// times what the maximum stands out by.
+template <class F>
+std::optional<Limit> narrow_window(const F& radius, double low, double high) {
+  constexpr double step = 1.02, beyond = 10;
+  double h0 = low, h1 = low, r0 = radius(low), r1 = r0;
+  for (double h = step * low; h < high; h *= step) {
+    const double r = radius(h);
+    if (r >= 1) return Limit{h1, h};
+    if (r1 >= r0 && r1 >= r && 1 - r1 < beyond * (r1 - std::min(r0, r))) {
+      const double top = numerics::largest_between(radius, h0, h);
+      if (radius(top) >= 1) return Limit{h0, top};
+    }
+    h0 = std::exchange(h1, h);
+    r0 = std::exchange(r1, r);
+  }
+  return {};
 }
 
 }  // namespace
@@ -137,18 +214,24 @@ double radius_at(const SampledLoop& loop, double period_s) {
 std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s) {
   constexpr double ratio = 1.1;
   constexpr int halvings = 17;  // to a millionth
+  const auto radius = [&](double h) { return radius_at(loop, h); };
   const auto stable = [&](double h) { return radius_at(loop, h) < 1; };
   double inside = from_s;
   while (!stable(inside)) {
     inside /= ratio;
     if (inside < shortest_s) return {};
   }
-  while (inside < longest_s) {
+  const double first = inside;
+  std::optional<Limit> limit;
+  while (inside < longest_s && !limit) {
     const double next = std::min(inside * ratio, longest_s);
-    if (!stable(next)) return edge(inside, next, halvings, stable);
-    inside = next;
+    if (!stable(next))
+      limit = Limit{inside, next};
+    else
+      inside = next;
   }
-  return inside;
+  if (const auto narrow = narrow_window(radius, first, inside)) limit = narrow;
+  return limit ? edge(limit->stable, limit->unstable, halvings, stable) : inside;
 }
 
 Modes modes(const SampledLoop& loop, double period_s) {
@@ -192,10 +275,15 @@ Margins margins(const SampledLoop& loop, double period_s) {
   const auto stable = [&](double gain) { return spectral_radius(open.closed(gain)) < 1; };
   if (!stable(1)) return result;
   result.gain = infinity;
-  constexpr double factor = 1.1, largest_gain = 1e4;
+  constexpr double factor = 1.1, largest_gain = 1e4, smallest_gain = 0.01;
   for (double gain = 1; gain < largest_gain; gain *= factor) {
     if (stable(gain * factor)) continue;
     result.gain = edge(gain, gain * factor, 20, stable);  // to 1e-7
+    break;
+  }
+  for (double gain = 1; gain > smallest_gain; gain /= factor) {
+    if (stable(gain / factor)) continue;
+    result.least_gain = edge(gain, gain / factor, 20, stable);
     break;
   }
   const Response response(open, period_s);
@@ -203,7 +291,7 @@ Margins margins(const SampledLoop& loop, double period_s) {
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
-  crossings(response, response.frequencies(true), result);
+  Crossings(response).find(response.frequencies(true), result);
   return result;
 }
 

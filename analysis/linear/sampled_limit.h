@@ -7,10 +7,9 @@
 #include "linear/frequencies.h"
 #include "linear/linear_loop.h"
 
-/// Whether the loop of a law that runs at a fixed period is stable, how far from the limit, and
-/// how it moves: of its linearisation, exactly over one period. It does not cover large errors,
-/// saturation or quantisation; that of a moving reference needs `radius_along`, since the
-/// eigenvalues at frozen postures are neither necessary nor sufficient.
+/// Stability, margins and motion of a law's loop at a fixed period, by its linearisation, exactly
+/// over one period. It does not cover large errors, saturation or quantisation. A moving reference
+/// needs `radius_along`: eigenvalues at frozen postures are neither necessary nor sufficient.
 namespace tachless::linear {
 
 /// A plant and the law for any period.
@@ -22,15 +21,16 @@ struct SampledLoop {
 
 CutLoop cut(const SampledLoop& loop, double period_s);
 
-/// Of the map of one period.
+/// Returns the spectral radius of the map of one period.
 double radius_at(const SampledLoop& loop, double period_s);
 
-/// Of the periods that are tried [s].
+/// Range of the periods that are tried [s].
 inline constexpr double shortest_s = 1e-7, longest_s = 1;
-/// The first stable period that has an unstable one next to it, sought from `from_s` on: upwards
-/// where the loop is stable there, else downwards [s]. At least `longest_s`, or `from_s` beyond
-/// that, when no unstable one was found; nothing when the shortest is unstable, so that no sampling
-/// is to blame.
+/// Returns the stability limit nearest to `from_s` that was found: above it where the loop is
+/// stable there, else below it [s]. Periods are tried in steps of 2 %, and between them where the
+/// radius has a maximum; a window of instability narrower than that may be missed. Returns at least
+/// `longest_s`, or `from_s` beyond that, when no unstable period was found; nothing when the loop
+/// is unstable even at `shortest_s`: then it is unstable in continuous time.
 std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s = shortest_s);
 
 /// How the loop moves at one period.
@@ -55,13 +55,16 @@ struct Margins {
   /// Least singular value of 1 + L: the size of the smallest errors, independent in all joints and
   /// in units of torque, that may make it unstable.
   double modulus_independent = 0;
-  double gain = 0;       ///< factor on all joints that makes it unstable; infinite up to 1e4
+  double gain = 0;  ///< factor above 1 on all joints that makes it unstable; infinite up to 1e4
+  /// Factor below 1 on all joints that makes it unstable, as a law with an integral has one; 0
+  /// where none was found down to 0.01.
+  double least_gain = 0;
   double phase_deg = 0;  ///< lag common to all joints that does; 180 when none
   double delay_s = 0;    ///< delay common to all joints that does; infinite when none
 };
-/// The modulus alone; 0 of an unstable loop.
+/// Returns the modulus alone; 0 of an unstable loop.
 double modulus_margin(const SampledLoop& loop, double period_s);
-/// Of a stable loop; all zero for an unstable one.
+/// Returns the margins of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
 
 /// Torque on the links per position error at rest, all joints together, gravity taken as

@@ -54,7 +54,7 @@ LinearLaw linear_law(const scenario::Scenario& scenario, const ReferencePoint& r
   return result;
 }
 
-/// What of the law's gradient D is there because of gravity.
+/// Returns the part of the law's gradient D that is there because of gravity.
 MatrixXd gravity_part(const LinearLaw& law, const scenario::Scenario& scenario,
                       const ReferencePoint& reference) {
   scenario::Scenario weightless = scenario;
@@ -161,7 +161,7 @@ LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
   if (!drive) return with_drives(rigid_plant(model_, reference, friction), drives);
   LinearPlant plant = flexible_plant(model_, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);
-  // Of the links: M^-1 K stands in the block beside.
+  // The friction is that of the links. M^-1 K stands in the block beside.
   const Index n = plant.num_joints;
   plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *
                                friction.cwiseQuotient(VectorXd(drive->stiffness)).asDiagonal();

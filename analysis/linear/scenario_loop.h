@@ -38,8 +38,8 @@ class ScenarioLoop {
   explicit ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers& answers = {});
 
   /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
-  /// `controller::LawFacts::no_linearisation` is empty, or there are answers. Round the loop it is
-  /// the same whether the measurement or the torque is late.
+  /// `controller::LawFacts::no_linearisation` is empty, or there are answers. Delays of
+  /// measurement and command are added: only their sum matters.
   [[nodiscard]] SampledLoop at(const messages::ReferencePoint& reference) const;
 
   /// The law about rest there with these gains in place of the scenario's.

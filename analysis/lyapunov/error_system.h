@@ -22,8 +22,8 @@ struct ErrorSystem {
   Eigen::VectorXd a, b;           ///< [1/s]
   Eigen::VectorXd rotor_inertia;  ///< J [kg m2]; empty for rigid joints
   Eigen::VectorXd damping = {};   ///< D of the joints' viscous friction [N m s/rad]; empty: none
-  /// Of gains that follow the reference, at one instant: their rates [N m/(rad s), N m/rad] and the
-  /// velocity of the reference [rad/s]. Empty: the gains are constant.
+  /// Rates of gains that follow the reference, at one instant [N m/(rad s), N m/rad], and its
+  /// velocity v_ref [rad/s]. Empty: the gains are constant.
   Eigen::MatrixXd kp_dot = {}, kd_dot = {};
   Eigen::VectorXd v_ref = {};
 
@@ -35,7 +35,7 @@ struct ErrorSystem {
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::MatrixXd& link_M) const;
 };
 
-/// Of one filtered spring and damper.
+/// The gains of one filtered spring and damper.
 using controller::law::FilterGains;
 
 ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,
@@ -69,9 +69,10 @@ Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weight
 ///
 /// less 1/2 Kp_dot in the first and 1/2 Kd_dot B^-1 in the second block, in three parts: what is
 /// constant, what is linear in M, and what is linear in Cd. The term in delta is not in them: it is
-/// -sym C(q, delta) in the links' corner of the last block. Of the weights nothing is used but that
-/// they are constant and that E2 commutes with A and B: delta' (Mdot - C(q, v) - Cd) edot is
-/// delta' (Cd' - Cd) edot + edot' C(q, delta) edot by Mdot = C + C' and C(q, x) y = C(q, y) x.
+/// -sym C(q, delta) in the links' corner of the last block. The result uses two properties of the
+/// weights: they are constant, and E2 commutes with A and B. By Mdot = C + C' and
+/// C(q, x) y = C(q, y) x, the term delta' (Mdot - C(q, v) - Cd) edot is
+/// delta' (Cd' - Cd) edot + edot' C(q, delta) edot.
 Eigen::MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights);
 Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& weights,
                                     const Eigen::MatrixXd& link_M);

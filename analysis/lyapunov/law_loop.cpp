@@ -3,7 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
 #include <initializer_list>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <string>
@@ -14,6 +18,7 @@
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "numerics/decompositions.h"
+#include "numerics/golden_section.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
 
@@ -24,7 +29,8 @@ using controller::law::LoriaOrtegaFlexible;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Instants of the reference at which gains that follow it are looked at.
+/// Instants of the reference, evenly over it, at which gains that follow it are examined. Further
+/// ones are where the velocity or the gains' rate has a maximum.
 constexpr int instants_of_scheduled = 25;
 
 VectorXd joined(std::initializer_list<Vector> parts) {
@@ -55,6 +61,100 @@ LawLoop flexible_loop(const scenario::Scenario& scenario) {
           {}};
 }
 
+/// Returns times at which f has its `most` largest local maxima: of samples at `t`, refined between
+/// their neighbours. A maximum of 0 is left out.
+template <class F>
+std::vector<double> maxima(const std::vector<double>& t, const F& f, std::size_t most) {
+  std::vector<double> value(t.size());
+  std::ranges::transform(t, value.begin(), f);
+  std::vector<std::size_t> all;
+  for (std::size_t k = 0; k < t.size(); ++k) {
+    const bool up = k == 0 || value[k] > value[k - 1];
+    const bool down = k + 1 == t.size() || value[k] >= value[k + 1];
+    if (value[k] > 0 && up && down) all.push_back(k);
+  }
+  std::ranges::sort(all, std::greater(), [&](std::size_t k) { return value[k]; });
+  all.resize(std::min(most, all.size()));
+  std::vector<double> result;
+  for (const std::size_t k : all) {
+    result.push_back(
+        numerics::largest_between(f, t[k == 0 ? 0 : k - 1], t[std::min(k + 1, t.size() - 1)]));
+  }
+  return result;
+}
+
+/// Bursts of a motion that are examined, the fastest first.
+constexpr std::size_t most_bursts = 3;
+
+/// Returns instants evenly over the burst at `peak_s`, in which |v_ref| is at least half of that at
+/// the peak. @param dense increasing times of the motion
+std::vector<double> instants_of_burst(const std::vector<double>& dense,
+                                      const reference::Trajectory& trajectory, double peak_s) {
+  constexpr int count = 9;
+  const double least = trajectory.at(peak_s).v_ref.norm() / 2;
+  const auto fast = [&](double t_s) { return trajectory.at(t_s).v_ref.norm() >= least; };
+  const auto peak = std::ranges::lower_bound(dense, peak_s);
+  auto begin = peak, end = peak;
+  while (begin != dense.begin() && fast(*std::prev(begin))) --begin;
+  while (end != dense.end() && fast(*end)) ++end;
+  if (begin == end) return {};
+  const double first_s = *begin, last_s = *std::prev(end);
+  std::vector<double> result;
+  for (int k = 0; k < count; ++k) {
+    result.push_back(first_s + (last_s - first_s) * k / (count - 1));
+  }
+  return result;
+}
+
+/// Returns instants at which |v_ref| or a joint's |v_ref| is largest, and those of the fastest
+/// burst.
+std::vector<double> fastest_instants(const reference::Motion& motion,
+                                     const reference::Trajectory& trajectory) {
+  const std::vector<double> dense = motion.closely();
+  std::vector<double> result = maxima(
+      dense, [&](double t_s) { return trajectory.at(t_s).v_ref.norm(); }, most_bursts);
+  if (!result.empty()) {
+    const std::vector<double> burst = instants_of_burst(dense, trajectory, result[0]);
+    result.insert(result.end(), burst.begin(), burst.end());
+  }
+  for (Eigen::Index i = 0; i < trajectory.at(0).v_ref.size(); ++i) {
+    for (const double t_s : maxima(
+             dense, [&](double t) { return std::abs(trajectory.at(t).v_ref[i]); }, 1)) {
+      result.push_back(t_s);
+    }
+  }
+  return result;
+}
+
+/// Returns instants at which Kp grows or falls the fastest, relative to Kp: near the fastest
+/// instant of each of some stretches of the motion. @param at the error system at a time
+template <class At>
+std::vector<double> instants_of_gain_rates(const reference::Motion& motion,
+                                           const reference::Trajectory& trajectory, const At& at) {
+  constexpr std::size_t stretches = 512;  // Kp_dot takes far longer to compute than v_ref
+  const std::vector<double> dense = motion.closely();
+  std::vector<double> fast;
+  for (std::size_t k = 0; k < stretches; ++k) {
+    const auto begin = dense.begin() + static_cast<std::ptrdiff_t>(k * dense.size() / stretches);
+    const auto end =
+        dense.begin() + static_cast<std::ptrdiff_t>((k + 1) * dense.size() / stretches);
+    if (begin == end) continue;
+    fast.push_back(*std::ranges::max_element(
+        begin, end, {}, [&](double t_s) { return trajectory.at(t_s).v_ref.norm(); }));
+  }
+  std::vector<double> result;
+  for (const double sign : {1.0, -1.0}) {
+    const auto rate = [&](double t_s) {
+      const ErrorSystem s = at(t_s);
+      return numerics::eigenvalues(MatrixXd(sign * numerics::inverse(s.kp) * s.kp_dot))
+          .real()
+          .maxCoeff();
+    };
+    for (const double t_s : maxima(fast, rate, most_bursts)) result.push_back(t_s);
+  }
+  return result;
+}
+
 template <class L>
 LawLoop rigid_loop(const scenario::Scenario& scenario) {
   const L law = controller::make_law<L>(scenario);
@@ -65,12 +165,18 @@ LawLoop rigid_loop(const scenario::Scenario& scenario) {
   LawLoop result;
   result.initial = joined({signals.value[0], signals.value[1],
                            scenario.plant.initial.velocity_rad_per_s - reference.v_ref});
-  bool constant = true;
-  for (const double t_s : reference::Motion(scenario, trajectory).instants(instants_of_scheduled)) {
-    result.systems.push_back(
-        system_at(law, trajectory.at(t_s), scenario.plant.drive.viscous_friction_Nms_per_rad));
-    constant = constant && result.systems.back().kp == result.systems[0].kp;
-  }
+  const reference::Motion motion(scenario, trajectory);
+  const auto at = [&](double t_s) {
+    return system_at(law, trajectory.at(t_s), scenario.plant.drive.viscous_friction_Nms_per_rad);
+  };
+  const auto add = [&](const std::vector<double>& instants) {
+    for (const double t_s : instants) result.systems.push_back(at(t_s));
+  };
+  add(motion.instants(instants_of_scheduled));
+  add(fastest_instants(motion, trajectory));
+  const bool constant = std::ranges::all_of(
+      result.systems, [&](const ErrorSystem& s) { return s.kp == result.systems[0].kp; });
+  if (!constant) add(instants_of_gain_rates(motion, trajectory, at));
   if (constant) {
     result.systems.resize(1);
     result.systems[0].kp_dot = result.systems[0].kd_dot = {};
@@ -125,22 +231,85 @@ double lyapunov_value(const ErrorSystem& system, const Weights& weights, const r
   return x.dot(lyapunov_matrix(system, weights, robot::mass_matrix(links, q)) * x) / 2;
 }
 
+namespace {
+
+/// Returns a bound of |p| on [0, 1] from values of the polynomial p of degree n at n + 1 points:
+/// its largest coefficient in Bernstein's basis.
+class PolynomialBound {
+ public:
+  explicit PolynomialBound(int degree) : points(degree + 1), of_values_(degree + 1, degree + 1) {
+    for (int k = 0; k <= degree; ++k) {
+      points[k] = 0.5 - 0.5 * std::cos(std::numbers::pi * (k + 0.5) / (degree + 1));
+      double binomial = 1;
+      for (int j = 0; j <= degree; ++j) {
+        of_values_(k, j) = binomial * std::pow(points[k], j) * std::pow(1 - points[k], degree - j);
+        binomial *= static_cast<double>(degree - j) / (j + 1);
+      }
+    }
+    of_values_ = numerics::inverse(of_values_);
+  }
+
+  VectorXd points;  ///< at which values are asked for
+
+  /// @param values a column for each of `points`, a row for each polynomial
+  [[nodiscard]] VectorXd operator()(const MatrixXd& values) const {
+    return (values * of_values_.transpose()).cwiseAbs().rowwise().maxCoeff();
+  }
+
+ private:
+  MatrixXd of_values_;
+};
+
+/// Returns the times between which a reference is one polynomial; empty for sinusoids and rest.
+std::vector<double> piece_times(const reference::Spec& spec) {
+  if (const auto* move = std::get_if<reference::trajectory::PointToPoint>(&spec)) {
+    return {move->start_s, move->start_s + move->duration_s};
+  }
+  if (const auto* points = std::get_if<reference::trajectory::Waypoints>(&spec)) {
+    return points->time_s;
+  }
+  if (const auto* file = std::get_if<reference::trajectory::MotionFile>(&spec)) {
+    return file->motion->time_s();
+  }
+  return {};
+}
+
+/// Returns a bound of each joint's |jerk_ref| at all times, of a reference made of polynomials. An
+/// inner piece has a jerk of degree 2, the first and the last of 4, a single one of 6.
+VectorXd jerk_bound(const reference::Spec& spec, const reference::Trajectory& trajectory,
+                    Eigen::Index num_joints) {
+  const std::array bounds = {PolynomialBound(2), PolynomialBound(4), PolynomialBound(6)};
+  const std::vector<double> time_s = piece_times(spec);
+  VectorXd result = VectorXd::Zero(num_joints);
+  for (std::size_t k = 1; k < time_s.size(); ++k) {
+    const bool first = k == 1, last = k + 1 == time_s.size();
+    const PolynomialBound& bound = bounds[first && last ? 2 : first || last ? 1 : 0];
+    MatrixXd jerk(num_joints, bound.points.size());
+    for (Eigen::Index i = 0; i < jerk.cols(); ++i) {
+      const double t_s = time_s[k - 1] + bound.points[i] * (time_s[k] - time_s[k - 1]);
+      jerk.col(i) = trajectory.at(t_s).jerk_ref;
+    }
+    result = result.cwiseMax(bound(jerk));
+  }
+  return result;
+}
+
+}  // namespace
+
 VelocityBound velocity_bound(const scenario::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   const std::vector<double> instants = reference::Motion(scenario, trajectory).closely(20001);
-  MatrixXd v(scenario.num_joints, static_cast<Eigen::Index>(instants.size())), jerk = v;
+  MatrixXd v(scenario.num_joints, static_cast<Eigen::Index>(instants.size()));
   double dt = 0;
   for (std::size_t k = 0; k < instants.size(); ++k) {
-    const messages::ReferencePoint r = trajectory.at(instants[k]);
-    v.col(static_cast<Eigen::Index>(k)) = r.v_ref;
-    jerk.col(static_cast<Eigen::Index>(k)) = r.jerk_ref;
+    v.col(static_cast<Eigen::Index>(k)) = trajectory.at(instants[k]).v_ref;
     if (k > 0) dt = std::max(dt, instants[k] - instants[k - 1]);
   }
-  VectorXd most_jerk = jerk.cwiseAbs().rowwise().maxCoeff();
+  VectorXd most_jerk = jerk_bound(scenario.reference, trajectory, v.rows());
   VectorXd most_v = VectorXd::Constant(v.rows(), std::numeric_limits<double>::max());
-  // Of sinusoids the sum of their amplitudes bounds each joint at all times.
+  // The amplitudes of the sinusoids' speeds add up to a bound of each joint's speed at all times.
   const auto sines = reference::sines_of(scenario.reference);
-  if (!sines.empty()) most_v = most_jerk = VectorXd::Zero(v.rows());
+  if (!sines.empty()) most_v = VectorXd::Zero(v.rows());
   for (const auto& sine : sines) {
     const VectorXd w = 2 * std::numbers::pi * sine.frequency_hz;
     const VectorXd each = VectorXd(sine.amplitude_rad).cwiseAbs().cwiseProduct(w);

@@ -11,12 +11,15 @@
 /// A scenario's law in the error coordinates of the certificate, and the friction that disturbs it.
 namespace tachless::lyapunov {
 
-/// What of a scenario's law the certificate is about.
+/// Error systems and start of a scenario's law, which the certificate is about.
 struct LawLoop {
-  std::vector<ErrorSystem> systems;  ///< of the start first; one where the gains are constant
-  Eigen::VectorXd initial;           ///< (e, nu, edot) at t = 0
-  std::optional<Weights> weights;    ///< those of a law with an integral, which has no others
-  Eigen::VectorXd ki;                ///< of its integral [N m/rad]
+  /// The error systems, that of the start first. Constant gains have one. Gains that follow the
+  /// reference have one for each of 25 even instants. They also have one for each instant where
+  /// |v_ref| or the rate of Kp has a large maximum.
+  std::vector<ErrorSystem> systems;
+  Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
+  std::optional<Weights> weights;  ///< those of a law with an integral, which has no others
+  Eigen::VectorXd ki;              ///< of its integral [N m/rad]
 };
 
 /// The loop of a law with filtered errors at a point of the reference: its gains and their rates by
@@ -54,7 +57,7 @@ robot::Model error_model(const scenario::Scenario& scenario);
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
                       const Vector& q, const Eigen::VectorXd& x);
 
-/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|, of all
+/// Ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|, of all
 /// joints together and of each. Its axes are those of the motion's mean square, at least a
 /// thousandth of the longest.
 struct VelocityBound {
@@ -64,7 +67,7 @@ struct VelocityBound {
 };
 VelocityBound velocity_bound(const scenario::Scenario& scenario);
 
-/// Torques of a rigid robot's friction that are in no term of Mm. With f = Fc Sgn(v) + r, |r| <= Fs
+/// Friction torques of a rigid robot, which Mm does not contain. With f = Fc Sgn(v) + r, |r| <= Fs
 /// - Fc, less Ff tanh(v_ref / s) fed forward, Vdot <= -x' Mm x + |y|' on_y + |delta|' on_delta +
 /// power, y = edot + delta: -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most 0.2785 Fc s.
 struct FrictionTorques {

@@ -41,13 +41,13 @@ MatrixXd whitened(const Eigen::LLT<MatrixXd>& llt, const MatrixXd& A) {
   return symmetric_part(llt.matrixL().solve(left.transpose()));
 }
 
-/// What may be missing between two postures.
+/// Bounds on the parts of matrices that may be missing between two postures.
 struct Slack {
   MatrixXd M;         ///< of the links' M
   MatrixXd decrease;  ///< of Mm without delta
   MatrixXd delta;     ///< of sym C(q, delta), |delta|_L = 1
 
-  /// Of V's matrix.
+  /// Returns the bound for V's matrix.
   [[nodiscard]] double of_lyapunov(const Weights& weights) const {
     const auto size = weights.eps_1.array().square() + weights.eps_2.array().square();
     return numerics::spectral_norm(M) * (1 + std::sqrt(size.maxCoeff()));

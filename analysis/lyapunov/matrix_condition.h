@@ -20,23 +20,22 @@ struct Region {
   double ball = 0;   ///< |x(0)| <= ball is certified; mixes rad and rad/s
   Eigen::VectorXd e_at_rest;  ///< largest |e_i(0)| when that is all there is [rad; m]
   Eigen::VectorXd edot;       ///< largest |edot_i(0)| when that is all there is [rad/s; m/s]
-  /// Largest |e_i| at any time from anywhere in the level set [rad; m]: where a prismatic joint's
-  /// range was sampled, the certificate holds only while this is inside of it.
+  /// Largest |e_i| at any time from anywhere in the level set [rad; m].
   Eigen::VectorXd e_reached;
   Eigen::VectorXd feedback;  ///< |Kp e + Kd nu|_i <= feedback_i sqrt(2 V) [N m/J^1/2]
   Vector q;                  ///< the posture that binds rho
 };
 
-/// What weights are chosen for: the largest level, or the fastest rate in the limit of small
-/// errors, whose region is where V decreases at all.
+/// The aim of a choice of weights: the largest level, or the fastest rate in the limit of small
+/// errors. The region of the fastest rate is where V decreases at all.
 enum class Goal { level, rate };
 
 /// L, lower triangular, with |L^-1 delta|^2 the least of e' Kp e + nu' Kd B^-1 nu for that delta:
 /// the norm of delta in which V bounds it alike in all joints.
 Eigen::MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights);
 
-/// The condition for one loop over one set of postures, of all its states where its gains follow
-/// the reference. Everything in Mm is affine in v_ref and delta; over a ball it is bounded by (sum
+/// The matrix condition for all postures of a set; for a scheduled law also for all its gains.
+/// Everything in Mm is affine in v_ref and delta; over a ball it is bounded by (sum
 /// x_j A_j)^2 <= |x|^2 sum A_j^2, after a congruence: never worse than the polytope of 2 n vertices
 /// around the ball, and one matrix in its place. Between the postures of a circle, the matrix is
 /// within a bound of the chord (see Postures), which is subtracted everywhere.

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include "linear/linear_loop.h"
 #include "numerics/decompositions.h"
+#include "numerics/golden_section.h"
 #include "robot/dynamics.h"
 
 namespace tachless::lyapunov {
@@ -70,28 +70,6 @@ struct Spreads {
   }
 };
 
-/// Where f > 0 from `low` to `high`, around its maximum, which is taken to be the only one and is
-/// looked for on a logarithmic scale; an interval of length 0 when it is nowhere seen.
-struct Positive {
-  Interval interval;
-  double best = 0, value = 0;
-};
-Positive positive_range(const std::function<double(double)>& f, double low, double high) {
-  constexpr int num_points = 200000;
-  const double first = std::max(low, 1e-9 * high);  // low may be 0
-  const double ratio = std::pow(high / first, 1.0 / num_points);
-  Positive result{{0, 0}, first, -infinity};
-  for (int k = 0; k <= num_points; ++k) {
-    const double x = first * std::pow(ratio, k), y = f(x);
-    if (y > result.value) result = {{0, 0}, x, y};
-  }
-  if (!(result.value > 0)) return result;
-  const auto positive = [&](double x) { return f(x) > 0; };
-  result.interval = {linear::edge(result.best, low, 60, positive),
-                     linear::edge(result.best, high, 60, positive)};
-  return result;
-}
-
 }  // namespace
 
 RobotConstants robot_constants(const robot::Model& model) {
@@ -134,12 +112,9 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
   c.eq25 = k_c * B_d / (s.b.min * s.M.min);
   c.eq27 = 0.5 * (kd_by(system.a).min / kd_by(system.b).max);
 
+  constexpr double gamma_1 = 0.5;  // as gamma_2 is printed in (27)
   // With eps given, the smallest beta_3 and beta_1 leave the most for beta_2.
-  const auto beta_2 = [&](double eps) {
-    constexpr double gamma_1 = 0.5;  // as gamma_2 is printed in (27)
-    if (eps >= std::min({c.eq19, c.eq20, c.eq27, c.eq23 * gamma_1})) return -1.0;
-    return 1 - eps / (c.eq24 * gamma_1) - c.eq25 / eps;
-  };
+  const auto beta_2 = [&](double eps) { return 1 - eps / (c.eq24 * gamma_1) - c.eq25 / eps; };
   const auto R = [&](double eps) {
     return (beta_2(eps) * s.b.min * s.M.min - s.M.max) / (2 * k_c);
   };
@@ -149,15 +124,22 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
                                      (eps * s.M.max + s.kd_by_b.max) / 2});
     return R(eps) * std::sqrt(alpha_1 / alpha_2);
   };
-  const double high = std::min({c.eq19, c.eq20, c.eq23, c.eq24, c.eq27});
+  const double high = std::min({c.eq19, c.eq20, c.eq23 * gamma_1, c.eq27});
   if (!(c.eq25 < high)) return c;
-  const Positive best = positive_range(c1, c.eq25, high);
-  c.feasible = best.value > 0;
+  // R is concave in eps, with its maximum where the two shares are equal.
+  const double low = std::max(c.eq25, 1e-9 * high);  // eq25 may be 0
+  const double top = std::clamp(std::sqrt(c.eq25 * c.eq24 * gamma_1), low, high);
+  const auto positive = [&](double eps) { return R(eps) > 0; };
+  c.feasible = positive(top);
   if (!c.feasible) return c;
-  c.epsilon = best.interval;
+  c.epsilon = {linear::edge(top, c.eq25, 60, positive), linear::edge(top, high, 60, positive)};
   if (c.eq25 == 0) c.epsilon.low = 0;  // beta_2 falls with eps then
-  c.c1 = best.value;
-  c.eq26 = R(best.best);
+  // On a logarithmic scale, on which both ends are as near.
+  const double best = std::exp(
+      numerics::largest_between([&](double log_eps) { return c1(std::exp(log_eps)); },
+                                std::log(std::max(c.epsilon.low, low)), std::log(c.epsilon.high)));
+  c.c1 = c1(best);
+  c.eq26 = R(best);
   return c;
 }
 

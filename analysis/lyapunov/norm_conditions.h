@@ -7,7 +7,7 @@
 
 /// The constants of a robot, and the conditions of stability that Loria and Ortega (1995) print,
 /// which are made of such norms. One weight eps = eps_1 = eps_2; continuous time. They are very
-/// conservative and their proof has a gap (docs/certificate.md): matrix_condition.h has neither
+/// conservative and their proof has a gap (docs/paper.md): matrix_condition.h has neither
 /// fault.
 namespace tachless::lyapunov {
 

@@ -37,7 +37,8 @@ OneTick::OneTick(const scenario::Scenario& scenario, const Vector& q_ref)
   native->plant.drive.torque_offset_Nm =
       torque_ - native->plant.drive.torque_scale.cwiseProduct(torque_);
   scenario_ = std::move(native);
-  const plant::ArmState rest = plant::initial_state(*scenario_, model_);
+  const plant::ArmState rest =
+      plant::initial_state(scenario_->plant, scenario_->robot.flexible, model_);
   const bool lags = scenario.plant.drive.current_loop_hz.has_value();
   const Vector currents = lags ? torque_ : VectorXd();
   plant_.resize(2 * (rest.q.size() + rest.theta.size()) + currents.size());
@@ -85,7 +86,8 @@ VectorXd OneTick::operator()(const VectorXd& x) const {
         arms_->idle.pop_back();
       }
     }
-    if (!arm) arm.emplace(plant::make_arm(*scenario_, model_, state));
+    if (!arm)
+      arm.emplace(plant::make_arm(scenario_->plant, scenario_->robot.flexible, model_, state));
     arm->set_state(state, 0);
     arm->advance(torque_ + queue.tail(n), settings_.period_s);
     const plant::ArmState after = arm->state();

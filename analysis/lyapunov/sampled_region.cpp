@@ -114,8 +114,8 @@ VectorXd ascended(const Ellipsoid& set, VectorXd z, double s, std::uint64_t seed
   return z;
 }
 
-/// The largest radius up to `s` at which no growth is found along these, nor by ascents from the
-/// worst of them.
+/// Returns the largest radius up to `s` at which no growth is found along these, nor by ascents
+/// from the worst of them; 0 where ascents find growth again and again.
 double searched_radius(const Ellipsoid& set, double s, const std::vector<VectorXd>& along) {
   const auto least = [&](const auto& of, std::size_t number) {
     constexpr std::size_t batch = 64;
@@ -131,20 +131,22 @@ double searched_radius(const Ellipsoid& set, double s, const std::vector<VectorX
                             [&](std::size_t i) { return std::pair(-set.growth(along[i], s), i); });
   std::ranges::sort(worst);
   const std::size_t begins = std::min<std::size_t>(ascents, worst.size());
-  for (double before = infinity; s < before;) {
-    before = s;
+  constexpr int most_rounds = 100;
+  for (int round = 0;; ++round) {
+    if (round == most_rounds) return 0;
+    const double before = s;
     least(
         [&](std::size_t i) {
           const std::size_t seed = worst[i].second;
           return first_growth(set, ascended(set, along[seed], s, 1000 * (seed + 1)), s);
         },
         begins);
+    if (!(s < before)) return s;
   }
-  return s;
 }
 
-/// The largest |x_j| that a state of a joint gets after an error of that joint alone, in the linear
-/// loop: what makes states comparable. They come joint by joint.
+/// Returns the scale of each state: its largest value after a unit error of its joint, in the
+/// linear loop. States are ordered by joint.
 VectorXd scales(const OneTick& F, const MatrixXd& A, double radius) {
   VectorXd largest = VectorXd::Zero(A.rows());
   const Index n = F.num_joints();
@@ -159,8 +161,9 @@ VectorXd scales(const OneTick& F, const MatrixXd& A, double radius) {
   return largest.cwiseMax(1e-9);
 }
 
-/// What the plant's motion and the torques under way tell of the state over as many ticks as it has
-/// numbers: of a filter's memory (nu, e) one combination.
+/// Returns the map on the observable part of the state: what the plant's motion and the torques
+/// under way show of it over as many ticks as the state has numbers. A filter's memory (nu, e)
+/// shows one combination.
 Reduced reduced(const OneTick& F, const MatrixXd& A, const VectorXd& scale) {
   const MatrixXd map = scale.cwiseInverse().asDiagonal() * A * scale.asDiagonal();
   MatrixXd seen = MatrixXd::Zero(A.rows(), A.rows()),
@@ -175,8 +178,8 @@ Reduced reduced(const OneTick& F, const MatrixXd& A, const VectorXd& scale) {
   return {F, scale, modes.vectors.rightCols(size)};
 }
 
-/// P = Q + sum_k w_k A_k' P A_k / r², the first of the maps counting as much as all others; as far
-/// as some hundred terms go, since any P is one to be looked at.
+/// Returns P = Q + sum_k w_k A_k' P A_k / r², in which the first map counts as much as all others.
+/// The sum ends after some hundred terms: any P may be tried.
 MatrixXd mean_lyapunov(const std::vector<MatrixXd>& maps, double r, const MatrixXd& Q) {
   constexpr int most_terms = 600;
   const double others = 0.5 / static_cast<double>(maps.size() - 1);
@@ -225,8 +228,8 @@ SampledRegion region_of(const Reduced& map, const MatrixXd& P) {
   return result;
 }
 
-/// What P is made of: the postures' distance from q_ref [rad; m], and by how much the scales of
-/// each joint, and those of rates and memory, are changed.
+/// A candidate for P. Its parameters are the postures' distance from q_ref [rad; m] and factors of
+/// scales: one for each joint, and one for rates and memory.
 struct Candidate {
   double spread = 0;
   VectorXd joint;
@@ -254,6 +257,7 @@ void evaluate(Candidate& candidate, const scenario::Scenario& scenario, const Re
   }
   const double s = searched_radius(set, widest_error / set.widest(),
                                    directions(set.size(), directions_of_candidate));
+  if (!(s > 0)) return;
   candidate.P = set.P() / (s * s);
   const Eigen::ArrayXd e = region_of(map, candidate.P).e_at_rest.array().log();
   candidate.value = e.sum() + e.minCoeff();
@@ -314,6 +318,7 @@ std::optional<SampledRegion> sampled_region(const scenario::Scenario& scenario,
   constexpr std::size_t starts = directions_of_result / 4;
   const double s = searched_radius(set, searched_radius(set, 1.0, directions(set.size(), any)),
                                    set.starts(starts));
+  if (!(s > 0)) return {};
   SampledRegion result = region_of(map, best.P / (s * s));
   result.directions = static_cast<int>(any + starts);
   result.widest = s * set.widest();

@@ -21,11 +21,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// @param disturbed whether friction disturbs. @param region of the weights chosen, if any; how
-/// far its errors go is said of that of full effort, where it is finite
-std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed,
-                                  const std::optional<CertifiedRegion>& region,
-                                  linear::Effort effort) {
+/// @param disturbed whether friction disturbs
+std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed) {
   std::vector<std::string> result;
   const auto add = [&](bool there, std::string what) {
     if (there) result.push_back(std::move(what));
@@ -53,17 +50,6 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
       "the encoders' eccentricity is not in it");
   add(!scenario.plant.disturbances.empty(), "disturbances are not in it");
   add(scenario.believed_model != nullptr, "the law's robot (controller.urdf) is not the plant's");
-  const robot::Model& model = *scenario.model;
-  for (int i = 0; region && region->tube.size() == 0 && i < model.num_joints; ++i) {
-    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
-    const double most = region->region.e_reached[i];
-    result.push_back(fmt::format(
-        "{} is prismatic and its range was sampled: it holds while |e_{}| stays in that range{}",
-        robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
-        effort == linear::Effort::full && std::isfinite(most)
-            ? fmt::format("; from the whole level set it may reach {:g} m", most)
-            : ""));
-  }
   return result;
 }
 
@@ -83,8 +69,9 @@ class ErrorLoop {
       if (type == robot::JointType::revolute) circle_[i] = std::numbers::pi;
     }
     if (loop_.systems[0].rotor_inertia.size() > 0) friction_ = {};
-    if (!torque_limited()) return;
     const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+    range_ = beside_the_motion(scenario, trajectory);
+    if (!torque_limited()) return;
     for (const double t_s : reference::Motion(scenario, trajectory).closely(64, most_errors)) {
       on_the_way_.push_back(trajectory.at(t_s));
     }
@@ -98,14 +85,19 @@ class ErrorLoop {
   [[nodiscard]] double V0(const Weights& weights) const {
     return lyapunov_value(system(), weights, model_, q_, loop_.initial);
   }
-  /// At a constant reference V without cross terms does not rise, from wherever it starts.
+  /// At a constant reference V without cross terms does not rise, from wherever it starts. Returns
+  /// no certificate of a start from which a prismatic joint may reach the end of its range.
   [[nodiscard]] CertifiedStart held_start() const {
     Region region;
     region.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
+    const Region of_1 = of_1_J(region, {});
+    if ((of_1.e_reached.array() * std::sqrt(V0({})) >= range_.array()).any()) {
+      return {true, false, false, {}};
+    }
     if (!torque_limited()) return {true, true, true, {}};
-    return {true, true, true, torque_share(of_1_J(region, {}), V0({})).maxCoeff()};
+    return {true, true, true, torque_share(of_1, V0({})).maxCoeff()};
   }
-  /// Whether what is certified holds for all postures.
+  /// Returns true if the certified results hold for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
 
   /// The search is over few postures, to which those that bind are added, and then what is found is
@@ -134,10 +126,9 @@ class ErrorLoop {
     return {};
   }
 
-  /// The region with the largest errors at rest (their product), of every posture or, where those
-  /// are sampled, of a tube about the reference. At fixed weights the errors that the condition
-  /// allows fall with the tube's width, so that they are alike at one width, which is the best;
-  /// each step goes half way there (in logarithms).
+  /// Returns the region with the largest errors at rest (their product): of every posture or, where
+  /// postures are sampled, of a tube about the reference. A wider tube allows smaller errors. The
+  /// best width is where both are equal; it is found by halving in logarithms.
   /// @param known a region of every posture, if any is known: the result is not less
   std::optional<CertifiedRegion> largest(const std::optional<CertifiedRegion>& known) {
     auto result = best(Goal::level);
@@ -185,10 +176,42 @@ class ErrorLoop {
     }
   }
 
+  /// How far each error may go before a prismatic joint is at the end of its range, wherever the
+  /// motion is [rad; m]. Infinite for revolute joints.
+  static VectorXd beside_the_motion(const scenario::Scenario& scenario,
+                                    const reference::Trajectory& trajectory) {
+    const robot::Model& model = *scenario.model;
+    VectorXd range = VectorXd::Constant(model.num_joints, infinity);
+    for (const double t_s : reference::Motion(scenario, trajectory).closely()) {
+      const Vector q = trajectory.at(t_s).q_ref;
+      for (Eigen::Index i = 0; i < range.size(); ++i) {
+        if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
+        range[i] = std::min({range[i], q[i] - model.lower[i], model.upper[i] - q[i]});
+      }
+    }
+    return range;
+  }
+
   std::optional<CertifiedRegion> certified(const Weights& weights) {
     auto region = fine().region(weights);
     if (!region) return {};
+    // The search for the slowest posture may find one at which V grows that the region's missed.
+    const double rate = fine().rate(weights, 0);
+    if (!(rate > 0)) return {};
+    // The level from which no prismatic joint reaches the end of its range.
+    const bool endless = !std::isfinite(region->level) && range_.array().isFinite().any();
+    if (endless) region = of_1_J(*region, weights);
+    const VectorXd reached = region->e_reached.head(range_.size());
+    double beyond_range = 0;
+    for (Eigen::Index i = 0; i < range_.size(); ++i) {
+      if (!std::isfinite(range_[i])) continue;
+      if (!(range_[i] > 0)) return {};
+      beyond_range = std::max(beyond_range, reached[i] / range_[i]);
+    }
+    if (endless || beyond_range >= 1) region = scaled(*region, (1 - 1e-9) / beyond_range);
     CertifiedRegion result;
+    result.starts_in_tube =
+        (loop_.initial.head(range_.size()).array().abs() <= range_.array()).all();
     result.tube = tube_;
     for (Eigen::Index i = 0; i < tube_.size(); ++i) {
       if (tube_[i] == circle_[i]) continue;
@@ -197,7 +220,8 @@ class ErrorLoop {
     }
     // The level from which no error reaches the tube's end.
     if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
-    static_cast<Certified&>(result) = {weights, *region, fine().rate(weights, 0)};
+    // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
+    static_cast<Certified&>(result) = {weights, *region, loop_.weights ? 0 : rate};
     result.V0 = V0(weights);
     const double room = region->level - result.V0;
     if (loop_.weights) result.unknown_torque = (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt();
@@ -225,10 +249,14 @@ class ErrorLoop {
     return numerics::Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
   }
 
-  /// At a level of 1 J, of weights 0 or an inertia that is the same at all postures.
+  /// The region at a level of 1 J. Precondition: weights of 0, or an inertia that is the same at
+  /// all postures.
   [[nodiscard]] Region of_1_J(Region region, const Weights& weights) const {
     const MatrixXd M = robot::mass_matrix(model_, q_);
     region.level = 1;
+    region.edot = (2 * system().inertia(M).diagonal().cwiseInverse()).cwiseSqrt();
+    region.ball =
+        std::sqrt(2 / numerics::largest_eigenvalue(lyapunov_matrix(system(), weights, M)));
     region.e_at_rest = (2 * system().kp.diagonal().cwiseInverse()).cwiseSqrt();
     region.e_reached = VectorXd::Zero(q_.size());
     for (const ErrorSystem& each : loop_.systems) {
@@ -238,7 +266,7 @@ class ErrorLoop {
     return region;
   }
 
-  /// Of each joint's limit what the torque may take where V <= level.
+  /// Returns the share of each joint's limit that the torque may take where V <= level.
   [[nodiscard]] VectorXd torque_share(const Region& region, double level) const {
     const VectorXd reach =
         (region.e_reached * std::sqrt(level / region.level)).cwiseMin(std::numbers::pi);
@@ -271,7 +299,8 @@ class ErrorLoop {
     const auto most = [&](double level) { return torque_share(region, level).maxCoeff(); };
     if (!std::isfinite(region.level)) {
       region = of_1_J(region, c.weights);
-      while (most(region.level) <= 1) region = scaled(region, 2);
+      constexpr int doublings = 200;  // of the errors: beyond 1e60 rad no limit is reached
+      for (int k = 0; k < doublings && most(region.level) <= 1; ++k) region = scaled(region, 2);
     }
     const auto within = [&](double root) { return most(region.level * root * root) <= 1; };
     const double root = within(1) ? 1 : linear::edge(0, 1, 30, within);
@@ -281,9 +310,12 @@ class ErrorLoop {
     return result;
   }
 
-  /// Where errors end from a quarter of the level on, by Vdot <= -mu V + sqrt(2 V) s + power with
-  /// V = 1/2 y' M y + 1/2 (e, nu)' S (e, nu); empty: nothing is certified.
+  /// Returns bounds of the errors that remain after a start within a quarter of the level. They
+  /// follow from Vdot <= -mu V + sqrt(2 V) s + power with V = 1/2 y' M y + 1/2 (e, nu)' S (e, nu).
+  /// Empty: nothing is certified. A law with an integral has no such bounds: its part of V does not
+  /// decay at mu.
   VectorXd ultimate(const CertifiedRegion& c) {
+    if (loop_.weights) return {};
     const double mu = fine().rate(c.weights, c.region.rho / 2);
     if (!(mu > 0)) return {};
     double of_y = 0;
@@ -326,6 +358,7 @@ class ErrorLoop {
   Vector q_;  ///< at the start
   FrictionTorques friction_;
   VectorXd circle_;  ///< a tube's width that holds all of a joint's postures
+  VectorXd range_;   ///< as of `beside_the_motion`
   VectorXd tube_;    ///< as of CertifiedRegion
   std::vector<Vector> centres_;
   std::vector<messages::ReferencePoint> on_the_way_;  ///< where torque limits are looked at
@@ -368,9 +401,14 @@ std::optional<StabilityCertificate> stability_certificate(const scenario::Scenar
       add(result.start, result.largest);
     }
   }
-  if (result.constant) result.start = loop.held_start();
-  result.provisos = provisos(scenario, loop.disturbed(),
-                             result.largest ? result.largest : result.fastest, effort);
+  if (result.constant) {
+    result.start = loop.held_start();
+    if (!result.start.certified) {
+      result.start.proved = result.proved;
+      add(result.start, result.fastest);
+    }
+  }
+  result.provisos = provisos(scenario, loop.disturbed());
   return result;
 }
 

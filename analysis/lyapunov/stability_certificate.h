@@ -14,36 +14,36 @@
 /// exact model, no saturation, quantisation, delay or feed-forward lead.
 namespace tachless::lyapunov {
 
-/// What is certified of the scenario's own start: the one answer behind `certify`, the closing
-/// table of `run` and summary.json. By the weights that quick effort finds too, and of those that
-/// hold the start by the ones that need the least torque; at a constant reference by V without
-/// cross terms. Only where none holds it do the weights count that full effort alone finds.
+/// The certificate of the scenario's own start: the one answer behind `certify`, the closing table
+/// of `run` and summary.json. It uses the weights that quick effort finds too; among those whose
+/// region contains the start, the one with the least torque; at a constant reference V without
+/// cross terms. The weights of full effort count only if none of these contains the start.
 struct CertifiedStart {
   bool decided = false;  ///< quick effort may leave it open where postures are sampled
   bool certified = false;
   bool proved = false;  ///< of all postures; otherwise of the sampled ones
-  /// Of a torque limit, the largest from the start on; nothing: not certified, flexible joints, or
-  /// no limits.
+  /// The largest share of a torque limit from the start on. Nothing: not certified, flexible
+  /// joints, or no limits.
   std::optional<double> torque_share;
 };
 
-/// What one choice of the weights certifies, and what of it holds from the scenario's start.
+/// The region that one choice of the weights certifies, and its bounds from the scenario's start.
 struct CertifiedRegion : Certified {
   double V0 = 0;  ///< at the start [J]
   /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
   double rate_from_start = -1;
 
-  /// Of a law with an integral: the largest constant torque unknown to it, at one joint alone, from
-  /// the scenario's start [N m]; empty for others.
+  /// The largest constant torque, unknown to a law with an integral, from the scenario's start
+  /// [N m]. It acts at one joint alone. Empty: the law has no integral.
   Eigen::VectorXd unknown_torque;
-  /// Where |e_i| ends with the friction that Mm does not have, from V <= level / 4 on [rad; m];
-  /// nothing: there is none; empty: no bound is certified.
+  /// The bound of |e_i| at the end from V <= level / 4 on, with the friction that Mm does not have
+  /// [rad; m]. Nothing: there is no such friction. Empty: no bound is certified.
   std::optional<Eigen::VectorXd> friction_error;
 
-  /// Of a rigid robot with torque limits: the largest V of the region up to which no torque reaches
-  /// its limit [J], the joint that ends it, and the largest share of a limit from the start on,
-  /// where the region holds that. |Feed-forward| + |Kp e + Kd nu| at most, the first at sampled
-  /// instants and errors.
+  /// The largest V of the region up to which no torque reaches its limit [J], for a rigid robot
+  /// with torque limits. `joint` is the joint that ends it. `share` is the largest share of a limit
+  /// from the start on, if the region holds the start. The torque is at most |feed-forward| +
+  /// |Kp e + Kd nu|. The feed-forward is that at sampled instants and errors.
   struct Torque {
     double level = 0;
     Eigen::VectorXd e_at_rest;  ///< alone, of that level [rad; m]
@@ -64,7 +64,8 @@ struct CertifiedRegion : Certified {
 inline bool holds_start(const std::optional<CertifiedRegion>& region) {
   return region && region->holds_initial_state();
 }
-/// What one more region says of the start: each that holds it bounds its torque.
+/// Adds the answer of one more region to that for the start. Each region that holds the start
+/// bounds its torque.
 inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& region) {
   if (!holds_start(region)) return;
   start.decided = start.certified = true;
@@ -81,15 +82,14 @@ struct StabilityCertificate {
   /// a constant reference the ball has no limit and there is no largest one.
   std::optional<CertifiedRegion> fastest, largest;
   CertifiedStart start;
-  /// Why the certificate is not of this very scenario: payload, friction, a prismatic joint's
-  /// range.
+  /// Reasons why the certificate is not of this very scenario: payload, friction, drives.
   std::vector<std::string> provisos;
 };
 
 inline constexpr int most_joints_of_certified_run = 16;
 
-/// Where postures are sampled the region is of every posture, or of those near the reference where
-/// that gives more.
+/// Returns the certificate of a scenario. With sampled postures the region is about every posture,
+/// or about those near the reference if that gives more.
 /// @param effort quick leaves the largest region out where postures are sampled (7 joints take 5
 /// s), and all regions with more joints than `most_joints_of_certified_run` (28 would take a
 /// minute)
@@ -99,12 +99,13 @@ std::optional<StabilityCertificate> stability_certificate(
     const scenario::Scenario& scenario, linear::Effort effort, std::string& why_not,
     const linear::OnProgress& tell = linear::no_progress);
 
-/// Where in the plane of two joints' initial positions certified starts end, all else as in the
-/// scenario: 72 points around q_ref(0), of the region or of what of it the torque limits allow;
-/// empty: nothing is certified there, or everything.
+/// Returns the outline of the certified starts in the plane of two joints' initial positions: 72
+/// points around q_ref(0). All else is as in the scenario. The outline is that of the region, or of
+/// the part that the torque limits allow. Empty: nothing is certified there, or everything.
 std::vector<Eigen::Vector2d> certified_outline(const scenario::Scenario& scenario, int i, int j);
 
-/// What the paper prints of the scenario's loop. Errors and reason as above.
+/// The constants and conditions that the paper prints, for the scenario's loop. The function below
+/// has errors and reason as above.
 struct PaperConditions {
   RobotConstants constants;
   PrintedConditions printed;
@@ -112,7 +113,7 @@ struct PaperConditions {
 std::optional<PaperConditions> paper_conditions(const scenario::Scenario& scenario,
                                                 std::string& why_not);
 
-/// What is certified of V along the scenario's own run.
+/// The bounds that are certified for V along the scenario's own run.
 struct CertifiedRun {
   Weights weights;
   double V0 = 0;     ///< at the start [J]
@@ -122,7 +123,8 @@ struct CertifiedRun {
   std::vector<std::string> provisos;
   CertifiedStart start;
 
-  /// Of V after t_s [J], in continuous time; infinite where nothing is certified.
+  /// Returns the bound of V after t_s [J], in continuous time. It is infinite where nothing is
+  /// certified.
   [[nodiscard]] double bound(double t_s) const {
     return rate < 0 ? infinity : V0 * std::exp(-rate * t_s);
   }

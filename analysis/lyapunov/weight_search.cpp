@@ -11,7 +11,7 @@
 // Rate and sqrt(2 level) are the least over postures and states of a quotient, num / den: -Vdot / V
 // at delta = 0, and with den what |C(q, delta)| can take of it on V = 1/2. In the weights num is
 // affine, but for the worst v_ref, and den affine or convex: the set of weights above a value is
-// convex. So the search keeps the states that were found to bind, linearises their quotients, and
+// convex. The search keeps the states that were found to bind and linearises their quotients. It
 // takes the best of a linear programme within a trust region.
 namespace tachless::lyapunov {
 namespace {
@@ -44,7 +44,8 @@ std::pair<double, VectorXd> Cut::quotient(Goal goal, const MatrixXd& v_ref,
   const MatrixXd M = s.inertia(inertia.M), damper = s.kd_by_b();
   const VectorXd p = M * edot;
   const VectorXd delta = (eps_1.cwiseProduct(e) - eps_2.cwiseProduct(nu)).head(n);
-  // Of each unit of v_ref: C edot, C' edot, and what num has of it.
+  // The columns belong to the units of v_ref: C edot in `forth`, C' edot in `back`. `of_v` is the
+  // gradient of num by v_ref.
   MatrixXd forth(n, n), back(n, n);
   for (Index j = 0; j < n; ++j) {
     const MatrixXd& C = inertia.C[static_cast<std::size_t>(j)];
@@ -91,7 +92,7 @@ class WeightSearch {
  public:
   WeightSearch(const MatrixCondition& coarse, Goal goal) : on_(coarse), goal_(goal) {}
 
-  /// Of all postures; to be made large.
+  /// Returns the rate or sqrt(2 level) over all postures. The search makes it large.
   [[nodiscard]] double merit(const VectorXd& x) const {
     if (goal_ == Goal::rate) return on_.rate(weights_of(x), 0);
     const auto region = on_.region(weights_of(x));

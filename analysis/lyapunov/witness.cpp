@@ -106,6 +106,9 @@ void require_covered(const scenario::Scenario& s, const robot::Model& model, int
   if (s.robot.flexible) complain("flexible joints");
   if (std::ranges::count(model.joint_types, robot::JointType::prismatic) > 0) complain("prismatic");
   if (delay != 1) complain("the delay is not one tick");
+  if (s.controller.filter_start != controller::law::FilterStart::at_error) {
+    complain("the filter does not start at the error");
+  }
   if (drive.dry_friction()) complain("dry friction");
   if (drive.torque_rate_limit_Nm_per_s) complain("a torque rate limit");
   if (s.plant.encoder.noise_std_rad > 0) complain("noise");
@@ -382,7 +385,7 @@ std::string witness(const scenario::Scenario& scenario, const Vector& errors) {
     // JSON has no infinity.
     json["torque_limit"] = json_of(Vector(given->cwiseMin(std::numeric_limits<double>::max())));
   }
-  // Of the text whose checksum is empty.
+  // The checksum is that of the text whose checksum is empty.
   json["checksum"] = fmt::format("{:016x}", base::fnv(json.dump(1) + "\n"));
   return json.dump(1) + "\n";
 }

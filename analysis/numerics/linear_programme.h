@@ -6,7 +6,8 @@
 
 namespace tachless::numerics {
 
-/// The smallest cost' x with lower <= x <= upper and gradient' x >= least in each row.
+/// Linear programme: minimise cost' x with lower <= x <= upper and gradient' x >= least for each
+/// row.
 struct LinearProgramme {
   struct Row {
     Eigen::VectorXd gradient;
@@ -18,10 +19,11 @@ struct LinearProgramme {
 
 struct Optimum {
   Eigen::VectorXd x;
-  Eigen::VectorXd price;  ///< of each row: what the cost rises by when `least` does by 1
+  Eigen::VectorXd price;  ///< of each row: increase of the cost per increase of `least`
 };
 
-/// By the dual simplex method of COIN-OR's Clp. Nothing when there is no x.
+/// Solves the programme with the dual simplex method of COIN-OR's Clp. Returns nothing when no x is
+/// feasible.
 std::optional<Optimum> solution(const LinearProgramme& programme);
 
 }  // namespace tachless::numerics

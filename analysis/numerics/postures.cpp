@@ -18,7 +18,7 @@
 namespace tachless::numerics {
 namespace {
 
-/// What NLopt calls back with.
+/// Data that NLopt passes to its callback.
 struct Search {
   const std::function<double(const Eigen::VectorXd&)>& f;
   Minimum best;
@@ -26,7 +26,7 @@ struct Search {
   nlopt_opt handle = nullptr;
 };
 
-// NLopt's handling of infinite values is not documented: a large number says the same.
+// NLopt does not document how it treats infinite values. This large number replaces them.
 constexpr double out_of_range = 1e300;
 
 double evaluate(unsigned n, const double* x, double* /*gradient*/, void* data) {
@@ -37,14 +37,14 @@ double evaluate(unsigned n, const double* x, double* /*gradient*/, void* data) {
     if (!(value < out_of_range)) return out_of_range;
     if (value < search.best.value) search.best = {point, value};
     return value;
-  } catch (...) {  // must not pass through C code
+  } catch (...) {  // an exception must not cross C code
     search.failure = std::current_exception();
     nlopt_force_stop(search.handle);
     return out_of_range;
   }
 }
 
-/// Whether M and C do not depend on joint 0, because everything hangs on it.
+/// Returns whether every body hangs on joint 0, in which case M and C do not depend on it.
 bool all_hang_on_first_joint(const robot::Model& model) {
   return std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
     const bool first = &body == &model.bodies.front();
@@ -52,7 +52,7 @@ bool all_hang_on_first_joint(const robot::Model& model) {
   });
 }
 
-/// The smallest d <= 8 for which every multiplier of joint 1 is a multiple of 1/d; 0: none.
+/// Returns the smallest d <= 8 for which every multiplier of joint 1 is a multiple of 1/d; 0: none.
 int multiplier_denominator(const robot::Model& model) {
   for (int d = 1; d <= 8; ++d) {
     if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
@@ -65,7 +65,7 @@ int multiplier_denominator(const robot::Model& model) {
   return 0;
 }
 
-/// a += s b.
+/// Adds s b to a.
 void add_scaled(Inertia& a, double s, const Inertia& b) {
   a.M += s * b.M;
   for (std::size_t j = 0; j < a.C.size(); ++j) a.C[j] += s * b.C[j];
@@ -83,7 +83,7 @@ Vector second_joint_at(double q2) {
   return q;
 }
 
-/// Of one joint's coordinate [rad; m].
+/// Returns the interval of one joint's coordinate over which postures are spread [rad; m].
 std::pair<double, double> range_of(const robot::Model& model, int i) {
   if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) {
     return {-std::numbers::pi, std::numbers::pi};
@@ -92,7 +92,7 @@ std::pair<double, double> range_of(const robot::Model& model, int i) {
           std::isfinite(model.upper[i]) ? model.upper[i] : 1};
 }
 
-/// Whether each prismatic joint is within its range.
+/// Returns whether each prismatic joint is within its range.
 bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
   for (int i = 0; i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
@@ -102,8 +102,9 @@ bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
   return true;
 }
 
-/// The smallest f, which has these values at the postures `q`; from the best `starts` of them it
-/// is refined locally in at most so many evaluations, 0: not at all.
+/// Returns the smallest f over the postures `q`, at which f has the values `value`. Refines the
+/// best `starts` of them locally, each with at most `max_evaluations` evaluations. With
+/// `max_evaluations` 0 there is no refinement.
 Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
                     const std::function<double(const Vector&)>& f, const std::vector<Vector>& q,
                     const std::vector<double>& value, std::size_t starts, int max_evaluations) {
@@ -123,10 +124,9 @@ Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
   return {best.value, best.x};
 }
 
-/// Fourier's sums of M and C over q2; false when they do not end within the sums' reach. A body
-/// turned by the angle m q2 enters M and C with at most 2 |m| turns, and the angles of a chain of
-/// mimics add up: 32 turns are far more than enough, and what is left over is checked to be
-/// rounding.
+/// Computes the Fourier sums of M and C over q2. A body turned by the angle m q2 enters M and C
+/// with at most 2 |m| turns. The angles of a chain of mimic joints add up. The samples resolve
+/// 32 turns. Returns false when a harmonic above 16 turns is more than a rounding error.
 bool find_harmonics(Postures& postures, int denominator, double& period) {
   const int num_samples = 64 * denominator;
   std::vector<Inertia> sample;
@@ -141,7 +141,7 @@ bool find_harmonics(Postures& postures, int denominator, double& period) {
     add_scaled(h.cosine, -1, sample[0]);
     add_scaled(h.sine, -1, sample[0]);
     for (int k = 0; k < num_samples; ++k) {
-      // The product is reduced in integers: order k may be large.
+      // The product is reduced in integers because order k may be large.
       const double angle = 2 * std::numbers::pi * (order * k % num_samples) / num_samples;
       add_scaled(h.cosine, 2.0 / num_samples * std::cos(angle),
                  sample[static_cast<std::size_t>(k)]);
@@ -170,7 +170,7 @@ Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
   nlopt_set_ftol_rel(opt.get(), 1e-8);
   Eigen::VectorXd x = start;
   double value = 0;
-  nlopt_optimize(opt.get(), x.data(), &value);  // why it stopped does not matter
+  nlopt_optimize(opt.get(), x.data(), &value);  // the reason for the stop does not matter
   if (search.failure) std::rethrow_exception(search.failure);
   return search.best;
 }

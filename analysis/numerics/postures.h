@@ -6,21 +6,23 @@
 
 #include "robot/model.h"
 
-/// The postures over which a condition on M and C is checked, with both at each, and extremes over
-/// them. What is between them is bounded where the robot allows it, and only there is a result
+/// Postures over which a condition on M and C is checked, with M and C at each, and extremes over
+/// them. For some robots the values between the postures are bounded too. Only then is a result
 /// "proved".
 namespace tachless::numerics {
 
-/// Local minimisation without derivatives (NLopt's Subplex) from `start` with first steps `step`.
-/// `f` may return +infinity where it has no value. Not global: the caller chooses the starts.
+/// Result of a local minimisation.
 struct Minimum {
   Eigen::VectorXd x;
   double value = 0;
 };
+/// Minimises f locally without derivatives (NLopt's Subplex) from `start` with first steps `step`.
+/// `f` may return +infinity where it has no value. The result is a local minimum, so the caller
+/// chooses the starts.
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations);
 
-/// M(q) and C(q, e_j), so that C(q, x) = sum_j x_j C[j]; or one harmonic of them.
+/// M(q) and C(q, e_j), with C(q, x) = sum_j x_j C[j]; or one harmonic of them.
 struct Inertia {
   Eigen::MatrixXd M;               ///< [kg m2]
   std::vector<Eigen::MatrixXd> C;  ///< [kg m2]
@@ -30,30 +32,31 @@ Inertia inertia_at(const robot::Model& model, const Vector& q);
 
 /// An extreme over the postures.
 struct Extreme {
-  double value = 0;  ///< the best that was found
-  Vector q;          ///< where [rad; m]
+  double value = 0;  ///< the best value found
+  Vector q;          ///< its posture [rad; m]
 };
 
 struct PostureOptions {
   int circle_points = 360;  ///< postures of a two-joint arm
-  /// Whether what is between the points of the circle is bounded. Without it the result is one of
-  /// sampling.
+  /// Whether the values between the grid points of the circle are bounded. Without the bounds the
+  /// result rests on sampling alone.
   bool bound_between = true;
   int samples = 2048;  ///< postures of other robots
-  /// Of other robots only those within `reach` [rad; m] of one of these; empty: all.
+  /// For other robots: only postures within `reach` [rad; m] of one of these centres. Empty: all.
   std::vector<Vector> centres = {};
   Vector reach = {};
 };
 
-/// A set of postures that stands for all of them. Gravity is not in it: the law cancels it.
+/// A set of postures that represents all postures of a robot. Gravity is not included because the
+/// law cancels it. The set depends on the robot:
 ///
-/// One joint that all bodies hang on: one posture, since M does not depend on it. Two revolute
-/// joints of which all bodies hang on the first: M and C are functions of q2 alone, trigonometric
-/// polynomials of low degree; they are taken on a grid, and between two grid points they are
-/// within step^2/8 sup|d2/dq2^2| of the chord, which their harmonics bound. Otherwise a
-/// low-discrepancy sequence over the full circle of each revolute joint (errors are not wrapped
-/// and the level set does not end at a joint limit) and over the range of each prismatic one; or
-/// over the boxes around `centres`.
+/// - All bodies hang on a single joint: one posture, since M does not depend on the joint.
+/// - All bodies hang on the first of two revolute joints: a grid over q2. M and C are then
+/// trigonometric polynomials of low degree in q2 alone. Between two grid points they are within
+/// step^2/8 sup|d2/dq2^2| of the chord, and their harmonics bound that term.
+/// - Otherwise: a low-discrepancy sequence over the full circle of each revolute joint and the
+/// range of each prismatic joint, or over the boxes around `centres`. The full circle is needed
+/// because errors are not wrapped and the level set does not end at a joint limit.
 struct Postures {
   enum class Kind { point, circle, sampled };
   struct Harmonic {
@@ -63,35 +66,35 @@ struct Postures {
 
   explicit Postures(robot::Model of, const PostureOptions& options = {});
 
-  /// Whether it is one of those that the set stands for.
+  /// Returns whether the set represents `posture`.
   [[nodiscard]] bool contains(const Vector& posture) const;
 
-  /// One more posture, for a search to respect; nothing is proved of it.
+  /// Adds a posture that a search has to respect. Nothing is proved about it.
   void add(const Vector& posture);
 
-  /// The smallest f over the set. Of a sampled set the three smallest are refined locally when
-  /// `refine` is set.
+  /// Returns the smallest f over the set. With `refine`, the three smallest values of a sampled set
+  /// are refined locally.
   [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
 
   robot::Model model;
   std::vector<Vector> centres;
   Vector reach;
   Kind kind = Kind::sampled;
-  bool proved = false;      ///< whether the postures in between are bounded
+  bool proved = false;      ///< whether the values between the postures are bounded
   double chord_factor = 0;  ///< step^2 / 8
   std::vector<Vector> q;
-  std::vector<Inertia> inertia;  ///< at each of q
-  /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
+  std::vector<Inertia> inertia;  ///< M and C at each posture in q
+  /// Harmonics of M and C without the constant; empty unless the kind is `circle` and proved.
   std::vector<Harmonic> harmonics;
 };
 
-/// Number `k` of a sequence that fills the postures evenly (Kronecker's, by powers of the
-/// generalised golden ratio): revolute joints over the full circle, prismatic ones over their
-/// range, 2 m where it is not bounded.
+/// Returns number `k` of a sequence that fills the postures evenly (Kronecker's sequence with
+/// powers of the generalised golden ratio). Revolute joints cover the full circle. Prismatic joints
+/// cover their range; a missing bound is replaced by -1 m or 1 m.
 Vector spread_posture(const robot::Model& model, int k);
 
-/// The largest f over the first `samples` of that sequence, of which the best six are refined
-/// locally within the same range. Revolute joints in [-pi, pi].
+/// Returns the largest f over the first `samples` postures of that sequence. Refines the best six
+/// locally within the same range. Revolute joints are returned in [-pi, pi].
 Extreme largest(const robot::Model& model, const std::function<double(const Vector&)>& f,
                 int samples);
 

@@ -23,8 +23,8 @@ template <class... Args>
                         fmt::format(problem, std::forward<Args>(args)...));
 }
 
-/// The measurement of the suffix `wanted`, from what was measured: a state holds the lesser ones
-/// too. Nothing when it does not, or nothing was measured.
+/// Returns the measurement with the suffix `wanted` from the measurement `had`. A full state
+/// contains the smaller measurements. Returns nothing when `had` is empty or does not contain it.
 std::optional<messages::AnyMeasurement> measured(const std::optional<messages::AnyMeasurement>& had,
                                                  std::string_view wanted) {
   std::optional<messages::AnyMeasurement> result;
@@ -60,11 +60,11 @@ void require_measured(const logger::RunLog& log, const messages::LawInfo& law) {
          law.law, law.measurement, log.info().measurement);
 }
 
-/// A replay as it goes on.
+/// The state of a replay in progress.
 struct Progress {
   const OnCompared& on_compared;
   Replay result;
-  /// Since the last command: ticks without one are gaps only when a command follows.
+  /// Counts since the last command. Ticks without a command are gaps only when a command follows.
   std::uint64_t pending = 0, pending_passed_over = 0;
   std::int64_t first_pending = -1;
 
@@ -99,7 +99,7 @@ struct Progress {
   }
 };
 
-/// Whether any tick from the one in `record` on has a command.
+/// Returns whether any tick from the one in `record` on has a command.
 bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
   do {
     if (record.command) return true;
@@ -107,7 +107,8 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
   return false;
 }
 
-/// Whether a replay is to show other gains than those of the run, whatever these became in it.
+/// Returns whether the replay ignores the gains in the log's references. It does so with another
+/// law, with other gains, and with gains that may not change.
 bool changes_gains(const scenario::Scenario& recorded, const scenario::Scenario& scenario) {
   return scenario.controller.law != recorded.controller.law ||
          !scenario.controller.gains_may_change ||
@@ -115,7 +116,7 @@ bool changes_gains(const scenario::Scenario& recorded, const scenario::Scenario&
              scenario::gains_text(recorded.controller.gains);
 }
 
-/// Steps `law` through the log.
+/// Steps `law` through the log and compares its commands.
 void step_through(logger::RunLog& log, const scenario::Scenario& scenario, controller::AnyLaw& law,
                   Progress& comparison) {
   const bool realtime = scenario.loop.mode == scenario::Mode::realtime;
@@ -130,14 +131,15 @@ void step_through(logger::RunLog& log, const scenario::Scenario& scenario, contr
       continue;
     }
     const auto measurement = measured(record.measurement, law.measurement());
-    // In lockstep every tick counts; in realtime those that the controller acted on.
+    // In lockstep every tick counts. In realtime only the ticks count on which the controller
+    // acted.
     const bool jump = !realtime && record.tick != next;
     if (jump || !measurement || !record.reference) {
       const auto lacking =
           jump || !measurement ? messages::Slot::measurement : messages::Slot::reference;
       const std::string gap = fmt::format("tick {} has no {}", jump ? next : record.tick,
                                           log.summary().of(lacking).channel);
-      // The end of a run that was ended between two messages is no gap.
+      // A run that was ended between two messages leaves no gap at its end.
       if (command_follows(log, record)) result.stopped_by = gap;
       break;
     }
@@ -151,7 +153,7 @@ void step_through(logger::RunLog& log, const scenario::Scenario& scenario, contr
       result.stopped_by = failure.what();
       break;
     } catch (const std::logic_error& error) {
-      // Damaged numbers can be anything, postures without an inertia matrix too.
+      // Damaged numbers can be anything, for example postures without an inertia matrix.
       result.stopped_by =
           fmt::format("the law cannot be evaluated at tick {}: {}", record.tick, error.what());
       break;
@@ -162,7 +164,7 @@ void step_through(logger::RunLog& log, const scenario::Scenario& scenario, contr
       comparison.first_pending = record.tick;
     }
   }
-  // What the log has lost is counted to its end.
+  // The rest of the log is read to count its lost messages.
   while (log.next(record)) {
   }
 }
@@ -170,7 +172,7 @@ void step_through(logger::RunLog& log, const scenario::Scenario& scenario, contr
 }  // namespace
 
 std::uint64_t ulps_between(double a, double b) {
-  // Doubles in their order, as integers: negative ones have it reversed.
+  // Maps doubles to integers of the same order. The bits of negative doubles are in reverse order.
   const auto place = [](double x) {
     const auto bits = std::bit_cast<std::uint64_t>(x);
     constexpr std::uint64_t sign = std::uint64_t{1} << 63;

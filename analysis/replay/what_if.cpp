@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::string_view remedy = "name another place with --out";
 
-/// Of the keys of a scenario, those that a controller's commands depend on.
+/// Throws for a scenario key on which a controller's commands do not depend.
 void require_of_controller(const std::vector<std::string>& overrides) {
   for (const std::string& setting : overrides) {
     const bool of_file = setting.starts_with("robot.urdf=") || setting.starts_with("robot.xacro");
@@ -34,7 +34,7 @@ void require_of_controller(const std::vector<std::string>& overrides) {
   }
 }
 
-/// The first line of the table.
+/// Returns the first line of the table.
 std::string head(const robot::JointLabels& labels) {
   std::string line = "tick,t_s";
   const std::vector<std::string> names = {"tau", "tau_replayed"};
@@ -63,7 +63,7 @@ Comparison compare(logger::RunLog& log, const std::vector<std::string>& override
   const std::filesystem::path folder = out.empty() ? log.path().parent_path() : out;
   std::error_code error;
   result.csv = folder / "replay.csv";
-  controller::ScenarioLaw law = make_law(result.scenario);  // complains before files are made
+  controller::ScenarioLaw law = make_law(result.scenario);  // throws before files are made
   if (result.scenario.controller.law == controller::external_law_name) {
     result.scenario.controller.announced = controller::law_info(*law).law;
   }

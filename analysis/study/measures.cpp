@@ -1,5 +1,7 @@
 #include "study/measures.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <iterator>
@@ -7,12 +9,13 @@
 #include "base/failure.h"
 #include "base/schema.h"
 #include "controller/registry.h"
+#include "study/loop_yardstick.h"
 
 namespace tachless::study {
 namespace {
 
-/// What stands in for the velocity in a law that does not measure it: the v_hat that it logs, or
-/// v_ref + nu of one that filters the error.
+/// The substitute for the velocity in a law that does not measure it. It is the v_hat that the law
+/// logs, or v_ref + nu of a law that filters the error.
 class VelocityInUse {
  public:
   explicit VelocityInUse(const controller::LawFacts& law) {
@@ -76,6 +79,7 @@ std::optional<Measures> measure(const scenario::Scenario& scenario,
   const VelocityInUse velocity_in_use(controller::law_facts(scenario.controller.law));
   Tracking tracking(scenario.num_joints);
   Yardsticks judged_by = yardsticks(scenario);
+  add_loop(judged_by, scenario);
   std::vector<double> saturated(static_cast<std::size_t>(scenario.num_joints));  // ticks
   Vector last_tau;
   Measures measures;  // sums, of squares where they become roots of means
@@ -119,8 +123,12 @@ std::optional<Measures> measure(const scenario::Scenario& scenario,
     measures.verdict.outcome = Outcome::stopped;
     measures.verdict.reason = *stopped;
   } else if (measures.peak_error > diverged_error) {
-    measures.verdict.outcome = ticks > 1 ? Outcome::diverging : Outcome::outside;
     measures.verdict.error = measures.peak_error;
+    measures.verdict.outcome = ticks > 1 ? Outcome::diverging : Outcome::stopped;
+    measures.verdict.reason = fmt::format(
+        "the run starts {:.3g} rad (m) beside its reference; a run is broken off "
+        "beyond {:g}: start nearer to the reference",
+        measures.peak_error, diverged_error);
   }
   const auto root_mean = [](double& sum, std::int64_t count) {
     sum = count > 0 ? std::sqrt(sum / static_cast<double>(count)) : NAN;

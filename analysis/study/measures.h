@@ -33,7 +33,7 @@ struct Measures {
   /// of the run [rad/s; m/s]: of a law's v_hat, or v_ref + nu; NaN for a law that has neither.
   double velocity_error = 0;
 
-  // Of a comparison of laws; NaN where they were not computed.
+  // A comparison of laws has these too. They are NaN where they were not computed.
   /// Root mean square, over ticks and joints, of what counts and noise of the sensors add to the
   /// torque [N m; N]; NaN with exact sensors, and when the run was broken off.
   double torque_noise = NAN;

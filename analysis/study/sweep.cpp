@@ -6,11 +6,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <mutex>
 #include <optional>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -19,6 +19,7 @@
 #include "base/file_text.h"
 #include "base/parallel.h"
 #include "base/text.h"
+#include "scenario/table.h"
 
 namespace tachless::study {
 namespace {
@@ -52,36 +53,29 @@ std::string row_text(const SweepPlan& plan, const SweepCase& which, const Measur
   return row + "," + base::csv_field(base::one_line(measures.verdict.reason)) + "\n";
 }
 
-/// What a field of a CSV file, which may be in quotes, says.
-std::string unquoted(std::string_view field) {
-  if (!field.starts_with('"')) return std::string(field);
-  std::string text;
-  for (std::size_t i = 1; i + 1 < field.size(); ++i) {
-    text += field[i];
-    if (field[i] == '"') ++i;  // written twice
-  }
-  return text;
-}
-
-/// Such a text, without its line end, as a row; nothing when it is none of this plan.
+/// Returns a row of the file, given without its line end; nothing when it is none of this plan.
 std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
   const std::size_t values = plan.axes.size();
-  const std::size_t columns = measure_columns(plan.is_comparison()).size();
-  const std::size_t num_fields = 4 + values + columns;
-  const auto fields = base::split(line, ',', num_fields);  // the last may be quoted
-  std::int64_t index = -1;
-  const char* end = fields[0].data() + fields[0].size();
-  const auto [read_to, error] = std::from_chars(fields[0].data(), end, index);
-  if (fields.size() != num_fields || error != std::errc() || read_to != end || index < 0 ||
-      index >= plan.num_cases() || !base::value_of<Outcome>(fields[2 + values])) {
+  const auto columns = measure_columns(plan.is_comparison());
+  const std::size_t reason = 3 + values + columns.size();  // the last field; it may be empty
+  try {
+    scenario::Table table(line, "row");
+    if (!table.next() || table.width() < reason || table.width() > reason + 1) return {};
+    const double index = table.number(0);
+    const auto outcome = base::value_of<Outcome>(table.text(2 + values));
+    if (!(index >= 0) || index >= static_cast<double>(plan.num_cases()) ||
+        index != std::floor(index) || !outcome) {
+      return {};
+    }
+    SweepRow row{line, plan.at(static_cast<std::int64_t>(index)), *outcome, {}, {}};
+    if (table.width() > reason) row.stopped = table.text(reason);
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      row.measures.push_back(base::number_in(table.text(3 + values + i)).value_or(NAN));
+    }
+    return row;
+  } catch (const std::invalid_argument&) {
     return {};
   }
-  SweepRow row{line, plan.at(index), *base::value_of<Outcome>(fields[2 + values]), {}, {}};
-  row.stopped = unquoted(fields.back());
-  for (std::size_t i = 0; i < columns; ++i) {
-    row.measures.push_back(base::number_in(fields[3 + values + i]).value_or(NAN));
-  }
-  return row;
 }
 
 /// The file that a shard's rows are added to, held against other processes.
@@ -94,7 +88,8 @@ class RowFile {
       throw base::bad_usage(
           "{}: another process runs this part of the sweep; wait for it, or end it", path.string());
     }
-    // What a broken off write has left of its line makes room for the next.
+    // A write that was broken off may have left part of a line. The file is cut after its last
+    // whole line.
     const std::string before = base::file_text(path).value_or("");
     const std::size_t end = before.rfind('\n');
     const auto whole = static_cast<off_t>(end == std::string::npos ? 0 : end + 1);
@@ -130,9 +125,11 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
   if (error) {
     throw base::bad_usage("{}: cannot be made: {}", directory.string(), error.message());
   }
-  if (!fs::exists(file)) {
-    base::UnfinishedFile(file, "name another directory with --out").write(json);
-  } else if (base::file_text(file) != json) {
+  // Shards that are started together all write the plan; the first one wins.
+  const bool is_new =
+      !fs::exists(file) &&
+      base::UnfinishedFile(file, "name another directory with --out").write_new(json);
+  if (!is_new && base::file_text(file) != json) {
     throw base::bad_usage(
         "{}: another sweep is in this directory; name another one with --out, or remove it",
         directory.string());

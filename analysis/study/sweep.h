@@ -40,7 +40,8 @@ class Sweep {
   [[nodiscard]] const SweepPlan& plan() const { return plan_; }
   [[nodiscard]] const std::filesystem::path& directory() const { return directory_; }
 
-  /// Of each case, whether its row is in one of the files. A line that was broken off is none.
+  /// Returns for each case whether its row is in one of the files. A line that was broken off is no
+  /// row.
   /// @throw base::Failure(bad_usage) naming file and line that is no row of this plan.
   [[nodiscard]] std::vector<bool> finished() const;
 

@@ -49,14 +49,24 @@ void read_range(Axis& axis, const std::string& range, bool drawn) {
                            : "allowed: KEY=from:to:number, KEY=from:to:number:log, KEY=a,b,c";
   if (parts.size() != (drawn ? 2 : 3)) throw refused(axis.text, form);
   const auto low = number(parts[0]), high = number(parts[1]);
-  if (!low || !high || *low > *high) throw refused(axis.text, form);
-  if (axis.logarithmic && *low <= 0) throw refused(axis.text, "log needs values greater than 0");
+  for (const std::size_t end : {0, 1}) {
+    if (!number(parts[end])) {
+      throw refused(axis.text, fmt::format("\"{}\" is no number; {}", parts[end], form));
+    }
+  }
+  if (*low > *high) {
+    throw refused(axis.text, fmt::format("from {0} to {1}; write {1}:{0}", parts[0], parts[1]));
+  }
+  if (axis.logarithmic && *low <= 0) {
+    throw refused(axis.text, fmt::format("log from {}; allowed: above 0", parts[0]));
+  }
   axis.low = *low;
   axis.high = *high;
   if (drawn) return;
   const auto count = number(parts[2]);
   if (!count || *count < 1 || *count > 1e6 || *count != std::floor(*count)) {
-    throw refused(axis.text, "the number of values must be whole, from 1 to 1000000");
+    throw refused(axis.text,
+                  fmt::format("{} values; allowed: a whole number from 1 to 1000000", parts[2]));
   }
   for (int i = 0; i < *count; ++i) {
     axis.values.push_back(between(axis, *count > 1 ? i / (*count - 1) : 0));
@@ -132,12 +142,18 @@ Axis parse_axis(const std::string& text, bool drawn) {
   }
   if (axis.key.ends_with(']')) {
     const std::size_t open = axis.key.find('[');
+    if (open == std::string::npos) throw refused(text, "no '[' before ']'; write KEY[ENTRY]=…");
     const auto entry = number(axis.key.substr(open + 1, axis.key.size() - open - 2));
     if (!entry || *entry < 0 || *entry != std::floor(*entry) || *entry > 1000) {
-      throw refused(text, "the entry in [ ] must be a whole number from 0 on");
+      throw refused(text, fmt::format("entry {}; allowed: a whole number from 0 to 1000",
+                                      axis.key.substr(open)));
     }
     axis.entry = static_cast<int>(*entry);
     axis.key.resize(open);
+  }
+  if (axis.key.empty() || axis.key.find_first_of("[]*") != std::string::npos) {
+    throw refused(text, fmt::format("the key is \"{}\"; write KEY=…, KEY[ENTRY]=… or KEY*=…",
+                                    text.substr(0, equals)));
   }
   const std::string range = text.substr(equals + 1);
   if (range.find(',') == std::string::npos) {
@@ -147,10 +163,20 @@ Axis parse_axis(const std::string& text, bool drawn) {
   if (drawn) throw refused(text, "a list cannot be drawn from; write KEY=from:to");
   for (const std::string_view part : split(range, ',')) {
     const auto value = number(part);
-    if (!value) throw refused(text, fmt::format("\"{}\" is no number", part));
+    if (!value) throw refused(text, fmt::format("\"{}\" is no number; write KEY=a,b,c", part));
     axis.values.push_back(*value);
   }
   return axis;
+}
+
+void SweepPlan::add(Axis axis) {
+  for (const Axis& other : axes) {
+    if (other.key != axis.key) continue;
+    if (other.entry && axis.entry && *other.entry != *axis.entry) continue;
+    throw refused(axis.text, fmt::format("--vary {} varies the same number; leave one of them out",
+                                         base::shell_word(other.text)));
+  }
+  axes.push_back(std::move(axis));
 }
 
 std::int64_t SweepPlan::cases_per_law() const {
@@ -196,13 +222,14 @@ scenario::Scenario SweepPlan::scenario(const SweepCase& which) const {
       overrides.push_back(fmt::format("{}={}", axis.key, which.values[i]));
     }
     apply_override(root, overrides.back());
-    if (axis.key == "loop.period_s") {
-      const YamlNode* given = find(root, "loop.duration_s");
-      const double length = given != nullptr ? number(given->scalar).value_or(1) : 1;
-      const double period = number(find(root, axis.key)->scalar).value_or(1);
-      const double ticks = std::max(1.0, std::round(length / period));
-      overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * period));
-    }
+  }
+  if (std::ranges::find(axes, "loop.period_s", &Axis::key) != axes.end()) {
+    // After all axes: one of them may be the duration.
+    const YamlNode* given = find(root, "loop.duration_s");
+    const double length = given != nullptr ? number(given->scalar).value_or(1) : 1;
+    const double period = number(find(root, "loop.period_s")->scalar).value_or(1);
+    const double ticks = std::max(1.0, std::round(length / period));
+    overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * period));
   }
   scenario::Scenario made = scenario::parse_scenario(text, urdf, source, overrides);
   scenario::read_motion(made, std::filesystem::path(source).parent_path());
@@ -238,8 +265,9 @@ SweepPlan SweepPlan::from_json(const std::string& json, const std::string& sourc
     plan.seed = read.at("seed");
     plan.num_joints = read.at("num_joints");
     for (const std::string text : read.at("vary")) {
-      plan.axes.push_back(parse_axis(text, plan.drawn > 0));
+      plan.add(parse_axis(text, plan.drawn > 0));
     }
+    if (plan.laws.empty()) throw base::bad_usage("{}: not a sweep's plan: no laws", source);
     plan.text = read.at("scenario");
     plan.urdf = read.at("robot_description");
   } catch (const nlohmann::json::exception& problem) {

@@ -39,7 +39,7 @@ struct SweepLaw {
   std::vector<std::string> overrides;  ///< its parameters
 };
 
-/// What a row of the results is about.
+/// The case that a row of the results is about.
 struct SweepCase {
   std::int64_t index = 0;
   std::string law;
@@ -57,6 +57,8 @@ struct SweepPlan {
 
   /// Without axes it compares laws: a run of each.
   [[nodiscard]] bool is_comparison() const { return axes.empty(); }
+  /// Adds an axis. @throw base::Failure(bad_usage) if another axis varies the same number.
+  void add(Axis axis);
   [[nodiscard]] std::int64_t cases_per_law() const;
   [[nodiscard]] std::int64_t num_cases() const {
     return cases_per_law() * static_cast<std::int64_t>(laws.size());

@@ -6,7 +6,7 @@
 
 #include "base/quantities.h"
 
-/// What a run did, from its signals. Steps nothing.
+/// The behaviour of a run, from its signals. Nothing here steps a loop.
 namespace tachless::study {
 
 struct Point {
@@ -64,7 +64,8 @@ struct JointTracking {
   Envelope error_over_time;  ///< signed
 };
 
-/// What the closing table, the summary and the figure say about a run, gathered tick by tick.
+/// The numbers of the closing table, the summary and the figure about a run. They are gathered tick
+/// by tick.
 class Tracking {
  public:
   explicit Tracking(int num_joints);

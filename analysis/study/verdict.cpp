@@ -5,26 +5,42 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <variant>
 
 namespace tachless::study {
 namespace {
 
+// Four quarters of ten samples: fewer show no swing.
 constexpr std::int64_t fewest_ticks = 40;
-constexpr double converged_share = 0.01, followed_share = 0.05;  // of the scale
-constexpr double counts = 3;  // of the encoder, which no error has to be below
-// Counts that the loop makes into larger swings, of another size in each quarter: up to 11 seen.
+// Share of the scale. Control engineers call a response settled within 1 or 2 %.
+constexpr double converged_share = 0.01;
+// Share of the scale up to which a growing error may be an early part of a slow motion's lag.
+constexpr double small_share = 0.05;
+// Encoder counts that no error has to be below: a law cannot see less than one, and rounding adds
+// up over a position and its difference.
+constexpr double counts = 3;
+// Counts that a loop makes into larger swings, of another size in each quarter: up to 11 seen.
 constexpr double swing_counts = 10;
-constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits is 1.5e-6
-// [rad; m] Below, no limit cycle is called so, nor in real time any growth of swings: encoders,
-// noise and late commands swing too.
+// Standard deviations of the noise's error. A Gaussian sample is beyond them in one of 2 million.
+constexpr double deviations = 5;
+// [rad; m] Rounding of a run without an encoder; a count of 22 bits is 1.5e-6.
+constexpr double least = 1e-6;
+// [rad; m] No swing below is called an oscillation, nor in real time a growth: late commands make
+// swings too.
 constexpr double small = 1e-3;
-constexpr double still = 1e-3;     // of an error: how far a joint that rests may move
-constexpr double constant = 0.05;  // of an error: how far one that is called constant may change
-// Of what the reference does: how far, or fast, a joint moves that friction holds most of the time.
+// Share of an error that a joint at rest may move: friction leaves only the integrator's drift.
+constexpr double still = 1e-3;
+// Share of an error by which a constant one may change; a decay by e takes then 20 quarters.
+constexpr double constant = 0.05;
+// Shares of the reference's travel and mean speed below which dry friction holds a joint.
 constexpr double hardly = 0.2, at_rest = 0.01;
-constexpr double rests_for = 0.25;  // of the time
-// Of the largest scale: a joint that has less only holds its place, against what the others do.
+constexpr double rests_for = 0.25;  // share of the time that a slipping joint stands still
+// Share of the largest scale below which a joint only holds its place against the others' motion.
 constexpr double holds = 1e-3;
+// Share by which two periods of a forced response may differ. A growth by e in 20 periods passes;
+// one that fast is beyond the scale within a run.
+constexpr double alike = 0.05;
 
 struct Span {
   double low = INFINITY, high = -INFINITY;
@@ -82,15 +98,30 @@ double entry(const Vector& values, std::size_t joint) {
   return values.size() == 0 ? 0 : values[static_cast<Eigen::Index>(joint)];
 }
 
+/// Facts that all joints share.
+struct Context {
+  bool rests = false;      ///< no reference moves and no disturbance varies in the last quarter
+  bool disturbed = false;  ///< a disturbance varies in the last quarter
+  bool saturates = false;  ///< a joint was at its torque limit
+  double rested_s = 0;     ///< time from the end of all motion to the end of the run
+  double period_s = 0;     ///< of the reference
+  LoopYardstick loop{};
+
+  /// Returns true if the run, from the end of all motion on, is shorter than the loop's settling.
+  [[nodiscard]] bool unsettled() const { return loop.stable && rested_s < loop.settling_s; }
+};
+
 /// A joint's run in the numbers that decide.
 struct Joint {
   std::vector<Point> error, q, q_ref;
   double end, quarter, own_scale, noise, smallest_swing, friction;
+  double deviation = 0;  ///< of the error by the encoders' noise, in the linear loop
   double scale = 0;
   Outcome outcome = Outcome::converged;
+  Cause cause = Cause::unknown;
   std::array<Span, 4> in;  ///< the error in each quarter
   Span last, position;     ///< the error in the last quarter; q in it
-  int fast;                ///< turns in the last quarter, by as much as the error's peak
+  int fast;                ///< turns in the last quarter, by half of the error's extent
 
   Joint(const JointTracking& joint, double resolution, double friction_Nm, bool realtime)
       : error(joint.error_over_time.points()),
@@ -105,27 +136,32 @@ struct Joint {
         in{of(error, 0), of(error, 1), of(error, 2), of(error, 3)},
         last(in[3]),
         position(of(q, 3)),
-        fast(turns(error, 3 * quarter, end, last.peak())) {}
+        fast(turns(error, 3 * quarter, end, 0.99 * last.extent() / 2)) {}
 
   [[nodiscard]] Span of(const std::vector<Point>& points, int i) const {
     return span(points, i * quarter, (i + 1) * quarter);
   }
-  [[nodiscard]] double allowed(double share) const { return std::max(share * scale, noise); }
+  [[nodiscard]] double by_noise() const { return deviations * deviation; }
+  [[nodiscard]] double allowed(double share) const {
+    return std::max(share * scale, noise) + by_noise();
+  }
   [[nodiscard]] bool within(double share) const { return last.peak() <= allowed(share); }
   [[nodiscard]] int turns_in(const std::vector<Point>& points, int i, double amplitude) const {
     return turns(points, i * quarter, (i + 1) * quarter, amplitude);
   }
-  /// How often an error turns in a quarter at least that does so without being asked to.
-  [[nodiscard]] int unasked(int i) const {
-    const int asked = turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
-    return std::max(6, 3 * (asked + 1) + 1);
+  /// Returns how often the reference turns in a quarter.
+  [[nodiscard]] int asked(int i) const {
+    return turns_in(q_ref, i, 0.1 * span(q_ref, 0, end).extent());
   }
+  /// Returns how often an error turns in a quarter, at least, if the reference does not make it.
+  [[nodiscard]] int unasked(int i) const { return std::max(6, 3 * (asked(i) + 1) + 1); }
 
-  /// How large the swings in a quarter are that the reference does not ask for: by how much the
-  /// error goes back that often. The slow error on which they ride is not in it. 0: by noise.
+  /// Returns the size of the swings in a quarter that the reference does not make: by how much the
+  /// error goes back that often. A slow error on which they ride is not in it. 0: noise.
   [[nodiscard]] double swing(int i) const {
     const int often = unasked(i);
-    double low = smallest_swing, high = in[static_cast<std::size_t>(i)].extent();
+    double low = std::max(smallest_swing, 2 * by_noise());
+    double high = in[static_cast<std::size_t>(i)].extent();
     if (turns_in(error, i, low) < often) return 0;
     constexpr double precision = 1.005;
     for (int step = 0; step < 40 && high > precision * low; ++step) {
@@ -134,62 +170,118 @@ struct Joint {
     }
     return low;
   }
-  /// Whether its swings grow from quarter to quarter, however small they are.
+  /// Returns true if its swings grow from quarter to quarter, however small they are.
   [[nodiscard]] bool swings_grow() const {
-    constexpr double growth = 1.3;
+    constexpr double growth = 1.3;  // swings of constant size differ by less with ten turns
     const double now = swing(3), before = now > 0 ? swing(2) : 0;
     if (before == 0 || now <= growth * before) return false;
     const double first = swing(1);
     return first > 0 && before > growth * first;
   }
-  [[nodiscard]] bool diverges() const {
+  /// Returns true if the error of the reference's last period is that of the period before: in
+  /// each eighth of it. A swing that is faster than the reference does not repeat.
+  [[nodiscard]] bool repeats(double period_s) const {
+    if (period_s <= 0 || 2 * period_s > end) return false;
+    // Inertia and gravity make errors of twice the reference's frequency, not faster ones.
+    if (fast > 2 * (asked(3) + 1)) return false;
+    const double extent = span(error, end - period_s, end).extent();
+    // A curve's points are so far apart; a sine changes by up to pi extents in a period.
+    const double apart = end / (static_cast<double>(error.size()) / 2);
+    const double by_points = std::numbers::pi * apart / period_s;
+    const double allowed = std::max((alike + by_points) * extent, noise + 2 * by_noise());
+    constexpr int parts = 8;
+    for (int part = 0; part < parts; ++part) {
+      const double from = end - period_s * (1 - static_cast<double>(part) / parts);
+      const Span now = span(error, from, from + period_s / parts);
+      const Span before = span(error, from - period_s, from - period_s + period_s / parts);
+      if (std::abs(now.low - before.low) > allowed || std::abs(now.high - before.high) > allowed) {
+        return false;
+      }
+    }
+    return true;
+  }
+  /// Returns true if the reference makes the error, however large it is.
+  [[nodiscard]] bool forced(const Context& context) const {
+    if (repeats(context.period_s)) return true;
+    return !context.rests && context.loop.stable && !context.saturates;
+  }
+  [[nodiscard]] bool diverges(const Context& context) const {
     if (swings_grow()) return true;
     const double first_half = std::max(in[0].peak(), in[1].peak());
-    if (within(followed_share) || last.peak() <= 4 * first_half) return false;
+    constexpr double growth = 4;  // an error's quarters on a motion differ by less
+    if (within(small_share) || last.peak() <= growth * first_half + by_noise()) return false;
+    if (repeats(context.period_s) || (context.unsettled() && last.peak() <= scale)) return false;
     const double asked_before = span(q_ref, 0, 2 * quarter).extent();
     return last.peak() > scale || of(q_ref, 3).extent() <= asked_before;
   }
-  [[nodiscard]] bool cycles() const {
-    const bool lasts = last.peak() >= 0.8 * in[2].peak();
-    return last.peak() > std::max(small, noise) && lasts && fast >= unasked(3);
+  [[nodiscard]] bool swings() const {
+    constexpr double kept = 0.8;  // a decay by less takes more than a run to be seen
+    return last.extent() / 2 > std::max({small, noise, by_noise()}) &&
+           last.extent() >= kept * in[2].extent() && fast >= unasked(3);
   }
-  /// Whether dry friction holds it, though its reference may go on.
+  /// Returns true if dry friction holds it, though its reference may go on.
   [[nodiscard]] bool sticks() const {
-    if (position.extent() <= still * last.peak()) return true;
+    if (position.extent() <= still * last.peak() + 2 * by_noise()) return true;
     const double way = sum_of_steps(q_ref, 3 * quarter, end, [](double, double up) { return up; });
     const double speed = at_rest * way / quarter;
     const auto slow = [&](double time, double up) { return up <= speed * time ? time : 0; };
     return position.extent() <= hardly * of(q_ref, 3).extent() &&
            sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
-  [[nodiscard]] Outcome judged() const {
-    if (diverges()) return Outcome::diverging;
-    if (cycles()) return Outcome::limit_cycle;
-    if (within(converged_share)) return Outcome::converged;
-    if (within(followed_share)) return Outcome::followed;
-    if (friction > 0 && sticks()) return Outcome::stuck;
+  /// Returns true if the error still falls nearly as fast as in the quarter before, or if the loop
+  /// has not had the time in which it settles.
+  [[nodiscard]] bool still_settles(const Context& context) const {
+    if (context.unsettled()) return true;
+    const double before = in[2].extent(), fall = in[2].peak() - last.peak();
+    const double moving = 0.5 * std::min(before, last.peak());
+    return fall > 0.9 * before && last.extent() > std::max(noise + 2 * by_noise(), moving);
+  }
+  void found(Outcome word, Cause why = Cause::unknown) {
+    outcome = word;
+    cause = why;
+  }
+  /// Judges an error at rest: its mean apart from the swings about it.
+  void judge_at_rest(const Context& context) {
+    const double middle = std::abs(last.low + last.high) / 2, half = last.extent() / 2;
+    if (still_settles(context)) return found(Outcome::lags, Cause::settling);
+    const bool falls = last.peak() < 0.95 * in[2].peak() && last.extent() < 0.95 * in[2].extent();
+    if (falls && half > by_noise() && middle < half) return found(Outcome::lags, Cause::settling);
+    const bool beside = middle > std::max(converged_share * scale, noise) + by_noise();
+    if (beside || half <= std::max(noise, by_noise())) return found(Outcome::rests_beside);
+    // Nothing but the loop itself makes a swing at rest.
+    found(half > small ? Outcome::oscillates : Outcome::lags);
+  }
+  void judge(const Context& context) {
+    if (diverges(context)) return found(Outcome::diverging);
+    if (swings()) return found(Outcome::oscillates);
+    if (within(converged_share)) return found(Outcome::converged);
+    if (friction > 0 && !within(small_share) && sticks())
+      return found(Outcome::rests_beside, Cause::friction);
+    if (context.rests && context.rested_s > 0) return judge_at_rest(context);
     // On a motion that is slower than the run an error is nearly constant too.
     if (last.extent() < constant * last.peak() && position.extent() < last.peak()) {
-      // It is not to be seen where an error will rest that falls nearly as fast as before.
-      const double before = in[2].extent();
-      const bool falls = in[2].peak() - last.peak() > 0.9 * before &&
-                         last.extent() > std::max(noise, 0.5 * before);
-      return falls ? Outcome::slow : Outcome::rests_beside;
+      return still_settles(context) ? found(Outcome::lags, Cause::settling)
+                                    : found(Outcome::rests_beside);
     }
-    return !within(1) || last.peak() < 0.95 * in[2].peak() ? Outcome::slow : Outcome::lags;
+    const bool had_time = context.loop.stable && !context.unsettled();
+    const bool settles = !had_time && (!within(1) || last.peak() < 0.95 * in[2].peak());
+    found(Outcome::lags, settles             ? Cause::settling
+                         : context.disturbed ? Cause::disturbance
+                                             : Cause::motion);
   }
-  /// What an error beyond the scale is, which no motion makes and no start that decays, unless it
-  /// falls; else the outcome that it has.
-  [[nodiscard]] Outcome judged_by_scale() const {
-    constexpr double less = 0.995;
+  /// Judges an error beyond the scale, which neither its start nor its own motion explains, unless
+  /// it falls or the motion of all joints forces it.
+  void judge_by_scale(const Context& context) {
+    constexpr double less = 0.995;  // an undamped swing's peaks differ by less
     const double before = in[2].peak(), now = last.peak();
     const bool falls = now < less * before && before < less * in[1].peak() && now < in[0].peak();
-    if (within(1) || falls) return outcome;
-    if (now > 1.25 * before) return Outcome::diverging;
-    if (last.low > 0 || last.high < 0) return Outcome::rests_beside;
-    return fast > 1 ? Outcome::limit_cycle : Outcome::diverging;
+    if (within(1) || falls) return;
+    if (forced(context)) return found(Outcome::lags, Cause::motion);
+    if (now > 1.25 * before) return found(Outcome::diverging);
+    if (last.low > 0 || last.high < 0) return found(Outcome::rests_beside);
+    found(fast > 1 ? Outcome::oscillates : Outcome::diverging);
   }
-  /// When the error was last beyond 1 % of the scale.
+  /// Returns when the error was last beyond 1 % of the scale.
   [[nodiscard]] double above_s() const {
     double above = 0;
     for (const Point& point : error) {
@@ -209,7 +301,7 @@ void set_scales(std::vector<Joint>& joints) {
   }
 }
 
-/// Sets what the worst joint is: of equally bad ones that with the largest share of its scale.
+/// Takes the worst joint's facts; of equally bad ones those with the largest share of the scale.
 void judge_worst(const std::vector<Joint>& joints, const Yardsticks& yardsticks, Verdict& result) {
   result.outcome = Outcome::converged;
   double worst = -1;
@@ -222,6 +314,7 @@ void judge_worst(const std::vector<Joint>& joints, const Yardsticks& yardsticks,
     if (!worse) continue;
     worst = badness;
     result.outcome = joint.outcome;
+    result.cause = joint.cause;
     result.joint = i;
     result.error = joint.last.peak();
     result.share = share;
@@ -231,17 +324,91 @@ void judge_worst(const std::vector<Joint>& joints, const Yardsticks& yardsticks,
   }
 }
 
-/// What a resting error means: what holds the joint there.
+/// Returns what holds a joint beside its reference.
 std::string held_text(const Verdict& verdict, std::string_view length, std::string_view effort) {
   if (verdict.stiffness <= 0) return "";
   const double reach = verdict.friction / verdict.stiffness;
-  if (verdict.outcome == Outcome::stuck && verdict.error <= 1.05 * reach) {
+  if (verdict.cause == Cause::friction && verdict.error <= 1.05 * reach) {
     return fmt::format("; dry friction of {:.3g} {} holds it up to F_c/kp = {:.2g} {}",
                        verdict.friction, effort, reach, length);
   }
   return fmt::format(
       "; d/kp: a torque of about {:.2g} {} that the law does not know, over kp = {:.3g}",
       verdict.error * verdict.stiffness, effort, verdict.stiffness);
+}
+
+/// Returns the period in which sinusoids of these frequencies repeat, if all are multiples of the
+/// lowest; else 0.
+double common_period_s(const std::vector<const reference::trajectory::Sine*>& sines) {
+  std::vector<double> all;
+  for (const auto* sine : sines) {
+    for (Eigen::Index i = 0; i < sine->frequency_hz.size(); ++i) {
+      if (sine->amplitude_rad[i] != 0 && sine->frequency_hz[i] > 0) {
+        all.push_back(sine->frequency_hz[i]);
+      }
+    }
+  }
+  if (all.empty()) return 0;
+  const double lowest = std::ranges::min(all);
+  const auto multiple = [&](double f) {
+    return std::abs(f / lowest - std::round(f / lowest)) < 1e-9;  // decimals' rounding
+  };
+  return std::ranges::all_of(all, multiple) ? 1 / lowest : 0;
+}
+
+double period_s(const reference::Spec& reference) {
+  using reference::trajectory::MultiSine;
+  std::vector<const reference::trajectory::Sine*> sines;
+  if (const auto* one = std::get_if<reference::trajectory::Sinusoid>(&reference)) {
+    sines.push_back(one);
+  }
+  if (const auto* many = std::get_if<MultiSine>(&reference)) {
+    for (const auto& term : many->terms) sines.push_back(&term);
+  }
+  return common_period_s(sines);
+}
+
+/// Returns true if a disturbance begins, ends or swings between the two times.
+bool varies(const plant::DisturbanceSpec& disturbance, double from_s, double to_s) {
+  const double end_s = disturbance.end_s.value_or(INFINITY);
+  const auto inside = [&](double t) { return t > from_s && t < to_s; };
+  if (inside(disturbance.start_s) || inside(end_s)) return true;
+  return disturbance.shape != plant::DisturbanceShape::constant && disturbance.start_s < to_s &&
+         end_s > from_s;
+}
+
+/// Returns the first and the last reference of a run.
+std::vector<Vector> rest_postures(const std::vector<Joint>& joints) {
+  std::vector<Vector> result(2, Vector::Zero(static_cast<Eigen::Index>(joints.size())));
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    result[0][static_cast<Eigen::Index>(i)] = joints[i].q_ref.front().y;
+    result[1][static_cast<Eigen::Index>(i)] = joints[i].q_ref.back().y;
+  }
+  if (result[0] == result[1]) result.pop_back();
+  return result;
+}
+
+Context context_of(const std::vector<Joint>& joints, const Yardsticks& yardsticks) {
+  Context result;
+  const double end = joints.front().end, from = 3 * joints.front().quarter;
+  result.disturbed = yardsticks.disturbed && yardsticks.disturbed(from, end);
+  result.rests = !result.disturbed;
+  double rests_from = 0;
+  for (const Joint& joint : joints) {
+    result.rests = result.rests && joint.of(joint.q_ref, 3).extent() == 0;
+    rests_from = std::max(rests_from, rests_from_s(joint.q_ref));
+  }
+  result.rested_s = end - rests_from;
+  result.period_s = yardsticks.period_s;
+  result.saturates =
+      std::ranges::any_of(yardsticks.saturated_share, [](double share) { return share > 0; });
+  return result;
+}
+
+void judge_all(std::vector<Joint>& joints, const Context& context, const Yardsticks& yardsticks,
+               Verdict& result) {
+  for (Joint& joint : joints) joint.judge(context);
+  judge_worst(joints, yardsticks, result);
 }
 
 }  // namespace
@@ -254,6 +421,12 @@ Yardsticks yardsticks(const scenario::Scenario& scenario) {
   result.resolution = scenario::encoder_count(scenario, *scenario.model)
                           .cwiseMax(scenario.plant.encoder.noise_std_rad);
   result.realtime = scenario.loop.mode == scenario::Mode::realtime;
+  result.held = std::holds_alternative<reference::trajectory::Hold>(scenario.reference);
+  result.period_s = period_s(scenario.reference);
+  result.disturbed = [all = scenario.plant.disturbances](double from_s, double to_s) {
+    return std::ranges::any_of(
+        all, [&](const auto& disturbance) { return varies(disturbance, from_s, to_s); });
+  };
   return result;
 }
 
@@ -277,15 +450,25 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
                         entry(yardsticks.friction, i), yardsticks.realtime);
   }
   set_scales(joints);
+  Context context = context_of(joints, yardsticks);
+  judge_all(joints, context, yardsticks, result);
+  if (result.outcome != Outcome::converged && yardsticks.loop) {
+    context.loop = yardsticks.loop(rest_postures(joints));
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      joints[i].deviation = entry(context.loop.noise, i);
+    }
+    judge_all(joints, context, yardsticks, result);
+  }
   double above_s = 0;
-  for (Joint& joint : joints) {
-    joint.outcome = joint.judged();
+  for (const Joint& joint : joints) {
     above_s = std::max(above_s, joint.above_s());
     result.counted_from_s = std::max(result.counted_from_s, rests_from_s(joint.q_ref));
     result.moves = result.moves || span(joint.q_ref, 0, joint.end).extent() > 0;
   }
-  judge_worst(joints, yardsticks, result);
+  result.held = yardsticks.held;
   result.settled_s = std::max(0.0, above_s - result.counted_from_s);
+  result.loop_settles_s = context.loop.stable ? context.loop.settling_s : 0;
+  result.rested_s = context.rested_s;
   const std::vector<double>& saturated = yardsticks.saturated_share;
   const auto most = std::ranges::max_element(saturated);
   if (most != saturated.end() && *most > 0) result.saturated_share = *most;
@@ -294,61 +477,75 @@ Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
     result.joint = static_cast<std::size_t>(most - saturated.begin());
   }
   if (!bad(result.outcome)) {
-    for (Joint& joint : joints) joint.outcome = joint.judged_by_scale();
+    for (Joint& joint : joints) joint.judge_by_scale(context);
     judge_worst(joints, yardsticks, result);
   }
   return result;
 }
 
+namespace {
+
+std::string lag_text(const Verdict& verdict) {
+  switch (verdict.cause) {
+    case Cause::settling:
+      if (verdict.loop_settles_s > verdict.rested_s) {
+        return fmt::format(
+            "; the loop settles in {:.2g} s, the run gave it {:.2g} s",
+            verdict.loop_settles_s, verdict.rested_s);
+      }
+      return "; still settling: the error decays";
+    case Cause::disturbance:
+      return "; a disturbance makes it";
+    case Cause::motion:
+      return fmt::format("; {}{} makes it", verdict.moves ? "the motion" : "a disturbance",
+                         verdict.friction > 0 ? ", or dry friction," : "");
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
 std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
   const std::string joint = joints.joint(verdict.joint);
   const std::string& length = joints.length[verdict.joint];
-  const auto up_to = [&](std::string_view word, std::string_view why) {
-    return fmt::format(
-        "{}: error up to {:.2g} {} in the last quarter at {}, {} % of its scale{}", word,
-        verdict.error, length, joint,
-        fmt::format(fmt::runtime(verdict.share < 0.1 ? "{:.2g}" : "{:.0f}"), 100 * verdict.share),
-        why);
-  };
   switch (verdict.outcome) {
-    case Outcome::converged:
-      if (verdict.settled_s == 0)
-        return verdict.counted_from_s > 0 ? "converged when the motion ends"
-                                          : "converged throughout";
-      return fmt::format("converged, settled within {:.3g} s{}", verdict.settled_s,
-                         verdict.counted_from_s > 0 ? " of the motion's end" : "");
-    case Outcome::followed:
-      return up_to("followed", "");
+    case Outcome::converged: {
+      const std::string unmoved =
+          verdict.moves || verdict.held
+              ? ""
+              : "; the reference did not move in this run: check the times of its table";
+      if (verdict.settled_s == 0) {
+        return (verdict.counted_from_s > 0 ? "converged when the motion ends"
+                                           : "converged throughout") +
+               unmoved;
+      }
+      return fmt::format("converged, settled within {:.3g} s{}{}", verdict.settled_s,
+                         verdict.counted_from_s > 0 ? " of the motion's end" : "", unmoved);
+    }
     case Outcome::lags:
-      return up_to("lags",
-                   fmt::format("; {}{} makes it", verdict.moves ? "the motion" : "a disturbance",
-                               verdict.friction > 0 ? ", or dry friction," : ""));
-    case Outcome::slow:
-      return up_to("slow", ", decaying; a longer run would show more");
+      return fmt::format(
+          "lags: error up to {:.2g} {} in the last quarter at {}, {} % of its scale{}",
+          verdict.error, length, joint,
+          fmt::format(fmt::runtime(verdict.share < 0.1 ? "{:.2g}" : "{:.0f}"), 100 * verdict.share),
+          lag_text(verdict));
     case Outcome::rests_beside:
-    case Outcome::stuck:
-      return fmt::format("{}: {} rests {:.2g} {} beside its reference{}",
-                         verdict.outcome == Outcome::stuck ? "stuck" : "rests beside", joint,
+      return fmt::format("rests beside: {} rests {:.2g} {} beside its reference{}", joint,
                          verdict.error, length,
                          held_text(verdict, length, joints.effort[verdict.joint]));
     case Outcome::saturated:
-      return fmt::format("saturated: {} at its torque limit in {:.0f} % of ticks", joint,
+      return fmt::format("saturated: {} at its torque or rate limit in {:.0f} % of ticks", joint,
                          100 * verdict.saturated_share);
-    case Outcome::limit_cycle:
-      return fmt::format("limit cycle: {} swings by {:.2g} {} at {:.3g} Hz or more", joint,
+    case Outcome::oscillates:
+      return fmt::format("oscillates: {} swings by {:.2g} {} at {:.3g} Hz or more", joint,
                          verdict.error, length, verdict.frequency_hz);
     case Outcome::diverging:
       return fmt::format("diverging: the error of {} has grown to {:.2g} {}", joint, verdict.error,
                          length);
-    case Outcome::outside:
-      return fmt::format(
-          "outside: it starts {:.3g} {} beside its reference, where a run is broken off",
-          verdict.error, length);
-    case Outcome::interrupted:
     case Outcome::stopped:
       return verdict.reason.starts_with(verdict.word())
                  ? verdict.reason
-                 : fmt::format("{}: {}", verdict.word(), verdict.reason);
+                 : fmt::format("stopped: {}", verdict.reason);
     case Outcome::not_judged:
       break;
   }

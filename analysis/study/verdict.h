@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,75 +13,89 @@
 #include "scenario/scenario.h"
 #include "study/tracking.h"
 
-/// What a run came to, in one word: judged afterwards by its signals, whatever was predicted. Steps
-/// nothing. docs/report.md says what the words mean.
+/// The verdict on a run, in one of seven words. It judges the run's signals; numbers of the
+/// linearised loop tell noise and a slow decay from faults. docs/report.md explains the words.
 namespace tachless::study {
 
-/// From the best to the worst.
+/// Words from the best to the worst.
 enum class Outcome {
-  converged,     ///< the last quarter's error is at most 1 % of the joint's scale, or 3 counts
-  followed,      ///< at most 5 %
-  lags,          ///< more, and the motion or a disturbance makes it, or dry friction
-  slow,          ///< more, and it decays
-  not_judged,    ///< too few ticks, or a dry run
-  rests_beside,  ///< more, and it is constant
-  stuck,         ///< more, and dry friction holds the joint at most times
+  converged,     ///< error at most 1 % of the joint's scale, or within counts and noise
+  lags,          ///< more, made by the motion or a disturbance, or still settling
+  not_judged,    ///< no verdict: too few ticks, or a dry run
+  rests_beside,  ///< more, and it stays: friction or an unknown torque holds the joint
   saturated,     ///< a joint was at its torque limit for more than half of the run
-  limit_cycle,   ///< the error swings, without decaying, faster than asked for or beyond its scale
+  oscillates,    ///< the error swings without decaying, and neither reference nor noise makes it
   diverging,     ///< the error grows
-  outside,       ///< it started beyond the error at which a run is broken off
-  interrupted,   ///< by the user
-  stopped,       ///< by a protective stop, or a program that ended early
+  stopped,       ///< by the user, a protective stop, or a program that ended early
 };
-constexpr std::array<std::string_view, 13> names(Outcome /*type*/) {
-  return {"converged",    "followed",    "lags",      "slow",        "not_judged",
-          "rests_beside", "stuck",       "saturated", "limit_cycle", "diverging",
-          "outside",      "interrupted", "stopped"};
+constexpr std::array<std::string_view, 8> names(Outcome /*type*/) {
+  return {"converged", "lags",       "not_judged", "rests_beside",
+          "saturated", "oscillates", "diverging",  "stopped"};
 }
 
-/// Whether the measures of a run that ended so mean nothing.
+/// Returns true if the measures of a run with this outcome mean nothing.
 constexpr bool broken_off(Outcome outcome) { return outcome >= Outcome::diverging; }
-/// Whether a run that ended so is a failure: exit code 1.
+/// Returns true if a run with this outcome is a failure: exit code 1.
 constexpr bool bad(Outcome outcome) { return outcome >= Outcome::rests_beside; }
 
-/// What a run is judged by besides its signals. Of the vectors each may be empty: nothing is known.
+/// Numbers of the linearised loop at rest.
+struct LoopYardstick {
+  bool stable = false;     ///< false: unstable or unknown, and the rest is empty
+  Vector noise{};          ///< standard deviation of each joint's error by its encoders [rad; m]
+  double settling_s = 0;  ///< until an initial error is below 1 %
+};
+
+/// Facts beside the signals that a verdict needs. An empty vector means that nothing is known.
 struct Yardsticks {
   Vector resolution{};  ///< of each joint's encoder: one count, or its noise [rad; m]
   Vector friction{};    ///< largest dry friction [N m; N]
   Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
   std::vector<double> saturated_share{};  ///< of the ticks, per joint
   bool realtime = false;                  ///< late and missed commands make it swing too
+  bool held = true;                       ///< the scenario's reference is a constant position
+  double period_s = 0;                    ///< of the reference; 0: it does not repeat
+  /// Returns true if a disturbance varies between the two times [s]. Empty: never.
+  std::function<bool(double from_s, double to_s)> disturbed{};
+  /// Returns the loop's numbers at these postures. Empty: nothing is known.
+  std::function<LoopYardstick(const std::vector<Vector>& postures)> loop{};
 };
 
-/// What the scenario says of it: all but the saturated share and the stiffness, which only the
-/// verdict's text is about.
+/// Returns the scenario's facts. The saturated share, the stiffness and the loop are not among
+/// them.
 Yardsticks yardsticks(const scenario::Scenario& scenario);
+
+/// Cause of an error that is neither small nor a fault, or of a resting one.
+enum class Cause { unknown, motion, disturbance, settling, friction };
 
 struct Verdict {
   Outcome outcome = Outcome::not_judged;
-  std::size_t joint = 0;       ///< the one that decides
+  Cause cause = Cause::unknown;
+  std::size_t joint = 0;       ///< the worst one
   double error = 0;            ///< its largest |e| in the last quarter of the run [rad; m]
-  double share = 0;            ///< of its scale; NaN where it has none
-  double frequency_hz = 0;     ///< of a limit cycle, at least
-  double settled_s = 0;        ///< when every joint's error was within 1 % of its scale for good
-  double counted_from_s = 0;   ///< that is counted from the motion's end; 0: from the start
-  bool moves = false;          ///< the reference does
+  double share = 0;            ///< error per scale; NaN where it has none
+  double frequency_hz = 0;     ///< of an oscillation, at least
+  double settled_s = 0;        ///< when every joint's error was last beyond 1 % of its scale
+  double counted_from_s = 0;   ///< end of the motion, where settled_s is 0; 0: start of the run
+  double loop_settles_s = 0;   ///< by the linearised loop; 0: unknown
+  double rested_s = 0;         ///< since when the reference rests, at the end of the run
+  bool moves = false;          ///< the reference moves
+  bool held = true;            ///< the scenario's reference is a constant position
   double saturated_share = 0;  ///< largest of the joints' shares of ticks
-  double friction = 0, stiffness = 0;  ///< of the joint that decides, where known
-  std::string reason;                  ///< why it was stopped, interrupted, not judged
+  double friction = 0, stiffness = 0;  ///< of the worst joint, where known
+  std::string reason;                  ///< why it was stopped or not judged
 
   [[nodiscard]] std::string_view word() const { return base::name_of(outcome); }
 };
 
-/// From when on the reference rests; 0 when it never moves, or does so until the end.
+/// Returns when the reference comes to rest; 0 if it never moves, or moves until the end.
 double rests_from_s(const std::vector<Point>& q_ref);
 
-/// A joint's scale is the largest of the extent of its reference and its initial error; that of one
-/// which has neither, or less than its noise or a thousandth of the largest, is the largest of all
-/// joints' scales, and where none has any, its largest error.
+/// Judges a run. A joint's scale is the larger of the extent of its reference and its initial
+/// error. If that is below its noise or a thousandth of the largest scale, the largest scale is
+/// taken; if no joint has a scale, the joint's largest error.
 Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks);
 
-/// "converged, settled within 0.21 s", "stuck: joint 2 (elbow) rests 0.03 rad beside …", …
+/// Returns a sentence: "converged, settled within 0.21 s", "rests beside: joint 2 (elbow) …".
 std::string text(const Verdict& verdict, const robot::JointLabels& joints);
 
 }  // namespace tachless::study

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <cmath>
 #include <stdexcept>
 #include <tuple>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 #include "controller/spec.h"
 
@@ -15,8 +15,9 @@ struct FilterCoefficients {
   double beta = 0;  ///< [1/s]
 };
 
-/// The coefficients of b p / (p + a) sampled every `period_s`.
-/// @param a, b [1/s], > 0. @throw std::invalid_argument when one of the three is not positive.
+/// Returns the coefficients of b p / (p + a) sampled every `period_s`.
+/// @param a, b [1/s], > 0.
+/// @throw std::invalid_argument if a, b or the period is not positive.
 inline FilterCoefficients filter_coefficients(Discretisation kind, double a, double b,
                                               double period_s) {
   if (!(a > 0 && b > 0 && period_s > 0)) {
@@ -25,23 +26,23 @@ inline FilterCoefficients filter_coefficients(Discretisation kind, double a, dou
   const double ah = a * period_s;
   switch (kind) {
     case Discretisation::first_order_hold:
-      return {std::exp(-ah), -b * std::expm1(-ah) / ah};
+      return {base::exp(-ah), -b * base::expm1(-ah) / ah};
     case Discretisation::tustin:
       return {(2 - ah) / (2 + ah), 2 * b / (2 + ah)};
     case Discretisation::backward_euler:
       return {1 / (1 + ah), b / (1 + ah)};
     case Discretisation::zero_order_hold:
-      return {std::exp(-ah), b};
+      return {base::exp(-ah), b};
   }
   throw std::logic_error("filter: no such discretisation");
 }
 
-/// The dirty derivative nu = diag{ b_i p / (p + a_i) } e, i.e. nudot = -A nu + B edot (paper,
-/// eq. 4-5; its vartheta), from samples of e. It stands in for edot where velocity is not
-/// measured. It does not differentiate, and it does not know the reference.
+/// The dirty derivative nu = diag{ b_i p / (p + a_i) } e from samples of e (paper, eq. 4-5; there
+/// vartheta). It satisfies nudot = -A nu + B edot. The laws use nu instead of edot, because
+/// velocity is not measured. The filter does not differentiate, and it does not know the reference.
 class Filter {
  public:
-  /// What is carried from one sample to the next.
+  /// State of the filter from one sample to the next.
   struct Memory {
     Vector nu;          ///< [rad/s]
     Vector e_previous;  ///< [rad]
@@ -49,8 +50,9 @@ class Filter {
     static constexpr std::tuple members{&Memory::nu, &Memory::e_previous};
   };
 
-  /// @param a, b [1/s], one entry per joint, > 0. @param period_s [s], > 0.
-  /// @throw std::invalid_argument when one of them is not positive or the lengths differ.
+  /// @param a, b [1/s], one entry per joint, > 0.
+  /// @param period_s [s], > 0.
+  /// @throw std::invalid_argument if one of them is not positive or the lengths differ.
   Filter(const Vector& a, const Vector& b, Discretisation kind, FilterStart start, double period_s)
       : a_(a), b_(b), start_(start), phi_(a), beta_(a) {
     if (a.size() != b.size()) {
@@ -63,23 +65,24 @@ class Filter {
     }
   }
 
-  /// Memory before the first sample e(0) [rad] is given to `step`, which then returns the nu(0)
-  /// that the kind of start asks for.
+  /// Returns the memory before the first sample e(0) [rad]. With this memory and e(0), `step`
+  /// returns the nu(0) that the kind of start asks for.
   [[nodiscard]] Memory start(const Vector& e) const {
     Memory memory{Vector::Zero(e.size()), e};
     if (start_ == FilterStart::zero) {
-      // So that beta (e - e_previous) = B e.
+      // This makes beta (e - e_previous) equal to B e.
       memory.e_previous -= b_.cwiseQuotient(beta_).cwiseProduct(e);
     }
     return memory;
   }
 
-  /// The memory after the next sample e [rad]; its `nu` is the output that belongs to that sample.
+  /// Returns the memory after the next sample e [rad]. Its `nu` is the filter's output for this
+  /// sample.
   [[nodiscard]] Memory step(const Memory& memory, const Vector& e) const {
     return {phi_.cwiseProduct(memory.nu) + beta_.cwiseProduct(e - memory.e_previous), e};
   }
 
-  /// nudot = -A nu + B edot, the continuous filter's own equation [rad/s^2].
+  /// Returns nudot = -A nu + B edot, the right-hand side of the continuous filter [rad/s^2].
   [[nodiscard]] Vector derivative(const Vector& nu, const Vector& edot) const {
     return b_.cwiseProduct(edot) - a_.cwiseProduct(nu);
   }

@@ -8,9 +8,9 @@
 
 namespace tachless::controller::law {
 
-/// Base of the laws for rigid joints that answer the position error by -Kp e - Kd nu, with nudot =
-/// -A nu + B edot, and are proved by eq. 15 of Loria and Ortega (1995); no law by itself. `Self` is
-/// the law; what it declares again stands in for what is declared here. Kd B^-1 and Kd B^-1 A are
+/// Base of the laws for rigid joints that feed back -Kp e - Kd nu, with nudot = -A nu + B edot.
+/// Their stability is proved by eq. 15 of Loria and Ortega (1995). The base alone is no law. `Self`
+/// is the law; its declarations replace the base's declarations. Kd B^-1 and Kd B^-1 A are
 /// symmetric.
 template <class Self, class G = FilterGains>
 class FilteredError : public RigidLaw<G> {
@@ -36,22 +36,22 @@ class FilteredError : public RigidLaw<G> {
     return {next, {tau}, {signals.size(), {e, next.nu}}};
   }
 
-  /// M(q) vdot_ref + C(q, v_ref) v_ref + g(q) [N m].
+  /// Returns M(q) vdot_ref + C(q, v_ref) v_ref + g(q) [N m].
   [[nodiscard]] Vector feedforward(const Vector& q, const ReferencePoint& reference) const {
     const auto [v_ref, a_ref] = this->ahead(reference);
     return robot::inverse_dynamics(this->robot_, q, v_ref, a_ref);
   }
-  /// tau - Kp e - Kd nu [N m].
+  /// Returns tau - Kp e - Kd nu [N m].
   [[nodiscard]] Vector feedback(const Vector& tau, const Vector& e, const Vector& nu,
                                 const ReferencePoint& /*reference*/) const {
     return tau - this->gains_.kp.cwiseProduct(e) - this->gains_.kd.cwiseProduct(nu);
   }
-  /// Kp_dot e + Kd_dot nu, of gains that follow the reference [N m/s].
+  /// Returns Kp_dot e + Kd_dot nu [N m/s]; it is zero unless the gains follow the reference.
   [[nodiscard]] Vector feedback_rate(const Vector& e, const Vector& /*nu*/,
                                      const ReferencePoint& /*reference*/) const {
     return Vector::Zero(e.size());
   }
-  /// Diagonals of A and B [1/s].
+  /// Returns the diagonal of A [1/s].
   [[nodiscard]] Vector filter_pole() const { return this->each(this->gains_.a); }
   [[nodiscard]] Vector filter_gain() const { return this->each(this->gains_.b); }
 

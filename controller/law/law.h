@@ -15,33 +15,33 @@
 #include "controller/law/filter.h"
 #include "messages/signals.h"
 
-/// What a control law is and what it declares; what laws are made of is in parts.h. A law includes
-/// robot/ and the signals of the loop and nothing else; it knows no ticks, messages or scenarios.
+/// The concept of a control law and the declarations of a law; the parts of laws are in parts.h. A
+/// law includes only robot/ and the signals of the loop. It knows no ticks, messages or scenarios.
 namespace tachless::controller::law {
 
 using messages::ReferencePoint;
 using messages::Signal;
 
-/// What one step of a law returns: its next memory, its command, and what it wants logged.
+/// Result of one step of a law: the next memory, the command and the logged signals.
 template <class Memory>
 struct Step {
   Memory memory;                    ///< for the next step
   messages::TorqueCommand command;  ///< motor torque over the next tick [N m; N]
-  messages::LawSignals signals;     ///< as `L::signals` names them; for the log
+  messages::LawSignals signals;     ///< for the log, in the order of `L::signals`
 };
 
-/// What does not belong to one law: sampling. Parameters are a law's own.
+/// Settings that all laws share; the parameters of a law are in its `Gains`.
 struct Settings {
   double period_s = 1e-3;                                    ///< h [s]
   Discretisation filter = Discretisation::first_order_hold;  ///< of the law's filters
-  FilterStart filter_start = FilterStart::at_error;          ///< their state before the first tick
+  FilterStart filter_start = FilterStart::at_error;          ///< initial state of the filters
   double feedforward_lead_s = 0;  ///< how far ahead the feed-forward is evaluated [s]
-  /// Standard deviation of a measured position as the encoder's data sheet has it [rad]; zero or
-  /// empty: ideal.
+  /// Standard deviation of a measured position by the encoder's data sheet [rad]; zero or empty:
+  /// ideal.
   Vector position_std{};
   Vector viscous{};  ///< friction that the law feeds forward [N m s/rad]; empty: none
-  /// Ticks from the state that was measured to the one over which the command that answers it acts,
-  /// the encoder's latency included; at most most_delay.
+  /// Ticks from the measured state to the tick over which the answering command acts, at most
+  /// most_delay. The encoder's latency is included.
   int command_delay = 0;
 
   static constexpr int most_delay = 32;  ///< [ticks]
@@ -49,16 +49,18 @@ struct Settings {
 
 // ---- memory -----------------------------------------------------------------------------------
 
-/// What a law carries from one step to the next, open to whoever has to read and write it number by
-/// number (certificate/ linearises laws). A memory that is not empty declares its members:
+/// True for a memory whose numbers can all be read and written one by one. A law's memory is its
+/// state from one step to the next; analysis/linear differentiates the step by it. A memory that is
+/// not empty declares its members:
 ///
 ///   struct Memory {
 ///     Vector nu, e_previous;
 ///     static constexpr std::tuple members{&Memory::nu, &Memory::e_previous};
 ///   };
 ///
-/// each a vector, such a memory, or an array of one of them; or, where the step has no useful
-/// derivative by its memory, why: `static constexpr std::string_view no_linearisation = "…";`.
+/// Each member is a vector, such a memory, or an array of one of them. A memory by which the step
+/// has no useful derivative declares the reason instead: `static constexpr std::string_view
+/// no_linearisation = "…";`.
 template <class T>
 inline constexpr bool made_of_vectors = std::is_empty_v<T>;
 template <>
@@ -74,7 +76,7 @@ inline constexpr bool made_of_vectors<T> = std::apply(
     },
     T::members);
 
-/// All numbers of the memory are in vectors that `for_each_vector` finds.
+/// A memory whose numbers are all in vectors that `for_each_vector` finds.
 template <class Memory>
 concept MadeOfVectors = made_of_vectors<Memory>;
 
@@ -84,8 +86,8 @@ concept DeclaredMemory = MadeOfVectors<Memory>
   { Memory::no_linearisation } -> std::convertible_to<std::string_view>;
 };
 
-/// f(vector) for each vector of a memory, always in the same order. Which of them are empty is the
-/// law's business.
+/// Calls f(vector) for each vector of a memory, always in the same order. The law decides which of
+/// the vectors are empty.
 template <class Memory, class F>
 requires MadeOfVectors<std::remove_const_t<Memory>>
 void for_each_vector(Memory& memory, const F& f) {
@@ -100,8 +102,9 @@ void for_each_vector(Memory& memory, const F& f) {
 
 // ---- a law ------------------------------------------------------------------------------------
 
-/// What a law declares of itself, beside its equations: name, parameters (`Gains::keys`), logged
-/// signals, and in words its source, what is proved of it and under which conditions.
+/// A type with a law's declarations beside its equations: name, parameters (`Gains::keys`) and
+/// logged signals. In words it declares its source, the proved stability and the conditions of the
+/// proof.
 template <class L>
 concept Declared = base::has_keys<typename L::Gains> && requires {
   { L::name } -> std::convertible_to<std::string_view>;
@@ -113,9 +116,9 @@ concept Declared = base::has_keys<typename L::Gains> && requires {
   { L::has_feedforward_lead } -> std::convertible_to<bool>;
 };
 
-/// A law is a value: parameters and model are constants, its memory is a value that the caller
-/// keeps. `start` gives the memory before the first step from the first measurement; `step` is then
-/// called once per period, the first included; of periods whose measurement was lost the caller
+/// A law: a value whose parameters and model are constants, and whose memory the caller keeps.
+/// `start` returns the memory before the first step from the first measurement. The caller then
+/// calls `step` once per period, the first included. For a period without a measurement the caller
 /// interpolates one (`AnyLaw`).
 template <class L>
 concept Law = Declared<L> && DeclaredMemory<typename L::Memory> &&
@@ -125,7 +128,7 @@ concept Law = Declared<L> && DeclaredMemory<typename L::Memory> &&
   { law.step(memory, measurement, reference) } -> std::same_as<Step<typename L::Memory>>;
 };
 
-/// Lock on velocity: the measurement is exactly a type that holds positions and nothing else.
+/// A measurement without velocity: exactly a type that holds positions and nothing else.
 template <class Measurement>
 concept PositionOnly = std::same_as<Measurement, messages::PositionMeasurement> ||
     std::same_as<Measurement, messages::MotorPositionMeasurement>;
@@ -133,36 +136,38 @@ concept PositionOnly = std::same_as<Measurement, messages::PositionMeasurement> 
 template <class L>
 concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 
-// ---- what a law may declare besides -----------------------------------------------------------
+// ---- optional declarations of a law -----------------------------------------------------------
 
-/// From what a law's rule of thumb for its gains starts: two poles at the bandwidth w for each
-/// joint taken alone. A law that has one declares `static Gains tuned(const Tuning&)`. The rule
-/// looks at no margin: `design` does (analysis/design/design.h).
+/// Inputs of a law's rule of thumb for its gains. The rule places two poles at the bandwidth w for
+/// each joint taken alone. A law with such a rule declares `static Gains tuned(const Tuning&)`. The
+/// rule checks no margin; `design` checks them (analysis/design/design.h).
 struct Tuning {
   double w = 0;            ///< bandwidth [rad/s]
-  double damping = 1;      ///< of the two poles
+  double damping = 1;      ///< damping of the two poles
   double filter = 0;       ///< pole of filters and observers [1/s]
   double period_s = 1e-3;  ///< h [s]
-  Vector inertia;          ///< what each joint feels [kg m2]
+  Vector inertia;          ///< inertia that each joint moves [kg m2]
   Vector stiffness;        ///< K [N m/rad]; empty for rigid joints
   Vector rotor;            ///< J [kg m2]; empty for rigid joints
 
-  /// w^2 inertia [N m/rad].
+  /// Returns w^2 inertia [N m/rad].
   [[nodiscard]] Vector kp() const { return w * w * inertia; }
-  /// 2 damping w inertia [N m s/rad].
+  /// Returns 2 damping w inertia [N m s/rad].
   [[nodiscard]] Vector kd() const { return 2 * (damping * w) * inertia; }
-  /// Gains of a motor's position and velocity that move its link through the spring: links and
-  /// rotors as one, no faster than a quarter of the link's resonance on its spring.
+  /// Returns the gains of a motor's position and velocity that move the motor's link through the
+  /// spring. Link and rotor count as one inertia. The bandwidth is at most a quarter of the link's
+  /// resonance on its spring.
   [[nodiscard]] std::pair<Vector, Vector> through_spring() const {
     const Vector felt = inertia + rotor;
     const Vector slower = (0.25 * stiffness.cwiseQuotient(inertia).cwiseSqrt()).cwiseMin(w);
     return {slower.cwiseAbs2().cwiseProduct(felt), 2 * damping * slower.cwiseProduct(felt)};
   }
-  /// The value for each joint.
+  /// Returns a vector with `value` for each joint.
   [[nodiscard]] Vector each(double value) const { return value * Vector::Ones(inertia.size()); }
-  /// Of the motors behind their springs, links held: sqrt(K / J) [rad/s].
+  /// Returns the resonance sqrt(K / J) of the motors on their springs with the links locked
+  /// [rad/s].
   [[nodiscard]] Vector resonance() const { return stiffness.cwiseQuotient(rotor).cwiseSqrt(); }
-  /// Damps the resonance by a quarter of critical [N m s/rad].
+  /// Returns the motor damping that damps the resonance by a quarter of critical [N m s/rad].
   [[nodiscard]] Vector motor_kd() const { return 0.5 * rotor.cwiseProduct(resonance()); }
 };
 
@@ -171,8 +176,8 @@ concept Tuned = requires(const Tuning& tuning) {
   { L::tuned(tuning) } -> std::same_as<typename L::Gains>;
 };
 
-/// Any law as a function of its memory and measurement, both written as vectors: (memory,
-/// measurement) -> (next memory, torque); the reference is held fixed inside.
+/// Function of a law's memory and measurement, both as vectors, that returns the next memory and
+/// the torque. The reference is fixed inside.
 using LawStep = std::function<std::pair<Eigen::VectorXd, Eigen::VectorXd>(const Eigen::VectorXd&,
                                                                           const Eigen::VectorXd&)>;
 
@@ -181,27 +186,27 @@ struct LoopState {
   Vector q;                         ///< links [rad; m]
   Vector v;                         ///< [rad/s; m/s]
   Vector theta;                     ///< motors [rad]; empty on a rigid robot
-  Vector thetadot;                  ///< [rad/s]; likewise
-  messages::LawSignals controller;  ///< what the law logged for the same tick
+  Vector thetadot;                  ///< [rad/s]; empty on a rigid robot
+  messages::LawSignals controller;  ///< the law's logged signals of the same tick
 };
 
-/// The weights of the cross terms of V, (eps_1 e - eps_2 nu)' M edot: diagonal matrices, by their
-/// diagonals, one number of each where it is common to all errors. The paper's V (eq. 15) has one
-/// weight: eps_1 and eps_2 both epsilon.
+/// Weights of the cross terms of V, (eps_1 e - eps_2 nu)' M edot: the diagonals of diagonal
+/// matrices. A single entry holds for all errors. The paper's V (eq. 15) has one weight: eps_1 =
+/// eps_2 = epsilon.
 struct LyapunovWeights {
   Eigen::VectorXd eps_1;  ///< [1/s]
   Eigen::VectorXd eps_2;  ///< [1]
 
   LyapunovWeights() : LyapunovWeights(0, 0) {}
-  /// One number of each, for all errors.
+  /// Builds weights with one number of each for all errors.
   LyapunovWeights(double first, double second)
       : LyapunovWeights(Eigen::VectorXd::Constant(1, first), Eigen::VectorXd::Constant(1, second)) {
   }
-  /// By their diagonals.
+  /// Builds weights from their diagonals.
   LyapunovWeights(Eigen::VectorXd first, Eigen::VectorXd second)
       : eps_1(std::move(first)), eps_2(std::move(second)) {}
 
-  /// Those of `count` errors from `begin` on.
+  /// Returns the weights of the `count` errors from `begin` on.
   [[nodiscard]] LyapunovWeights of(Eigen::Index count, Eigen::Index begin = 0) const {
     const auto part = [&](const Eigen::VectorXd& eps) -> Eigen::VectorXd {
       if (eps.size() == 1) return Eigen::VectorXd::Constant(count, eps[0]);
@@ -211,9 +216,9 @@ struct LyapunovWeights {
   }
 };
 
-/// A law with the Lyapunov function by which its stability is proved: its formula for people, and
-/// its value [J]; a function without cross terms ignores the weights. It is a function of the true
-/// state, which no law's `step` is given: controller/stepped_law.h evaluates it afterwards.
+/// A law that declares the Lyapunov function of its stability proof: its formula in words, and its
+/// value [J]. A function without cross terms ignores the weights. The function takes the true
+/// state, which `step` does not receive; controller/stepped_law.h evaluates it afterwards.
 template <class L>
 concept HasLyapunovFunction = requires(const L& law, const LoopState& state,
                                        const ReferencePoint& reference,

@@ -10,8 +10,8 @@
 namespace tachless::controller::law {
 
 struct LoriaOrtegaFlexibleGains {
-  Vector kp1, kd1, a1, b1;  ///< of the link's error
-  Vector kp2, kd2, a2, b2;  ///< of the motor's error
+  Vector kp1, kd1, a1, b1;  ///< gains of the link's error
+  Vector kp2, kd2, a2, b2;  ///< gains of the motor's error
 
   using Self = LoriaOrtegaFlexibleGains;
   static constexpr std::tuple keys{
@@ -25,18 +25,18 @@ struct LoriaOrtegaFlexibleGains {
       gain("b2", &Self::b2, "1/s", "Motor filter's gain")};
 };
 
-/// Tracking of a robot with flexible joints without link jerk, `source`,
+/// Tracking of a robot with flexible joints without link jerk (`source`):
 ///
 ///   theta_ref = q_ref + K^-1 [ ID_l(q, v_ref, vdot_ref) - Kp1 e1 - Kd1 nu1 ],
 ///   tau = J thetaddot_ref + K (theta_ref - q_ref) - Kp2 e2 - Kd2 nu2,
 ///   nu_j = diag{ b_j p / (p + a_j) } e_j,   e1 = q - q_ref,   e2 = theta - theta_ref.
 ///
-/// thetaddot_ref is exact: jets (value, first and second time derivative) go through the one
-/// inverse dynamics, with q's second derivative from the first line of eq. 1 by forward dynamics;
-/// nu1dot = -A1 nu1 + B1 e1dot and nu1ddot = -A1 nu1dot + B1 e1ddot are the continuous filter's
-/// equations at the sampled filter's output. The reference's derivatives are used up to snap.
+/// thetaddot_ref is exact. Jets (value, first and second time derivative) go through the one
+/// inverse dynamics. Forward dynamics of the first line of eq. 1 give the second derivative of q.
+/// The continuous filter's equations give nu1dot = -A1 nu1 + B1 e1dot and nu1ddot = -A1 nu1dot + B1
+/// e1ddot at the sampled filter's output. The law uses the reference's derivatives up to snap.
 ///
-/// Motor velocity and link jerk have no way in.
+/// The law uses neither motor velocity nor measured link jerk.
 class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_flexible";
@@ -61,7 +61,8 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
   };
   using LawOf::LawOf;
 
-  /// The motor's part damps its resonance, and leaves its stiffness to the spring.
+  /// Computes gains whose motor part damps the motors' resonance and leaves the stiffness to the
+  /// springs.
   static Gains tuned(const Tuning& t) {
     const Vector motor_filter = 3 * t.resonance();
     return {t.kp(),       t.kd(),       t.each(t.filter), t.each(t.filter), 0.01 * t.stiffness,
@@ -88,13 +89,13 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
     return {{link, motor}, {tau}, {signals.size(), {e1, link.nu, e2, motor.nu}}};
   }
 
-  /// The motors' reference at one instant, with its first two time derivatives.
+  /// The motors' reference at one instant with its first two time derivatives.
   struct MotorReference {
     robot::JetVector torque;     ///< K (theta_ref - q_ref) [N m]
     robot::JetVector theta_ref;  ///< [rad]
   };
 
-  /// theta_ref (the display after eq. 10), with nu1 [rad/s] the link filter's output.
+  /// Returns theta_ref (the display after eq. 10) for the link filter's output nu1 [rad/s].
   [[nodiscard]] MotorReference motor_reference(const Measurement& measured,
                                                const ReferencePoint& reference,
                                                const Vector& nu1) const {
@@ -113,7 +114,7 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
   }
 
   /// Eq. 15 with e = (e1, e2), nu = (nu1, nu2), M = blockdiag(M_l, J), Kp = [Kp1 + K, -K; -K, Kp2 +
-  /// K], Kd and B block diagonal; theta_ref and its derivative at the true state.
+  /// K], and block diagonal Kd and B. theta_ref and its derivative are evaluated at the true state.
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė, links and motors";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,

@@ -22,14 +22,14 @@ struct IntegralGains {
       gain("eps_2", &IntegralGains::eps_2, "1", "Weight of nu in what is integrated")};
 };
 
-/// `LoriaOrtegaRigid` with an integral that takes up constant torques unknown to the model, from
+/// `LoriaOrtegaRigid` with an integral that compensates constant torques unknown to the model, from
 /// link positions alone:
 ///
 ///   tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu - Ki y,   y = e - e(0) + int (eps_1 e - eps_2 nu).
 ///
 /// ydot = edot + eps_1 e - eps_2 nu is the passive output for eq. 15 with these weights. The
-/// integral of nu is that of its own equation, A^-1 (B (e - e(0)) - (nu - nu(0))); e is taken to be
-/// linear between samples.
+/// filter's own equation gives the integral of nu: A^-1 (B (e - e(0)) - (nu - nu(0))). The law
+/// takes e to be linear between samples.
 class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_integral";
@@ -60,7 +60,7 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
             0.25 * t.kp(), eps_1,  5 * eps_1 / t.filter};
   }
 
-  /// y(0) = 0 after the first step.
+  /// Returns the memory with which y(0) = 0 after the first step.
   [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
     const Filter::Memory filter = FilteredError::start(measured, reference);
     return {filter, -increment(filter, filter_.step(filter, measured.q - reference.q_ref))};
@@ -75,12 +75,12 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
     return {{filter, y}, command, {signals.size(), {logged.value[0], filter.nu, integral}}};
   }
 
-  /// The weights of V for which the integral is the passive one.
+  /// Returns the weights of V for which ydot is the passive output.
   [[nodiscard]] LyapunovWeights weights() const { return {gains_.eps_1, gains_.eps_2}; }
 
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė + ½ τ′Ki⁻¹τ of the integral";
-  /// With weights of its own, and as if no torque were unknown.
+  /// Returns V with the law's own weights, for an unknown torque of zero [J].
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
     return FilteredError::lyapunov(state, reference, weights()) +

@@ -18,8 +18,8 @@ struct MatrixGains {
       gain("b", &MatrixGains::b, "1/s", "Filter gain of all joints")};
 };
 
-/// `LoriaOrtegaRigid` with symmetric positive definite matrices Kp and Kd, and A = a I, B = b I:
-/// its proof needs no more of the gains than that Kp, Kd B^-1 and Kd B^-1 A are so.
+/// `LoriaOrtegaRigid` with symmetric positive definite matrices Kp and Kd, and A = a I, B = b I.
+/// Its proof only needs symmetric positive definite Kp, Kd B^-1 and Kd B^-1 A.
 class LoriaOrtegaMatrix : public FilteredError<LoriaOrtegaMatrix, MatrixGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_matrix";

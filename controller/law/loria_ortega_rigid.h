@@ -6,13 +6,13 @@
 
 namespace tachless::controller::law {
 
-/// Tracking of a rigid robot from link positions alone, `source`,
+/// Tracking of a rigid robot from link positions alone (`source`):
 ///
 ///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd nu,   nudot = -A nu + B edot,
 ///
 /// with e = q - q_ref. The first three terms are one inverse dynamics ID(q, v_ref, vdot_ref). With
-/// `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead; q
-/// stays the measured one.
+/// `feedforward_lead_s`, the first two terms use v_ref and vdot_ref at that time ahead; q stays the
+/// measured one.
 class LoriaOrtegaRigid : public FilteredError<LoriaOrtegaRigid> {
  public:
   static constexpr std::string_view name = "loria_ortega_rigid";

@@ -21,9 +21,9 @@ struct ScheduledGains {
 ///
 ///   Kp(t) = w^2 M(q_ref(t)) + w D,   Kd(t) = 2 damping w M(q_ref(t)),   A = a I, B = b I,
 ///
-/// D the viscous friction that is fed forward (`controller.friction`). Near the reference the whole
-/// arm moves like one joint. Weights by M at the measured q have no such proof: Kp(q) e is no
-/// gradient.
+/// with D the viscous friction that is fed forward (`controller.friction`). Near the reference the
+/// whole arm moves like one joint. The proof does not hold for weights by M at the measured q,
+/// because Kp(q) e is no gradient.
 class LoriaOrtegaScheduled : public FilteredError<LoriaOrtegaScheduled, ScheduledGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_scheduled";

@@ -10,10 +10,10 @@
 #include "robot/jet.h"
 #include "robot/model.h"
 
-/// What laws are made of: their robot, gains and feed-forward. No law by itself.
+/// Parts of laws: their robot, gains and feed-forward. This header declares no law.
 namespace tachless::controller::law {
 
-/// A parameter that has to be greater than 0.
+/// Returns the key of a parameter that has to be greater than 0.
 template <class Gains, class Member>
 constexpr base::Key<Gains, Member> gain(std::string_view name, Member Gains::*member,
                                         std::string_view unit, std::string_view meaning) {
@@ -30,8 +30,8 @@ struct PdGains {
       gain("kd", &PdGains::kd, "N m s/rad", "Weight of the velocity error")};
 };
 
-/// Gains of the laws that command -Kp e - Kd nu, where nudot = -A nu + B edot stands in for the
-/// velocity; one of each per joint.
+/// Gains of the laws that command -Kp e - Kd nu, one of each per joint. nudot = -A nu + B edot
+/// replaces the velocity.
 struct FilterGains {
   Vector kp;  ///< [N m/rad]
   Vector kd;  ///< [N m s/rad]
@@ -45,15 +45,15 @@ struct FilterGains {
       gain("b", &FilterGains::b, "1/s", "Filter gain")};
 };
 
-/// What a law knows of a robot with motors behind springs (paper, eq. 1; Spong's simplified
-/// model): M_l(q) vdot + C(q,v) v + g(q) = K (theta - q), J thetaddot + K (theta - q) = tau.
-/// Motor damping is not in eq. 1, hence not here.
+/// A law's model of a robot with motors behind springs (paper, eq. 1; Spong's simplified model):
+/// M_l(q) vdot + C(q,v) v + g(q) = K (theta - q), J thetaddot + K (theta - q) = tau. Eq. 1 has no
+/// motor damping, so the model has none.
 struct FlexibleRobot {
   robot::Model links;    ///< link side: M_l, without rotor inertia
   Vector stiffness;      ///< K [N m/rad], > 0
   Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear, > 0
 
-  /// K (theta - q), the torque of the springs on the links [N m].
+  /// Returns K (theta - q), the torque of the springs on the links [N m].
   [[nodiscard]] Vector spring_torque(const Vector& q, const Vector& theta) const {
     return stiffness.cwiseProduct(theta - q);
   }
@@ -65,10 +65,10 @@ struct Feedforward {
   Vector a_ref;  ///< [rad/s^2]
 };
 
-/// The reference's velocity and acceleration `lead_s` ahead, by Taylor expansion through snap. A
-/// torque held over a tick acts, on average, half a tick (and the command's delay) late; a
-/// feed-forward that much ahead makes up for it. Position, error and filter stay where they are:
-/// they answer to what was measured.
+/// Returns the reference's velocity and acceleration `lead_s` ahead, by Taylor expansion through
+/// snap. A torque held over a tick acts, on average, half a tick and the command's delay late. A
+/// feed-forward that much ahead compensates this delay. Position, error and filter are not taken
+/// ahead, because they refer to the measurement.
 inline Feedforward feedforward_ahead(const ReferencePoint& reference, double lead_s) {
   const double h = lead_s;
   return {reference.v_ref +
@@ -82,84 +82,87 @@ struct ReferenceJets {
   robot::JetVector v;  ///< [rad/s; m/s]
   robot::JetVector a;  ///< [rad/s^2; m/s^2]
 
-  /// At the instant of `r`.
+  /// Computes the jets at the instant of `r`.
   explicit ReferenceJets(const ReferencePoint& r)
       : q(robot::jet(r.q_ref, r.v_ref, r.a_ref)),
         v(robot::jet(r.v_ref, r.a_ref, r.jerk_ref)),
         a(robot::jet(r.a_ref, r.jerk_ref, r.snap_ref)) {}
 };
 
-/// ID(q, v_ref, vdot_ref) of the links on the reference itself, q = q_ref, with its first two time
-/// derivatives: exact, since the reference is given up to snap [N m].
+/// Returns ID(q_ref, v_ref, vdot_ref) of the links with its first two time derivatives [N m]. The
+/// result is exact, because the reference is given up to snap.
 inline robot::JetVector feedforward_torque(const robot::Model& links,
                                            const ReferencePoint& reference) {
   const ReferenceJets r(reference);
   return robot::inverse_dynamics(links, r.q, r.v, r.a);
 }
 
-/// Base of the laws: what each is given once, a robot for rigid or for flexible joints, its gains
-/// and its settings; and what most of them declare.
+/// Base of the laws: robot, gains and settings of one law, and the declarations that most laws
+/// share.
 template <class R, class G>
 class LawOf {
  public:
-  using Robot = R;  ///< of rigid joints with rotor inertia: M = M_l + J
+  using Robot = R;  ///< for rigid joints with rotor inertia: M = M_l + J
   using Gains = G;  ///< declares `keys`
 
   static constexpr bool regulation_only = false;  ///< follows any reference
-  /// Laws for flexible joints differentiate their feed-forward twice, and have no more of the
-  /// reference to look ahead by.
+  /// Laws for flexible joints have no lead: they differentiate their feed-forward twice, so a lead
+  /// would need derivatives beyond snap.
   static constexpr bool has_feedforward_lead = std::is_same_v<Robot, robot::Model>;
 
-  /// Both with an entry per joint.
+  /// @param gains with one entry per joint, like the robot.
   LawOf(Robot robot, Gains gains, const Settings& settings)
       : robot_(std::move(robot)), gains_(std::move(gains)), settings_(settings) {}
 
  protected:
-  /// As the settings have it; a, b [1/s].
+  /// Returns a filter with the discretisation, start and period of the settings; a, b [1/s].
   [[nodiscard]] Filter filter(const Vector& a, const Vector& b) const {
     return {a, b, settings_.filter, settings_.filter_start, settings_.period_s};
   }
-  /// A parameter's value for each joint.
+  /// Returns a parameter's value for each joint.
   [[nodiscard]] static const Vector& each(const Vector& value) { return value; }
-  /// Likewise.
+  /// Returns a vector with `value` for each joint.
   [[nodiscard]] Vector each(double value) const {
     return Vector::Constant(robot_.num_joints, value);
   }
-  /// v_ref and vdot_ref, by the scenario's `feedforward_lead_s` ahead.
+  /// Returns v_ref and vdot_ref, taken ahead by the scenario's `feedforward_lead_s`.
   [[nodiscard]] Feedforward ahead(const ReferencePoint& reference) const {
     return feedforward_ahead(reference, settings_.feedforward_lead_s);
   }
 
-  Robot robot_;        ///< as given
-  Gains gains_;        ///< likewise
-  Settings settings_;  ///< likewise
+  Robot robot_;        ///< the law's model of the robot
+  Gains gains_;        ///< parameters of the law
+  Settings settings_;  ///< sampling
 };
 
-/// Of rigid joints.
+/// Base of the laws for rigid joints.
 template <class Gains>
 using RigidLaw = LawOf<robot::Model, Gains>;
-/// Of motors behind springs.
+/// Base of the laws for motors behind springs.
 template <class Gains>
 using FlexibleLaw = LawOf<FlexibleRobot, Gains>;
 
-/// Base of the laws that are fed the full state and keep nothing from one tick to the next.
+/// Base of the laws that measure the full state and keep nothing from one tick to the next.
 struct FullState {
-  using Measurement = messages::StateMeasurement;  ///< what it is fed
+  using Measurement = messages::StateMeasurement;  ///< full state
   struct Memory {};
 
-  /// Nothing.
+  /// Returns the empty memory.
   [[nodiscard]] static Memory start(const Measurement& /*measurement*/,
                                     const ReferencePoint& /*reference*/) {
     return {};
   }
 };
 
-/// x' diag(d) x.
+/// Returns x' diag(d) x.
 inline double weighted(const Vector& d, const Vector& x) { return x.dot(d.cwiseProduct(x)); }
 
-/// Eq. 15 of Loria and Ortega (1995) for a rigid robot, with weights of each error [J]: 1/2 edot' M
-/// edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot, with `momentum` = M
-/// edot, `spring` = Kp e and `damper` = Kd B^-1 nu. Weights before `begin` are of other errors.
+/// Returns eq. 15 of Loria and Ortega (1995) for a rigid robot with weights of each error [J]: 1/2
+/// edot' M edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot.
+/// @param momentum M edot
+/// @param spring Kp e
+/// @param damper Kd B^-1 nu
+/// @param begin index of the weights of the first of these errors
 inline double equation_15(const Vector& e, const Vector& edot, const Vector& nu,
                           const Vector& momentum, const Vector& spring, const Vector& damper,
                           const LyapunovWeights& weights, Eigen::Index begin = 0) {

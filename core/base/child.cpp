@@ -7,13 +7,20 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <condition_variable>
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
+#include <future>
+#include <mutex>
 #include <sstream>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "base/failure.h"
@@ -35,7 +42,7 @@ void end_line(Child& child, const std::function<void(std::string)>& on_line) {
   if (!line.empty()) on_line(std::move(line));
 }
 
-/// What exec takes: pointers into `command`, and a null.
+/// Returns the argument of exec: pointers into `command`, and a null.
 std::vector<char*> arguments(const std::vector<std::string>& command) {
   std::vector<char*> argv;
   argv.reserve(command.size() + 1);
@@ -49,6 +56,191 @@ void await_output(const Child& child, int limit_ms) {
   pollfd fd{child.output.get(), POLLIN, 0};
   poll(&fd, 1, limit_ms);
 }
+
+constexpr const char* notice_variable = "TACHLESS_NOTICE_FD";
+
+struct Pipe {
+  Pipe() {
+    std::array<int, 2> ends{};
+    if (pipe2(ends.data(), O_CLOEXEC) != 0) fail("pipe2");
+    read = FileDescriptor(ends[0]);
+    write = FileDescriptor(ends[1]);
+  }
+  FileDescriptor read, write;
+};
+
+void do_not_wait(const FileDescriptor& end) {
+  if (fcntl(end.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
+}
+
+/// Passes bytes from descriptor `in` to `out`, and never waits for `out` alone. Keeps the newest
+/// bytes when `out` is full. Calls only functions that are safe after a fork.
+[[noreturn]] void relay(int in, int out) {
+  static std::array<char, 1U << 18> ring;
+  static std::array<char, 1U << 16> chunk;
+  std::uint64_t begin = 0, end = 0, dropped = 0;
+  while (in >= 0 || begin < end || dropped > 0) {
+    std::array<pollfd, 2> fds{pollfd{in, POLLIN, 0},
+                              pollfd{out, static_cast<short>(begin < end ? POLLOUT : 0), 0}};
+    poll(fds.data(), fds.size(), -1);
+    if ((fds[1].revents & (POLLERR | POLLNVAL)) != 0) break;
+    if (in >= 0 && fds[0].revents != 0) {
+      const ssize_t got = ::read(in, chunk.data(), chunk.size());
+      if (got <= 0) in = -1;
+      for (ssize_t i = 0; i < got; ++i) ring[end++ % ring.size()] = chunk[i];
+      if (end - begin > ring.size()) {
+        dropped += end - begin - ring.size();
+        begin = end - ring.size();
+      }
+    }
+    if (dropped > 0) {
+      std::array<char, 48> note{};
+      const auto end_of_note =
+          fmt::format_to_n(note.data(), note.size(), "\n{}{}\n", dropped_mark, dropped);
+      if (::write(out, note.data(), end_of_note.size) > 0) dropped = 0;
+    }
+    if (dropped > 0 || begin == end) continue;
+    const std::size_t from = begin % ring.size();
+    const std::size_t most = std::min<std::size_t>(end - begin, ring.size() - from);
+    const ssize_t written = ::write(out, &ring[from], most);
+    if (written > 0) begin += static_cast<std::uint64_t>(written);
+  }
+  _exit(0);
+}
+
+/// Starts a relay between the pipes. It is no child of this process and ends with its pipes.
+void start_relay(const FileDescriptor& in, const FileDescriptor& out) {
+  fcntl(in.get(), F_SETPIPE_SZ, 1 << 20);  // refused: it stays at 64 kB
+  do_not_wait(out);
+  const pid_t pid = fork();
+  if (pid < 0) fail("fork");
+  if (pid > 0) {
+    while (waitpid(pid, nullptr, 0) < 0 && errno == EINTR) continue;
+    return;
+  }
+  if (fork() != 0) _exit(0);
+  setsid();
+  std::signal(SIGPIPE, SIG_IGN);
+  const int from = fcntl(in.get(), F_DUPFD, 10), to = fcntl(out.get(), F_DUPFD, 10);
+  const int nothing = ::open("/dev/null", O_RDWR);
+  for (int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) dup2(nothing, standard);
+  dup2(from, 3);
+  dup2(to, 4);
+  close_range(5, ~0U, 0);
+  relay(3, 4);
+}
+
+/// This process's environment and, where the child reports, the variable that names its descriptor.
+std::vector<char*> environment(std::string& notice_setting) {
+  std::vector<char*> all;
+  for (char** each = environ; each != nullptr && *each != nullptr; ++each) {
+    if (!std::string_view(*each).starts_with(std::string(notice_variable) + "=")) {
+      all.push_back(*each);
+    }
+  }
+  if (!notice_setting.empty()) all.push_back(notice_setting.data());
+  all.push_back(nullptr);
+  return all;
+}
+
+/// `start` from a thread that lives as long as this process.
+Child start_here(const std::vector<std::string>& command, const StartOptions& options) {
+  Pipe output, refusal;  // the second carries errno when exec fails; exec closes it
+  if (options.relayed) {
+    Pipe relayed;
+    start_relay(output.read, relayed.write);
+    output.read = std::move(relayed.read);
+  }
+  do_not_wait(output.read);
+  std::optional<Pipe> notices;
+  std::string notice_setting;
+  if (options.gives_notices) {
+    notices.emplace();
+    do_not_wait(notices->read);
+    do_not_wait(notices->write);
+    notice_setting = fmt::format("{}={}", notice_variable, notices->write.get());
+  }
+  const std::vector<char*> argv = arguments(command), envp = environment(notice_setting);
+  const pid_t parent = getpid();
+  const pid_t pid = fork();
+  if (pid < 0) fail("fork");
+  if (pid == 0) {
+    setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    const int input =
+        options.input >= 0 ? options.input : ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+    if (notices) fcntl(notices->write.get(), F_SETFD, 0);
+    if (getppid() == parent && input >= 0 && dup2(input, STDIN_FILENO) >= 0 &&
+        dup2(output.write.get(), STDOUT_FILENO) >= 0 &&
+        dup2(output.write.get(), STDERR_FILENO) >= 0 &&
+        sigprocmask(SIG_SETMASK, &*options.mask, nullptr) == 0 && execute_on(options.cpus)) {
+      execvpe(argv[0], argv.data(), envp.data());
+    }
+    const int error = errno;
+    [[maybe_unused]] const ssize_t written = ::write(refusal.write.get(), &error, sizeof error);
+    _exit(127);
+  }
+  refusal.write = FileDescriptor();
+  int error = 0;
+  ssize_t got;
+  do {
+    got = ::read(refusal.read.get(), &error, sizeof error);
+  } while (got < 0 && errno == EINTR);
+  if (got == sizeof error) {
+    waitpid(pid, nullptr, 0);
+    throw base::bad_usage(
+        "cannot start {}: {}; install it, or, if it is one of tachless, build the whole project",
+        command.front(), std::strerror(error));
+  }
+  Child child;
+  child.pid = pid;
+  child.running = true;
+  child.output = std::move(output.read);
+  if (notices) child.notices = std::move(notices->read);
+  return child;
+}
+
+/// Starts programs for threads that may end before them: PR_SET_PDEATHSIG follows the thread that
+/// forked. Lives as long as this process.
+class Starter {
+ public:
+  static Starter& instance() {
+    static Starter* const starter = new Starter;
+    return *starter;
+  }
+
+  Child start(const std::vector<std::string>& command, const StartOptions& options) {
+    std::packaged_task<Child()> task([&] { return start_here(command, options); });
+    std::future<Child> result = task.get_future();
+    {
+      const std::lock_guard lock(mutex_);
+      tasks_.push_back(std::move(task));
+    }
+    wake_.notify_one();
+    return result.get();
+  }
+
+ private:
+  Starter() {
+    std::thread([this] {
+      sigset_t all;
+      sigfillset(&all);
+      pthread_sigmask(SIG_BLOCK, &all, nullptr);  // signals are for the other threads
+      for (std::unique_lock lock(mutex_);;) {
+        wake_.wait(lock, [this] { return !tasks_.empty(); });
+        std::packaged_task<Child()> task = std::move(tasks_.front());
+        tasks_.pop_front();
+        lock.unlock();
+        task();
+        lock.lock();
+      }
+    }).detach();
+  }
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<std::packaged_task<Child()>> tasks_;
+};
 
 }  // namespace
 
@@ -65,68 +257,59 @@ sigset_t blocked_signals() {
   return mask;
 }
 
-Child start(const std::vector<std::string>& command, const sigset_t& mask,
-            const std::vector<int>& cpus, int input) {
-  std::array<int, 2> output{};
-  std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
-  if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
-  FileDescriptor output_read(output[0]);
-  FileDescriptor output_write(output[1]);
-  if (pipe2(refusal.data(), O_CLOEXEC) != 0) fail("pipe2");
-  FileDescriptor refusal_read(refusal[0]);
-  FileDescriptor refusal_write(refusal[1]);
-  if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
-
+Child start(const std::vector<std::string>& command, const StartOptions& options) {
   std::signal(SIGCHLD, SIG_DFL);  // ignored, as it may be inherited, it would leave no end to take
-  const std::vector<char*> argv = arguments(command);
-  const pid_t parent = getpid();
-  const pid_t pid = fork();
-  if (pid < 0) fail("fork");
-  if (pid == 0) {
-    setpgid(0, 0);
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    if (input < 0) input = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
-    if (getppid() == parent && input >= 0 && dup2(input, STDIN_FILENO) >= 0 &&
-        dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
-        dup2(output_write.get(), STDERR_FILENO) >= 0 &&
-        sigprocmask(SIG_SETMASK, &mask, nullptr) == 0 && execute_on(cpus)) {
-      execvp(argv[0], argv.data());
-    }
-    const int error = errno;
-    [[maybe_unused]] const ssize_t written = ::write(refusal_write.get(), &error, sizeof error);
-    _exit(127);
-  }
-  refusal_write = FileDescriptor();
-  int error = 0;
-  ssize_t got;
-  do {
-    got = ::read(refusal_read.get(), &error, sizeof error);
-  } while (got < 0 && errno == EINTR);
-  if (got == sizeof error) {
-    waitpid(pid, nullptr, 0);
-    throw base::bad_usage(
-        "cannot start {}: {}; install it, or, if it is one of tachless, build the whole project",
-        command.front(), std::strerror(error));
-  }
-  Child child;
-  child.pid = pid;
-  child.running = true;
-  child.output = std::move(output_read);
-  return child;
+  StartOptions wanted = options;
+  if (!wanted.mask) wanted.mask = blocked_signals();
+  if (gettid() == getpid()) return start_here(command, wanted);
+  return Starter::instance().start(command, wanted);
 }
 
-void read_lines(Child& child, const std::function<void(std::string)>& on_line) {
+bool read_lines(Child& child, const std::function<void(std::string)>& on_line) {
+  constexpr int most_reads = 16;
   std::array<char, 4096> buffer;
   ssize_t got = -1;
-  while (child.output.get() >= 0 &&
+  int reads = 0;
+  while (child.output.get() >= 0 && reads < most_reads &&
          (got = ::read(child.output.get(), buffer.data(), buffer.size())) > 0) {
+    ++reads;
     for (const char c : std::string_view(buffer.data(), static_cast<std::size_t>(got))) {
       if (c != '\n') child.partial += c;
       if (c == '\n' || child.partial.size() >= longest_line) end_line(child, on_line);
     }
   }
+  if (reads == most_reads) return true;
   if (got == 0) child.output = FileDescriptor();
   if (child.output.get() < 0 || !child.running) end_line(child, on_line);
+  return false;
+}
+
+void read_rest(Child& child, std::chrono::milliseconds patience,
+               const std::function<void(std::string)>& on_line) {
+  const auto deadline = Clock::now() + patience;
+  child.running = true;  // a line that has not ended may go on
+  while (child.output.get() >= 0 && Clock::now() < deadline) {
+    await_output(child, 20);
+    read_lines(child, on_line);
+  }
+  child.running = false;
+  end_line(child, on_line);
+}
+
+std::vector<Notice> take_notices(Child& child) {
+  std::vector<Notice> notices;
+  char each = 0;
+  while (child.notices.get() >= 0 && ::read(child.notices.get(), &each, 1) == 1) {
+    notices.push_back(static_cast<Notice>(each));
+  }
+  return notices;
+}
+
+void give_notice(Notice notice) noexcept {
+  const char* const variable = std::getenv(notice_variable);
+  if (variable == nullptr) return;
+  const char byte = static_cast<char>(notice);
+  [[maybe_unused]] const ssize_t written = ::write(std::atoi(variable), &byte, 1);
 }
 
 std::optional<End> take_end(Child& child, bool wait) {
@@ -154,7 +337,8 @@ End end_within(Child& child, std::chrono::milliseconds patience, const OnLine& o
   }
   kill(-child.pid, SIGKILL);
   const End end = take_end(child, true).value_or(End());
-  read_lines(child, on_line);
+  constexpr int most_shares = 32;  // a pipe holds at most 1 MB
+  for (int i = 0; i < most_shares && read_lines(child, on_line); ++i) continue;
   return end;
 }
 

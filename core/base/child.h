@@ -2,63 +2,93 @@
 
 #include <sys/types.h>
 
+#include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/file_descriptor.h"
 
-/// The one way to start another program or process. Who watches several at once: launch/supervise.
+/// Starts, reads and reaps one child process. cli/supervise watches several at once.
 namespace tachless::base {
 
-/// A process that was started here. Has to be waited for, with `take_end`.
+/// A process that was started here. `take_end` has to reap it.
 struct Child {
   pid_t pid = -1;
   bool running = false;
-  base::FileDescriptor output;  ///< its stdout and stderr; -1 once it has closed them
-  std::string partial;          ///< the line that has not ended yet
+  base::FileDescriptor output;   ///< its stdout and stderr; -1 once it has closed them
+  base::FileDescriptor notices;  ///< source of the child's notices; -1: not asked for
+  std::string partial;           ///< the line that has not ended yet
 };
 
-/// How a process ended.
+/// Settings of a start.
+struct StartOptions {
+  std::optional<sigset_t> mask;  ///< signals that the child blocks; empty: those of this thread
+  std::vector<int> cpus;         ///< CPUs on which it may execute; empty: those of this process
+  int input = -1;                ///< descriptor that becomes its stdin; -1: /dev/null
+  /// A process between the child and this one empties the child's pipe and never waits for this
+  /// one. It keeps the newest 256 kB, drops what is older, and reports the number of dropped bytes
+  /// in a line that begins with `dropped_mark`.
+  bool relayed = false;
+  bool gives_notices = false;  ///< the child can report to `Child::notices`
+};
+inline constexpr std::string_view dropped_mark = "<dropped> ";
+
+/// Event that a robot's driver reports with `give_notice`.
+enum class Notice : char { robot_starts = 's', robot_stopped = 'e' };
+
+/// Reports to the process that started this one with `gives_notices`; does nothing without one.
+/// Never waits.
+void give_notice(Notice notice) noexcept;
+
+/// End of a process.
 struct End {
-  int exit_code = 0;  ///< when `signal` is 0
-  int signal = 0;     ///< that killed it
+  int exit_code = 0;  ///< valid when `signal` is 0
+  int signal = 0;     ///< signal that killed the process; 0: none
 
   [[nodiscard]] bool well() const { return exit_code == 0 && signal == 0; }
 };
-/// "was killed by signal 9 (Killed)", "ended with exit code 3", "ended".
+/// Returns "was killed by signal 9 (Killed)", "ended with exit code 3" or "ended".
 std::string text(const End& end);
 
-/// Signals that this thread has blocked.
+/// Returns the signals that this thread has blocked.
 sigset_t blocked_signals();
 
-/// Starts a program (a path, or a name on the search path) with its arguments, stdin empty, in a
-/// process group of its own, so that Ctrl-C reaches this process alone. Should this process die, it
-/// gets SIGTERM.
-/// @param mask signals that it has blocked  @param cpus on which it may execute; empty: as this one
-/// @param input descriptor that becomes its stdin in place of nothing; -1: none
+/// Starts a program (a path, or a name on the search path) with its arguments. The child has its
+/// own process group, so that Ctrl-C reaches this process alone. The child gets SIGTERM when this
+/// process dies. Any thread may call this; the child does not end with the thread.
 /// @throw base::Failure(bad_usage) naming the program that cannot be started
-Child start(const std::vector<std::string>& command, const sigset_t& mask = blocked_signals(),
-            const std::vector<int>& cpus = {}, int input = -1);
+Child start(const std::vector<std::string>& command, const StartOptions& options = {});
 
-/// Hands over each line that the process has written since the last call, without waiting. Once it
-/// has ended and closed its output, that includes a last line without an end.
-void read_lines(Child& child, const std::function<void(std::string)>& on_line);
+/// Hands over each line that the process has written since the last call, but reads at most 64 kB.
+/// Does not wait. A last line without an end follows once the process has ended.
+/// @return true if there may be more
+bool read_lines(Child& child, const std::function<void(std::string)>& on_line);
 
-/// How a running child has ended; nothing if it has not, or this has been asked before. Does not
-/// wait unless `wait`.
+/// Reads the rest of the output of a child that has ended. Reads for at most `patience` if another
+/// process holds the pipe.
+void read_rest(Child& child, std::chrono::milliseconds patience,
+               const std::function<void(std::string)>& on_line);
+
+/// Returns the notices since the last call. Does not wait.
+std::vector<Notice> take_notices(Child& child);
+
+/// Returns the end of a running child. Returns nothing while it runs, and after the first call that
+/// returned the end. Waits only with `wait`.
 std::optional<End> take_end(Child& child, bool wait = false);
 
 using OnLine = std::function<void(std::string line)>;
 
-/// Waits for a running child's end, at most `patience`, then kills it; kills in any case what it
-/// has started and left in its process group. Its last lines are handed over.
-/// @return how it ended
+/// Waits for a running child's end, at most `patience`, then kills it. Always kills the rest of its
+/// process group. Hands over its last lines.
+/// @return its end
 End end_within(Child& child, std::chrono::milliseconds patience, const OnLine& on_line);
 
-/// How a program ended, and what it wrote.
+/// End of a program, with its output.
 struct Finished : End {
   std::vector<std::string> lines;
 };
@@ -67,15 +97,14 @@ struct Finished : End {
 /// @throw base::Failure as `start`
 Finished run(const std::vector<std::string>& command);
 
-/// Where the search path has a program of this name that may be executed.
+/// Finds an executable program of this name in the search path.
 std::optional<std::filesystem::path> find_program(const std::string& name);
 
 /// Replaces this process by a program (a path) with its arguments.
 /// @throw base::Failure(bad_usage) naming the program and `remedy`
 [[noreturn]] void become(const std::vector<std::string>& command, const std::string& remedy);
 
-/// Whether `attempt`, made in a copy of this process, returns true there. What it does to its
-/// process does not happen to this one.
+/// Runs `attempt` in a forked child and returns its result. Side effects stay in the child.
 bool works_in_a_copy(bool (*attempt)());
 
 }  // namespace tachless::base

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <exception>
+#include <new>
 
 #include "base/logging.h"
 #include "base/text.h"
@@ -19,7 +20,13 @@ std::string_view remedy(const std::error_code& code) {
     return "allow more processes and threads (ulimit -u), or end some";
   }
   if (code == std::errc::no_space_on_device) return "free some space on that disk";
-  return "`tachless doctor` looks at what a run needs";
+  return "run tachless doctor: it examines what a run needs";
+}
+
+/// Returns the failure of a process that gets no more memory.
+Failure memory_failure() {
+  return {ExitCode::bad_usage,
+          "there is not enough memory; free some, or allow more: ulimit -v unlimited"};
 }
 
 }  // namespace
@@ -40,6 +47,8 @@ Failure current_failure() {
     return failure;
   } catch (const std::system_error& error) {
     return system_failure(error);
+  } catch (const std::bad_alloc&) {
+    return memory_failure();
   } catch (const std::exception& error) {
     return {ExitCode::protocol_violated, error.what()};
   } catch (...) {
@@ -59,6 +68,8 @@ int told_exception(std::string_view evidence) {
     return tell(failure);
   } catch (const std::system_error& error) {
     return tell(system_failure(error));
+  } catch (const std::bad_alloc&) {
+    return tell(memory_failure());
   } catch (const std::exception& error) {
     return tell(
         {ExitCode::protocol_violated, fmt::format("internal error: {}; please report it with {}",

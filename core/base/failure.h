@@ -20,12 +20,12 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-/// Ends a program with `code` and one line on stderr that says what, where and what to do: `what`
-/// as one_line() gives it, since a name or a value in it may hold line ends.
+/// Error that ends a program with `code` and one line on stderr: what, where, what to do.
+/// one_line() removes the line ends of names and values.
 class Failure : public std::runtime_error {
  public:
   Failure(ExitCode code, std::string_view what);
-  /// `what` with its arguments, as fmt::format writes them.
+  /// Formats `what` with its arguments by fmt::format.
   template <class First, class... Rest>
   Failure(ExitCode code, fmt::format_string<First, Rest...> what, First&& first, Rest&&... rest)
       : Failure(code, std::string_view(fmt::format(what, std::forward<First>(first),
@@ -36,26 +36,25 @@ class Failure : public std::runtime_error {
   ExitCode code_;
 };
 
-/// Failure(ExitCode::bad_usage, …), the most frequent one.
+/// Returns a Failure with ExitCode::bad_usage.
 Failure bad_usage(std::string_view what);
 template <class First, class... Rest>
 Failure bad_usage(fmt::format_string<First, Rest...> what, First&& first, Rest&&... rest) {
   return {ExitCode::bad_usage, what, std::forward<First>(first), std::forward<Rest>(rest)...};
 }
 
-/// The failure (exit code 2) of a program that the operating system refuses something that nothing
-/// nearer to the call knows better words for, with what to do.
+/// Turns a system error that no caller has explained into a Failure (exit code 2) with a remedy.
 Failure system_failure(const std::system_error& error);
 
-/// The exception being handled, as a Failure: itself if it is one, `system_failure` of a
-/// std::system_error, otherwise with its words and ExitCode::protocol_violated, whatever its type.
-/// To be called in a catch clause.
+/// Returns the exception being handled as a Failure. A std::system_error goes through
+/// `system_failure`; any other exception keeps its words and gets ExitCode::protocol_violated. Call
+/// in a catch clause.
 Failure current_failure();
 
-/// For the catch clause of a `main`, of a std::exception: one line on stderr, and the exit code
-/// that it returns. What is neither a Failure nor a refusal of the system is an internal error
-/// (code 4).
-/// @param evidence what a report of that should hold: "the command line"
+/// Prints the std::exception being handled on one line of stderr and returns the exit code. Call in
+/// the catch clause of `main`. An exception that is neither a Failure nor a system error is an
+/// internal error (code 4).
+/// @param evidence what a report of an internal error should contain: "the command line"
 int told_exception(std::string_view evidence);
 
 }  // namespace tachless::base

@@ -6,49 +6,57 @@
 #include <string>
 #include <string_view>
 
-/// Files as a whole: what is in one, and one that is there when it is whole; a temporary directory.
-/// Knows no format.
+#include "base/file_descriptor.h"
+
+/// Whole-file helpers: reads a file, writes a file so that nobody sees a half of it, makes a
+/// temporary directory. Knows no format.
 namespace tachless::base {
 
 /// Longest text of a scenario or a URDF that is read, from files and from logs.
 inline constexpr std::size_t max_text_bytes = 1'000'000;
 
-/// All that is in the file, to the byte; nothing when it cannot be opened or is a directory (errno
-/// then says why it cannot be opened).
+/// Returns every byte of the file. Returns nothing if the file cannot be opened (errno says why) or
+/// is a directory.
 std::optional<std::string> file_text(const std::filesystem::path& path);
 
-/// The same of a file that a user has named. `max_bytes`: 0 is no limit.
+/// Returns every byte of a file that a user has named. `max_bytes`: 0 is no limit.
 /// @throw Failure(bad_usage) with the file's name and why it cannot be read
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
 
-/// A file that is written under another name (X.partial) and renamed when it is complete: until
-/// then, and if it never is, the earlier file stays. The other name is created exclusively: no link
-/// that somebody has put there is followed. A pipe or a terminal is written to directly.
+/// A file that gets its name when it is complete. Until then, and if it never is, the earlier file
+/// stays. It has no name before, and a signal leaves nothing of it. Where the file system needs a
+/// name, that name (X.1a2b3c4d.partial) is random and is created exclusively: two writers of one
+/// file never share it. A pipe or a terminal is written to directly.
 class UnfinishedFile {
  public:
-  /// @param remedy what to do when it cannot be written: "name another file with -o"
-  /// @throw Failure(bad_usage) naming `path` when that is a directory, or cannot be created there
+  /// @param remedy what to do if the file cannot be written: "name another file with -o"
+  /// @throw Failure(bad_usage) naming `path` if that is a directory or cannot be created there
   explicit UnfinishedFile(std::filesystem::path path, std::string_view remedy);
   UnfinishedFile(const UnfinishedFile&) = delete;
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
   ~UnfinishedFile();
 
-  /// The name to write to.
-  [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : partial_; }
+  /// The name to write to, for writers that open a file by its name.
+  [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : name_; }
 
   /// Writes all of the content, and finishes. @throw as `finish`
   void write(std::string_view content);
-  /// Puts the file, which is whole and closed, in its place.
+  /// Writes all of the content unless `path` exists by then.
+  /// @return false if another writer was first; its file stays  @throw as `finish`
+  bool write_new(std::string_view content);
+  /// Puts the complete and closed file in its place.
   /// @throw Failure(bad_usage) naming `path`, cause and remedy
   void finish();
 
-  /// @throw Failure(bad_usage) naming `path` and remedy: "<path>: cannot be written: <cause>;
-  /// <remedy>"
+  /// @throw Failure(bad_usage) "<path>: cannot be written: <cause>; <remedy>"
   [[noreturn]] void refuse(std::string_view cause) const;
 
  private:
+  void write_all(std::string_view content);
+
   std::filesystem::path path_;
-  std::filesystem::path partial_;
+  std::filesystem::path name_;  ///< temporary, or of the descriptor; empty if complete
+  FileDescriptor file_;
   std::string remedy_;
   bool direct_ = false;
 };
@@ -56,9 +64,9 @@ class UnfinishedFile {
 /// A new empty directory, removed with the object.
 class TemporaryDirectory {
  public:
-  /// @throw Failure(bad_usage) when it cannot be made
-  explicit TemporaryDirectory(
-      const std::filesystem::path& parent = std::filesystem::temp_directory_path());
+  /// @param parent where it is made; default: the system's directory for temporary files
+  /// @throw Failure(bad_usage) if it cannot be made
+  explicit TemporaryDirectory(const std::filesystem::path& parent = default_parent());
   TemporaryDirectory(const TemporaryDirectory&) = delete;
   TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
   ~TemporaryDirectory();
@@ -66,6 +74,8 @@ class TemporaryDirectory {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:
+  static std::filesystem::path default_parent();
+
   std::filesystem::path path_;
 };
 

@@ -1,5 +1,6 @@
 #include "base/logging.h"
 
+#include <fmt/format.h>
 #include <spdlog/sinks/ansicolor_sink.h>
 #include <spdlog/spdlog.h>
 
@@ -7,10 +8,23 @@
 #include <cstdlib>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "base/text.h"
 
 namespace tachless::base {
+namespace {
+
+/// Returns a line for people. A line that quotes a long text keeps its begin and its end, where the
+/// remedy stands.
+std::string shown(std::string_view line) {
+  constexpr std::size_t longest = 6000, begin = 4000;
+  if (line.size() <= longest) return printable(line);
+  return fmt::format("{} [... {} characters ...] {}", printable(line.substr(0, begin)),
+                     line.size() - longest, printable(line.substr(line.size() - longest + begin)));
+}
+
+}  // namespace
 
 void start_logging(std::string_view program, Verbosity verbosity, Marks marks) {
   // Warnings and errors in colour, on a terminal that has any (https://no-color.org).
@@ -28,13 +42,13 @@ void start_logging(std::string_view program, Verbosity verbosity, Marks marks) {
 }
 
 // "{}" keeps a brace in a line from being read as a format.
-void log_detail(std::string_view line) { spdlog::debug("{}", printable(line)); }
-void log_info(std::string_view line) { spdlog::info("{}", printable(line)); }
-void log_warning(std::string_view line) { spdlog::warn("{}", printable(line)); }
-void log_error(std::string_view line) { spdlog::error("{}", printable(line)); }
+void log_detail(std::string_view line) { spdlog::debug("{}", shown(line)); }
+void log_info(std::string_view line) { spdlog::info("{}", shown(line)); }
+void log_warning(std::string_view line) { spdlog::warn("{}", shown(line)); }
+void log_error(std::string_view line) { spdlog::error("{}", shown(line)); }
 
 void pass_on(std::string_view line) {
-  const std::string text = fmt::format("{}\n", printable(line));
+  const std::string text = fmt::format("{}\n", shown(line));
   std::fwrite(text.data(), 1, text.size(), stderr);
 }
 

@@ -5,20 +5,20 @@
 #include <string_view>
 #include <utility>
 
-/// Lines for people, on stderr: "tachless-plant: waiting for controller". Never called from the
-/// code that runs once per tick: writing may block and allocates.
+/// Lines for people, on stderr: "tachless-plant: waiting for controller". Code that runs once per
+/// tick never calls these functions: writing may block, and it allocates.
 namespace tachless::base {
 
 enum class Verbosity { quiet, normal, verbose };
 
-/// What stands before a line: nothing, or its level ("<error> "), for a program that reads it.
+/// Whether lines start with their level ("<error> "), for programs that parse them.
 enum class Marks { none, levels };
 inline constexpr std::string_view error_mark = "<error> ";
 inline constexpr std::string_view warning_mark = "<warning> ";
 
-/// Sets the program's name and what is shown: quiet = warnings and errors, normal = also what
-/// happens once per run, verbose = also details. To be called once, before the first line.
-/// All lines are made printable (text.h).
+/// Sets the program's name and the verbosity: quiet shows warnings and errors, normal also events
+/// that happen once per run, verbose also details. Call once, before the first line. Every line is
+/// made printable (text.h).
 void start_logging(std::string_view program, Verbosity verbosity, Marks marks = Marks::none);
 
 void log_detail(std::string_view line);  ///< shown with --verbose
@@ -26,7 +26,7 @@ void log_info(std::string_view line);
 void log_warning(std::string_view line);
 void log_error(std::string_view line);
 
-/// The same with arguments, as fmt::format writes them.
+/// Formats the line with its arguments by fmt::format.
 template <class First, class... Rest>
 void log_detail(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
   log_detail(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
@@ -44,7 +44,7 @@ void log_error(fmt::format_string<First, Rest...> line, First&& first, Rest&&...
   log_error(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
 }
 
-/// A line that another program has written, under whatever verbosity, without a name before it.
+/// Prints a line of another program without a name before it, at every verbosity.
 void pass_on(std::string_view line);
 
 }  // namespace tachless::base

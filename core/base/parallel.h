@@ -13,8 +13,8 @@ namespace tachless::base {
 
 inline unsigned all_cores() { return std::max(1U, std::thread::hardware_concurrency()); }
 
-/// f(0) … f(count - 1) on all cores, in no particular order; returns when all are done. The first
-/// exception thrown by f is thrown again here.
+/// Calls f(0) … f(count - 1) on all cores, in no particular order, and returns when all are done.
+/// Rethrows the first exception of f.
 template <class F>
 void parallel_for(std::size_t count, const F& f, unsigned most_threads = all_cores()) {
   const std::size_t num_threads = std::min<std::size_t>(count, most_threads);
@@ -43,7 +43,7 @@ void parallel_for(std::size_t count, const F& f, unsigned most_threads = all_cor
   if (failure) std::rethrow_exception(failure);
 }
 
-/// f(0) … f(count - 1), computed so.
+/// Returns f(0) … f(count - 1), computed by parallel_for.
 template <class F>
 auto parallel_map(std::size_t count, const F& f) {
   using Result = std::invoke_result_t<F, std::size_t>;

@@ -3,12 +3,12 @@
 #include <Eigen/Core>
 #include <limits>
 
-/// Vocabulary shared by every room. This header and core/robot/model.h stay C++17-clean: the
+/// Types that every library shares. This header and core/robot/model.h stay C++17-clean: the
 /// Simbody translation unit includes them.
 namespace tachless {
 
-/// Most joints a robot may have. Vectors and matrices reserve room for that many in place, so
-/// that nothing allocates once a run has begun.
+/// Most joints a robot may have. Vectors and matrices reserve space for this many in place:
+/// nothing allocates once a run has begun.
 inline constexpr int max_joints = 64;
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
@@ -20,7 +20,7 @@ template <class Scalar>
 using MatrixOf =
     Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, max_joints>;
 
-using Vector = VectorOf<double>;  ///< of values
-using Matrix = MatrixOf<double>;  ///< likewise
+using Vector = VectorOf<double>;
+using Matrix = MatrixOf<double>;
 
 }  // namespace tachless

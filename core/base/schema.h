@@ -50,7 +50,7 @@ struct Range {
 inline constexpr Range positive{0, std::numeric_limits<double>::infinity(), true, false};
 inline constexpr Range not_negative{0, std::numeric_limits<double>::infinity(), false, false};
 
-// What the values of an enum are called in files is said beside the enum, in its namespace and in
+// The names of an enum's values in files stand beside the enum, in its namespace and in
 // its order:
 //   enum class Side { link, motor };
 //   constexpr std::array<std::string_view, 2> names(Side /*type*/) { return {"link", "motor"}; }
@@ -80,7 +80,7 @@ constexpr std::optional<Enum> value_of(std::string_view name) {
   return std::nullopt;
 }
 
-/// What stands in for a value that is not given.
+/// Default of a value that is not given.
 enum class Default {
   required,   ///< nothing: it must be given
   of_struct,  ///< what the struct initialises the member with
@@ -220,7 +220,7 @@ constexpr Shape shape_of_member() {
 template <class Member>
 inline constexpr Shape shape_of = shape_of_member<Member>();
 
-/// What may be written for a value of that shape: "a finite number in (0, 1]". `choices` are the
+/// Returns the allowed values of that shape: "a finite number in (0, 1]". `choices` are the
 /// names of a choice or of the alternatives.
 std::string allowed_text(Shape shape, const Range& range,
                          const std::vector<std::string_view>& choices, bool nullable);
@@ -240,7 +240,7 @@ std::vector<std::string_view> choices_of(const std::variant<T...>* /*type*/) {
   return {T::name...};
 }
 
-/// What may be written for the value of `key`.
+/// Returns the allowed values of `key`.
 template <class Struct, class Member>
 std::string allowed_text(const Key<Struct, Member>& key) {
   const auto choices = choices_of(static_cast<typename ValueOf<Member>::Type*>(nullptr));

@@ -141,16 +141,6 @@ std::string shell_word(std::string_view name) {
   return quoted + "'";
 }
 
-void split_row(std::string_view row, std::vector<std::string_view>& fields) {
-  constexpr std::string_view separators = ",; \t\r";
-  fields.clear();
-  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
-    fields.push_back(row.substr(begin, end - begin));
-    begin = row.find_first_not_of(separators, end);
-  }
-}
-
 std::vector<std::string_view> split(std::string_view text, char separator, std::size_t most) {
   std::vector<std::string_view> parts;
   while (parts.size() + 1 < most && text.find(separator) != std::string_view::npos) {
@@ -181,7 +171,7 @@ std::string csv_field(std::string_view given) {
   const bool is_number = std::from_chars(given.data(), end, number).ptr == end;
   const bool formula = !is_number && given.find_first_of("=+-@\t\r") == 0;
   std::string text = (formula ? "'" : "") + std::string(given);
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  if (text.find_first_of(",#\"\r\n") == std::string::npos) return text;
   std::string result = "\"";
   for (const char c : text) result += c == '"' ? "\"\"" : std::string(1, c);
   return result + "\"";

@@ -5,6 +5,7 @@
 #include <fmt/core.h>
 #include <net/if.h>
 #include <net/route.h>
+#include <poll.h>
 #include <sched.h>
 #include <sys/ioctl.h>
 #include <sys/prctl.h>
@@ -49,8 +50,8 @@ void enter_namespaces() {
   if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
     if (errno == EINVAL) fail("leave a process that has threads already", "call it first");
     fail("make a user namespace",
-         "run as root, or allow it: `sysctl -w user.max_user_namespaces=1000 "
-         "kernel.unprivileged_userns_clone=1`; in Docker: --cap-add SYS_ADMIN");
+         "run as root, or allow it: sysctl -w user.max_user_namespaces=1000 "
+         "kernel.unprivileged_userns_clone=1; in Docker: --cap-add SYS_ADMIN");
   }
   write_file("/proc/self/setgroups", "deny");
   write_file("/proc/self/uid_map", uid_map);
@@ -87,12 +88,6 @@ void set_low_priority() {
   [[maybe_unused]] const int refused = setpriority(PRIO_PROCESS, 0, 10);  // of this thread alone
 }
 
-void leave_signals_to_others() {
-  sigset_t all;
-  sigfillset(&all);
-  pthread_sigmask(SIG_BLOCK, &all, nullptr);
-}
-
 std::vector<int> allowed_cpus() {
   cpu_set_t set;
   CPU_ZERO(&set);
@@ -117,6 +112,21 @@ bool execute_on(const std::vector<int>& cpus) {
 void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }
 
 void survive_broken_pipes() { std::signal(SIGPIPE, SIG_IGN); }
+
+void open_standard_streams() {
+  for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(standard, F_GETFD) < 0) ::open("/dev/null", O_RDWR);  // takes the lowest number
+  }
+}
+
+void give_up_blocked_output() {
+  constexpr int patience_ms = 1000;
+  const FileDescriptor nothing(::open("/dev/null", O_WRONLY | O_CLOEXEC));
+  for (const int standard : {STDOUT_FILENO, STDERR_FILENO}) {
+    pollfd output{standard, POLLOUT, 0};
+    if (::poll(&output, 1, patience_ms) == 0) ::dup2(nothing.get(), standard);
+  }
+}
 
 void make_memory_private() {
   if (::prctl(PR_SET_DUMPABLE, 0UL) != 0) {

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::string_view for_participants = "tachless participants";
 constexpr std::string_view for_session = "tachless session";
-constexpr int most_dropped = 64;  // in one call, after its deadline
+constexpr int most_dropped = 64;  // in one call of `receive` after its deadline
 
 bool is_announcement(std::string_view channel) {
   constexpr std::string_view suffix = messages::Participant::suffix;
@@ -26,7 +26,8 @@ std::span<const std::byte> bytes_of(std::string_view text) {
   return std::as_bytes(std::span(text));
 }
 
-/// A key for one purpose, from which neither the bus's nor another purpose's can be computed.
+/// Returns a key for one purpose. Neither the bus's key nor another purpose's key can be computed
+/// from it.
 Key derived(const Key& base, std::string_view purpose, std::span<const std::byte> context) {
   Key result;
   Digest digest(Key::size, &base);
@@ -41,7 +42,7 @@ std::array<unsigned char, tag_size> tag(const Key& key, std::string_view channel
   std::array<unsigned char, tag_size> result{};
   Digest digest(tag_size, &key);
   digest.add(bytes_of(channel));
-  digest.add(std::array{std::byte{0}});  // where the channel ends
+  digest.add(std::array{std::byte{0}});  // separates channel and payload
   digest.add(payload);
   digest.finish(result);
   return result;
@@ -99,7 +100,7 @@ std::optional<Datagram> Authenticated::receive(base::Clock::time_point deadline)
     if (datagram) note_stranger(*datagram);
     return datagram;
   }
-  // In a flood the caller must still read the clock.
+  // Even in a flood of invalid datagrams the caller gets control back after the deadline.
   for (int dropped = 0; dropped < most_dropped || base::Clock::now() < deadline; ++dropped) {
     auto datagram = inner_.receive(deadline);
     if (!datagram || verify(*datagram)) return datagram;
@@ -121,7 +122,7 @@ bool Authenticated::verify(Datagram& datagram) const {
 }
 
 void Authenticated::note_stranger(const Datagram& datagram) {
-  // Only before the session: afterwards the answer is not needed, and nothing may be allocated.
+  // This is only noted before the session, because nothing may be allocated in the session.
   if (entered_ || !is_announcement(datagram.channel)) return;
   messages::Stamp stamp;
   const auto decodes = [&](std::span<const std::byte> payload, messages::Participant& who) {
@@ -134,7 +135,7 @@ void Authenticated::note_stranger(const Datagram& datagram) {
     const auto untagged = datagram.payload.first(datagram.payload.size() - tag_size);
     if (!decodes(untagged, stranger.who)) return;
   } else if (!base_) {
-    return;  // one of ours
+    return;  // a process with this bus's setting: no key
   }
   stranger.sender = datagram.sender;
   stranger_ = std::move(stranger);

@@ -26,31 +26,36 @@ struct Stranger {
 };
 
 /// A transport that appends and checks a message authentication code: 16 bytes of keyed BLAKE2b
-/// over channel and payload. Announcements (…_PARTICIPANT) use a key derived from the bus's; all
-/// other messages use one derived for the session, from the run's id and a random number of each of
-/// the four processes, so that nothing recorded in an earlier session verifies in a later one, with
-/// the same run id or not. What does not verify is dropped and counted. Without a key everything
-/// passes. Does not encrypt and does not check freshness: copies of announcements verify and are
-/// made harmless by session::Membership, copies of messages of the session by the tick protocol.
+/// over channel and payload. Announcements (…_PARTICIPANT) use a key derived from the bus's key.
+/// All other messages use a key derived for the session, from the run's id and a random number of
+/// each of the four processes. A recording of an earlier session therefore does not verify in a
+/// later one, even with the same run id. A datagram that does not verify is dropped and counted.
+/// Without a key every datagram passes.
+///
+/// The class does not encrypt and does not check freshness. Copies of announcements verify;
+/// session::Membership makes them harmless. The tick protocol makes copies of the session's
+/// messages harmless.
 class Authenticated final : public Transport {
  public:
   Authenticated(Transport& inner, const std::optional<Key>& key);
 
   [[nodiscard]] bool has_key() const { return base_.has_value(); }
 
-  /// From now on only the messages of this session verify.
-  /// @param run its id  @param roster random numbers that its four processes have chosen
+  /// Lets only the messages of this session verify from now on.
+  /// @param run id of the run
+  /// @param roster random numbers that the run's four processes have chosen
   void enter(std::int64_t run, const messages::PerRole& roster);
 
-  void subscribe(const std::string& channel) override { inner_.subscribe(channel); }
-  /// @throw std::length_error when payload and tag do not fit one datagram
+  int subscribe(const std::string& channel) override { return inner_.subscribe(channel); }
+  /// @throw std::length_error if payload and tag do not fit one datagram
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
   std::optional<Datagram> receive(base::Clock::time_point deadline) override;
 
-  /// Datagrams dropped because they did not verify.
+  /// Returns the number of datagrams dropped because they did not verify.
   [[nodiscard]] std::int64_t dropped() const { return dropped_; }
 
-  /// The last one since the last call, before the session.
+  /// Returns the last stranger since the last call. After the session has begun no new strangers
+  /// are noted.
   std::optional<Stranger> take_stranger();
 
  private:

@@ -16,6 +16,7 @@
 
 #include "base/failure.h"
 #include "base/file_descriptor.h"
+#include "base/text.h"
 #include "base/this_process.h"
 
 namespace tachless::bus {
@@ -23,21 +24,21 @@ namespace {
 
 constexpr std::size_t hex_size = 2 * Key::size;
 
-/// Before anything of libsodium is used.
+/// Initialises libsodium; required before any other use of the library.
 void require_sodium() {
   if (sodium_init() < 0) throw std::runtime_error("libsodium cannot be used on this machine");
 }
 
-/// What was read of the file, overwritten with zeros on destruction.
+/// Content of a key file, overwritten with zeros on destruction.
 struct Content {
   Content() = default;
   Content(const Content&) = delete;
   Content& operator=(const Content&) = delete;
   ~Content() { sodium_memzero(text.data(), text.size()); }
-  std::array<char, hex_size + 3> text{};  // more than any valid file holds
+  std::array<char, hex_size + 3> text{};  // longer than any valid file
 };
 
-/// The key in the first `size` bytes of a file.
+/// Returns the key in the first `size` bytes of a file.
 /// @throw std::invalid_argument in words, without the content
 Key decoded(const Content& content, std::size_t size) {
   Key key;
@@ -74,7 +75,7 @@ Key::Key() {
 
 std::optional<Key> read_key_file(const std::filesystem::path& path) {
   if (path.empty()) {
-    // A variable that was meant to name a key must not mean "without a key".
+    // A set but empty variable must not silently mean "without a key".
     if (const char* variable = std::getenv("TACHLESS_KEY_FILE")) {
       if (*variable == '\0') {
         throw base::bad_usage(
@@ -86,8 +87,8 @@ std::optional<Key> read_key_file(const std::filesystem::path& path) {
   const auto refuse = [&](const std::string& problem) {
     return base::bad_usage("--key-file: {}: {}", path.string(), problem);
   };
-  const std::string make =
-      fmt::format("make one: (umask 077; head -c 32 /dev/urandom > {})", path.string());
+  const std::string make = fmt::format("make one: (umask 077; head -c 32 /dev/urandom > {})",
+                                       base::shell_word(path.string()));
   const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) {
     const int error = errno;
@@ -120,9 +121,16 @@ std::optional<Key> read_key_file(const std::filesystem::path& path) {
   return key;
 }
 
+std::int64_t random_number() {
+  require_sodium();
+  std::uint64_t number = 0;
+  randombytes_buf(&number, sizeof number);
+  return static_cast<std::int64_t>(number >> 1 | 1);
+}
+
 Digest::Digest(std::size_t size, const Key* key) : size_(size) {
   static_assert(sizeof(state_) == sizeof(crypto_generichash_state));
-  if (key == nullptr) require_sodium();  // Key's constructor already called it
+  if (key == nullptr) require_sodium();  // Key's constructor has already called it
   crypto_generichash_init(in(state_.data()), key == nullptr ? nullptr : key->bytes().data(),
                           key == nullptr ? 0 : Key::size, size);
 }

@@ -8,17 +8,16 @@
 #include <optional>
 #include <span>
 
-/// The key of a bus, how it is read, and the digests that are made with a key or without. Knows no
-/// message.
+/// The key of a bus, its file, and digests with or without a key. This header knows no message.
 namespace tachless::bus {
 
-/// The secret that all participants of a bus share. Copies share one allocation, which is locked in
-/// memory where the system's limit (`ulimit -l`) allows it, is in no core dump, and is wiped with
-/// the last copy. Not for the hot path: each key takes some pages.
+/// The secret that all participants of a bus share. Copies share one allocation. The allocation is
+/// locked in memory if the system's limit (`ulimit -l`) allows it. It is in no core dump, and it is
+/// wiped with the last copy. Do not make keys in the hot path: each key takes some pages.
 class Key {
  public:
   static constexpr std::size_t size = 32;
-  /// Zeros, until they are written over.
+  /// Makes a key of zeros, to be overwritten.
   /// @throw std::runtime_error if the machine's cryptographic library cannot be used
   Key();
 
@@ -33,13 +32,17 @@ class Key {
   std::shared_ptr<unsigned char> bytes_;
 };
 
-/// The key in `path`: 32 bytes, or 64 hexadecimal digits with or without an end of line; nothing
-/// where the path is empty. With a key this process's memory is private from then on
+/// Returns the key in `path`: 32 bytes, or 64 hexadecimal digits with or without an end of line.
+/// Returns nullopt for an empty path. With a key, this process's memory becomes private
 /// (core/base/this_process.h).
-/// @throw Failure(bad_usage) naming the path, never its content: not a readable regular file,
-/// another length, readable by others than its owner, nothing but zeros; and where the path is
-/// empty while the variable TACHLESS_KEY_FILE is set.
+/// @throw Failure(bad_usage) naming the path, never its content. Causes: not a readable regular
+/// file, a wrong length, readable by others than its owner, or only zeros. An empty path also
+/// throws while the variable TACHLESS_KEY_FILE is set to an empty text.
 std::optional<Key> read_key_file(const std::filesystem::path& path);
+
+/// Returns a positive random number that nobody can guess.
+/// @throw std::runtime_error if the machine's cryptographic library cannot be used
+std::int64_t random_number();
 
 /// BLAKE2b of all bytes added so far, in their order. With a key it is a message authentication
 /// code; without one it proves no origin.
@@ -53,9 +56,9 @@ class Digest {
   ~Digest();  ///< wipes its state
 
   void add(std::span<const std::byte> bytes);
-  /// The whole, to as many bytes; nothing can be added afterwards.
+  /// Writes the digest of `size` bytes. No bytes can be added afterwards.
   void finish(std::span<unsigned char> digest);
-  /// The first 64 bits of it, in network order: the same number on every host.
+  /// Returns the first 64 bits of the digest in network order: the same number on every host.
   [[nodiscard]] std::int64_t value() const;
 
  private:

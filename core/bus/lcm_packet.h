@@ -21,7 +21,7 @@ inline constexpr std::size_t fragment_header_size = 20;
 inline constexpr std::size_t max_channel_size = 63;    // without the NUL
 inline constexpr std::size_t max_short_size = 65'499;  // channel, NUL and payload
 
-/// The 32-bit number that begins `bytes`.
+/// Returns the 32-bit number at the start of `bytes`.
 inline std::uint32_t word_at(const std::byte* bytes) {
   std::uint32_t word = 0;
   std::memcpy(&word, bytes, sizeof word);

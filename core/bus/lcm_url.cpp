@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view provider = "udpm://";
 
-// What is wrong with a part is thrown as std::invalid_argument; `parse_lcm_url` quotes the whole.
+// The functions throw std::invalid_argument for a wrong part; `parse_lcm_url` adds the whole URL.
 
 int number(std::string_view key, std::string_view text, int lowest, int highest) {
   int value = 0;
@@ -28,7 +28,7 @@ std::uint16_t port(std::string_view text) {
   return static_cast<std::uint16_t>(number("port", text, 1, 65'535));
 }
 
-/// Everything before the first `separator`; `rest` keeps what comes after it.
+/// Returns the text before the first `separator`; `rest` keeps the text after it.
 std::string_view take(std::string_view& rest, char separator) {
   const std::size_t at = rest.find(separator);
   const std::string_view head = rest.substr(0, at);

@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
@@ -18,6 +19,7 @@
 #include <system_error>
 
 #include "base/file_descriptor.h"
+#include "bus/key.h"
 #include "bus/udp_transport.h"
 
 namespace tachless::bus {
@@ -32,7 +34,7 @@ constexpr milliseconds patience{250};  // per attempt; loopback takes far less t
   throw std::system_error(errno, std::generic_category(), "network check: " + what);
 }
 
-/// Flags of an interface; nothing if it does not exist.
+/// Returns the flags of an interface; nullopt if it does not exist.
 std::optional<short> interface_flags(const std::string& name) {
   const base::FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (socket.get() < 0) fail("cannot open a socket");
@@ -42,7 +44,7 @@ std::optional<short> interface_flags(const std::string& name) {
   return request.ifr_flags;
 }
 
-/// The interface of the narrowest route to the group; empty if there is none.
+/// Returns the interface of the narrowest route to the group; empty if there is none.
 std::string outgoing_interface(const LcmUrl& url) {
   in_addr group{};
   inet_pton(AF_INET, url.group.c_str(), &group);
@@ -90,14 +92,19 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
   UdpTransport receiver(here);
   const std::string channel = fmt::format("TACHLESS_NETWORK_CHECK_{}", ::getpid());
   receiver.subscribe(channel);
-  const auto payload = std::as_bytes(std::span(channel));
+  // Another program may send on this channel too, so the random number identifies the probe.
+  const std::string probe = fmt::format("{} {}", channel, random_number());
+  const auto payload = std::as_bytes(std::span(probe));
   for (int i = 0; i < attempts; ++i) {
     sender.publish(channel, payload);
-    if (receiver.receive(base::Clock::now() + patience)) return std::nullopt;
+    const auto until = base::Clock::now() + patience;
+    while (const auto datagram = receiver.receive(until)) {
+      if (std::ranges::equal(datagram->payload, payload)) return std::nullopt;
+    }
   }
   const bool refused = sender.statistics().unsent > 0;
   return NetworkProblem{
-      fmt::format("messages to {}:{} {} on this host: a firewall drops them (`nft list ruleset` "
+      fmt::format("messages to {}:{} {} on this host: a firewall drops them (nft list ruleset "
                   "shows it)",
                   url.group, url.port, refused ? "are not let out" : "do not arrive"),
       fmt::format("iptables -I {} -d {} -p udp --dport {} -j ACCEPT", refused ? "OUTPUT" : "INPUT",
@@ -120,7 +127,7 @@ std::optional<NetworkProblem> check_network(const LcmUrl& url) {
   } catch (const std::system_error& error) {
     if (error.code() == std::errc::address_in_use) {
       return NetworkProblem{fmt::format("another program holds UDP port {} for itself", url.port),
-                            "take another port, or end the program that `ss -ulpn` shows on it"};
+                            "take another port, or end the program that ss -ulpn shows on it"};
     }
     return NetworkProblem{error.what(), "tachless doctor"};
   }

@@ -9,25 +9,26 @@ namespace tachless::bus {
 
 struct NetworkProblem {
   std::string what;    ///< one line
-  std::string remedy;  ///< the command that mends it
+  std::string remedy;  ///< shell command that solves the problem
 };
 
-/// Says within a second whether a message sent to this bus arrives on this host. Sends up to
+/// Checks within a second whether a message sent to this bus arrives on this host. It sends up to
 /// three datagrams with ttl 0 on a channel that no program subscribes to.
-/// @return nothing if all is well
+/// @return the problem, or nullopt if there is none
 std::optional<NetworkProblem> check_network(const LcmUrl& url);
 
-/// The way that a message to the bus takes out of this host.
+/// Interface through which messages to the bus leave this host.
 struct MulticastRoute {
   std::string interface;   ///< "lo", "eth0", …
   bool multicast = false;  ///< the interface's MULTICAST flag
 };
 
-/// @return nothing if there is no route to the group
+/// Returns the route to the bus's group.
+/// @return nullopt if there is no route to the group
 /// @throw std::system_error if no socket can be opened
 std::optional<MulticastRoute> multicast_route(const LcmUrl& url);
 
-/// Most that a receive buffer may have without privileges, net.core.rmem_max [bytes].
+/// Returns the greatest receive buffer without privileges, net.core.rmem_max [bytes].
 /// @throw std::runtime_error if it cannot be read
 long receive_buffer_limit_bytes();
 

@@ -19,7 +19,7 @@ namespace {
 
 constexpr int wanted_buffer_bytes = 4 << 20;
 
-// What a filter of a UDP socket sees begins with the UDP header.
+// A filter of a UDP socket sees the datagram from its UDP header on.
 constexpr std::uint32_t udp_header = 8;
 constexpr std::uint32_t accept = 0xffffffff;
 constexpr std::uint32_t reject = 0;
@@ -36,12 +36,12 @@ const char* remedy_for(int error) {
     case ENODEV:
     case ENETUNREACH:
     case EADDRNOTAVAIL:
-      return "no multicast route: `ip link set lo up multicast on; ip route add 224.0.0.0/4 dev "
-             "lo`, or run with --isolate";
+      return "no multicast route: ip link set lo up multicast on; ip route add 224.0.0.0/4 dev "
+             "lo, or run with --isolate";
     case EADDRINUSE:
-      return "a program holds the port for itself: take another port, or find it with `ss -ulpn`";
+      return "a program holds the port for itself: take another port, or find it with ss -ulpn";
     default:
-      return "`tachless doctor` looks closer";
+      return "run tachless doctor for details";
   }
 }
 
@@ -59,7 +59,8 @@ base::FileDescriptor open_socket(const LcmUrl& url) {
   return fd;
 }
 
-/// Appends what accepts a channel of this name, and goes on behind it for another.
+/// Appends instructions that accept a channel of this name and continue after them for another
+/// name.
 void add_name(const std::string& channel, std::vector<sock_filter>& program) {
   const std::size_t size = channel.size() + 1;  // the NUL belongs to the name
   const std::size_t num_pieces = size / 4 + static_cast<std::size_t>(std::popcount(size % 4));
@@ -70,7 +71,7 @@ void add_name(const std::string& channel, std::vector<sock_filter>& program) {
     for (std::size_t i = 0; i < width; ++i) {
       value = value << 8 | static_cast<unsigned char>(channel.c_str()[at + i]);
     }
-    // Relative to the index register, which holds the channel's offset.
+    // The offset is relative to the index register, which holds the channel's offset.
     static constexpr std::array<int, 5> load_by_width = {0, BPF_B, BPF_H, 0, BPF_W};
     const auto load = static_cast<std::uint16_t>(BPF_LD | BPF_IND | load_by_width[width]);
     program.push_back({load, 0, 0, static_cast<std::uint32_t>(at)});
@@ -82,7 +83,7 @@ void add_name(const std::string& channel, std::vector<sock_filter>& program) {
 }  // namespace
 
 int poll_until(std::span<pollfd> descriptors, base::Clock::time_point deadline) {
-  // Compared before subtracted: time_point::min() minus now would overflow into the far future.
+  // The comparison comes first: time_point::min() minus now would overflow into the far future.
   const base::Clock::time_point now = base::Clock::now();
   const base::Clock::duration left =
       deadline > now ? deadline - now : base::Clock::duration::zero();
@@ -98,14 +99,14 @@ void fail_with_errno(const LcmUrl& url, const std::string& what) {
 
 base::FileDescriptor open_receiver(const LcmUrl& url) {
   base::FileDescriptor fd = open_socket(url);
-  install_filter(url, fd.get(), {});  // nothing may queue before the first subscription
+  install_filter(url, fd.get(), {});  // no datagram may queue before the first subscription
   set(url, fd.get(), SOL_SOCKET, SO_REUSEADDR, 1, "cannot share the port");
   set(url, fd.get(), SOL_SOCKET, SO_REUSEPORT, 1, "cannot share the port");
   const int size = url.receive_buffer_bytes != 0 ? url.receive_buffer_bytes : wanted_buffer_bytes;
   if (::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0) {
     set(url, fd.get(), SOL_SOCKET, SO_RCVBUF, size, "cannot set the receive buffer");
   }
-  // The group's address, not any: other groups on this port are other buses.
+  // The socket binds the group's address, because other groups on this port are other buses.
   const sockaddr_in address = address_of(url);
   if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
     fail_with_errno(url, "cannot bind the port");
@@ -136,8 +137,8 @@ void install_filter(const LcmUrl& url, int fd, const std::vector<std::string>& c
 }
 
 std::vector<sock_filter> channel_filter(std::vector<std::string> channels) {
-  // A load beyond the datagram's end rejects at once. Shortest name first: what is too short to
-  // be compared with one name is too short for all that follow.
+  // A load beyond the datagram's end rejects at once. The shortest name comes first: a datagram too
+  // short for one name is too short for all later names.
   std::ranges::sort(channels, {}, [](const std::string& name) { return name.size(); });
   std::vector<sock_filter> program = {
       {load_word, 0, 0, udp_header},

@@ -46,11 +46,14 @@ UdpTransport::UdpTransport(const LcmUrl& url)
   }
 }
 
-void UdpTransport::subscribe(const std::string& channel) {
+int UdpTransport::subscribe(const std::string& channel) {
   require_channel(channel);
-  if (std::find(channels_.begin(), channels_.end(), channel) != channels_.end()) return;
-  channels_.push_back(channel);
-  if (!all_) install_filter(url_, receiver_.get(), channels_);
+  const std::size_t before = channels_.all().size();
+  const int number = channels_.add(channel);
+  if (!all_ && channels_.all().size() > before) {
+    install_filter(url_, receiver_.get(), channels_.all());
+  }
+  return number;
 }
 
 void UdpTransport::subscribe_all() {
@@ -91,7 +94,8 @@ int UdpTransport::wait(base::Clock::time_point deadline, bool for_datagram) {
   return ready;
 }
 
-/// Whether there was something to read.
+/// Reads the datagrams that wait in the socket, at most `batch`.
+/// @return whether there was a datagram
 bool UdpTransport::read_batch() {
   for (int i = 0; i < batch; ++i) {
     Held& held = held_[i];
@@ -116,10 +120,10 @@ bool UdpTransport::read_batch() {
   return num_held_ > 0;
 }
 
-/// Reads what waits in the socket, or what comes before the deadline.
-/// @return false if nothing came, or a signal
+/// Reads the datagrams in the socket, or waits for some until the deadline.
+/// @return false if no datagram came or a signal ended the wait
 bool UdpTransport::fetch(base::Clock::time_point deadline, bool passed_over) {
-  // In a flood of ignored messages the caller's deadline still holds.
+  // The caller's deadline also holds in a flood of ignored messages.
   if (passed_over && base::Clock::now() >= deadline) return false;
   const bool more_may_wait = num_held_ == batch;
   if (more_may_wait && read_batch()) return true;
@@ -164,7 +168,7 @@ std::optional<Datagram> UdpTransport::parse(std::span<const std::byte> bytes,
   const std::uint32_t magic = lcm_packet::word_at(bytes.data());
   if (magic == lcm_packet::fragment_magic) {
     if (bytes.size() < lcm_packet::fragment_header_size) return passed_over(statistics_.malformed);
-    // Counted once per message, by its first fragment.
+    // A fragmented message is counted once, at its first fragment.
     const auto number = bytes.subspan(lcm_packet::fragment_number_offset, 2);
     const bool first = number[0] == std::byte{0} && number[1] == std::byte{0};
     return first ? passed_over(statistics_.fragmented) : std::nullopt;
@@ -177,10 +181,14 @@ std::optional<Datagram> UdpTransport::parse(std::span<const std::byte> bytes,
   }
   const auto length = static_cast<std::size_t>(static_cast<const std::byte*>(nul) - text.data());
   const std::string_view channel(reinterpret_cast<const char*>(text.data()), length);
-  // Some containers accept the kernel's filter and ignore it.
-  if (!all_ && std::ranges::find(channels_, channel) == channels_.end()) return std::nullopt;
-  return Datagram{channel, text.subspan(length + 1), name_of(from),
-                  lcm_packet::word_at(bytes.data() + 4)};
+  // Some containers accept the kernel's filter but do not apply it.
+  const int number = channels_.find(channel);
+  if (!all_ && number < 0) return std::nullopt;
+  return Datagram{.channel = channel,
+                  .payload = text.subspan(length + 1),
+                  .sender = name_of(from),
+                  .sequence = lcm_packet::word_at(bytes.data() + 4),
+                  .channel_number = number};
 }
 
 std::string_view UdpTransport::name_of(const sockaddr_in& from) {
@@ -191,7 +199,7 @@ std::string_view UdpTransport::name_of(const sockaddr_in& from) {
   next_sender_ = (next_sender_ + 1) % senders_.size();
   sender.address = from;
   std::array<char, INET_ADDRSTRLEN> host{"localhost"};
-  // What comes over a loopback route has no source address.
+  // A datagram over a loopback route has no source address.
   if (from.sin_addr.s_addr != htonl(INADDR_ANY)) {
     inet_ntop(AF_INET, &from.sin_addr, host.data(), host.size());
   }
@@ -213,7 +221,7 @@ BusStatistics UdpTransport::statistics() const {
 }
 
 int UdpTransport::receive_buffer_bytes() const {
-  // The kernel doubles what is asked for, to have room for its own records.
+  // The kernel doubles the requested size to have room for its own records.
   return get<int>(url_, receiver_.get(), SO_RCVBUF, "cannot read the receive buffer") / 2;
 }
 

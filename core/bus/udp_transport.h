@@ -15,55 +15,57 @@
 
 #include "base/file_descriptor.h"
 #include "bus/lcm_url.h"
+#include "bus/subscriptions.h"
 #include "bus/transport.h"
 
 namespace tachless::bus {
 
 /// Counts since construction.
 struct BusStatistics {
-  std::uint64_t received = 0;    ///< handed out
-  std::uint64_t own = 0;         ///< own messages that came back and were passed over
-  std::uint64_t malformed = 0;   ///< not an LCM message; counted after `subscribe_all` only, since
-                                 ///< otherwise the kernel's filter drops them
+  std::uint64_t received = 0;    ///< returned by `receive`
+  std::uint64_t own = 0;         ///< own messages that came back and were ignored
+  std::uint64_t malformed = 0;   ///< not an LCM message; counted only after `subscribe_all`,
+                                 ///< because before it the kernel's filter drops them
   std::uint64_t fragmented = 0;  ///< messages in fragments, which are not supported
   std::uint64_t unsent = 0;      ///< refused by the kernel: no room, no route, firewall
-  int refusal = 0;               ///< errno of the last one of these
-  /// Datagrams that this transport lost because its buffer was full. Known after `subscribe_all`
-  /// only: the kernel counts what a filter drops alike.
+  int refusal = 0;               ///< errno of the last unsent message
+  /// Datagrams lost because this transport's buffer was full. Known only after `subscribe_all`:
+  /// before it, the kernel's counter also includes datagrams that the filter rejects.
   std::optional<std::uint64_t> overflowed;
 };
 
-/// LCM's wire format over UDP multicast: no thread, no queue, no allocation per message, several
-/// datagrams per system call, and a filter in the kernel that wakes the process for its own
-/// channels only. Interoperates with liblcm's udpm. Does not reassemble fragments: a message must
-/// fit one datagram. One transport serves one thread. A signal that is handled ends a wait.
+/// Transport over UDP multicast in LCM's wire format: no thread, no queue, no allocation per
+/// message, and several datagrams per system call. A filter in the kernel wakes the process for its
+/// own channels only. The transport interoperates with liblcm's udpm. It does not reassemble
+/// fragments: a message must fit one datagram. One transport serves one thread. A handled signal
+/// ends a wait.
 class UdpTransport final : public Transport {
  public:
   /// Joins the bus.
-  /// @throw std::system_error if the host refuses, with what was refused and what to do
+  /// @throw std::system_error with the failed operation and its remedy if the host refuses
   explicit UdpTransport(const LcmUrl& url = {});
 
   /// @throw std::invalid_argument unless the name has 1 to 63 characters and no NUL
-  void subscribe(const std::string& channel) override;
+  int subscribe(const std::string& channel) override;
 
-  /// From now on `receive` yields every message on the bus, with sequence number and time.
+  /// Makes `receive` yield every message on the bus from now on, with sequence number and time.
   void subscribe_all();
 
-  /// Never waits: what the kernel does not take at once is lost and counted.
+  /// Sends without waiting: a message that the kernel does not take at once is lost and counted.
   /// @throw std::length_error if channel and payload together exceed one datagram (65,498 bytes)
   /// @throw std::invalid_argument for a channel name as above
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
 
   std::optional<Datagram> receive(base::Clock::time_point deadline) override;
 
-  /// From now on a wait for datagrams begins with a pause of this length, so that one wake-up reads
-  /// many. For a process on whose replies no other waits. 0: no pause.
+  /// Lets a wait for datagrams begin with a pause of this length from now on, so that one wake-up
+  /// reads many. 0: no pause. Only for a process whose replies no other process waits for.
   void read_in_batches(std::chrono::nanoseconds pause) { pause_ = pause; }
 
   [[nodiscard]] BusStatistics statistics() const;
   [[nodiscard]] const LcmUrl& url() const { return url_; }
 
-  /// Receive buffer that the kernel granted [bytes], comparable with net.core.rmem_max.
+  /// Returns the receive buffer that the kernel granted [bytes], comparable with net.core.rmem_max.
   [[nodiscard]] int receive_buffer_bytes() const;
 
  private:
@@ -73,7 +75,7 @@ class UdpTransport final : public Transport {
     std::size_t size = 0;
   };
 
-  /// Room for what one call of the kernel yields.
+  /// Most datagrams that one system call reads.
   static constexpr int batch = 16;
   struct Held {
     sockaddr_in from{};
@@ -92,7 +94,7 @@ class UdpTransport final : public Transport {
   base::FileDescriptor receiver_;
   base::FileDescriptor sender_;
   sockaddr_in own_address_{};
-  std::vector<std::string> channels_;
+  Subscriptions channels_;
   bool all_ = false;
   std::uint32_t sequence_ = 0;
   std::vector<std::byte> buffer_;

@@ -11,12 +11,12 @@
 
 #include "messages/wire.h"
 
-/// The members of `Codec`: loops over a message's table of fields. For the two files that
-/// instantiate them (wire.cpp, truth/truth_wire.cpp).
+/// The members of `Codec`: loops over a message's table of fields. Only the two files that
+/// instantiate them include this header (wire.cpp, truth/truth_wire.cpp).
 ///
-/// Bytes are those of LCM: the type's fingerprint, then every field in order, big-endian; a text is
-/// an int32 length that counts the NUL, the characters, the NUL; arrays are bare, their lengths
-/// stand in counts of their own before them.
+/// The bytes have LCM's format: the type's fingerprint, then every field in order, big-endian. A
+/// text consists of an int32 length that counts the NUL, the characters, and the NUL. An array has
+/// no length of its own; a count before it gives the length.
 namespace tachless::messages::detail {
 
 using messages::Count;
@@ -37,7 +37,8 @@ class Reader {
  public:
   explicit Reader(std::span<const std::byte> bytes) : left_(bytes) {}
 
-  /// The next `size` bytes, 1 to 8, as an unsigned number. The caller knows that they are there.
+  /// Returns the next `size` bytes, 1 to 8, as an unsigned number. Precondition: at least `size`
+  /// bytes are left.
   std::uint64_t take(std::size_t size) {
     std::uint64_t value = 0;
     std::memcpy(&value, left_.data(), size);
@@ -92,7 +93,7 @@ constexpr std::size_t size_of(Kind kind) {
   return smallest_text;
 }
 
-/// Entries of one row.
+/// Returns the number of entries of one row.
 constexpr int length_of(Count count, const messages::Layout& layout) {
   if (count == Count::one) return 1;
   if (count == Count::roles) return messages::num_roles;
@@ -105,7 +106,7 @@ constexpr std::size_t smallest_size(const Field& field, const messages::Layout& 
   return size_of(field.kind) * static_cast<std::size_t>(rows * length_of(field.count, layout));
 }
 
-/// The counts that the message begins with, in their order: `f(expected)`.
+/// Calls `f(expected)` for each count at the message's beginning, in order.
 template <class Value, class F>
 void for_each_count(const messages::Layout& layout, F&& f) {
   if constexpr (messages::has_count<Value>(Count::signals)) f(layout.num_signals);
@@ -143,13 +144,14 @@ void for_each_entry(const Field& field, const messages::Layout& layout, Member& 
   }
 }
 
-// Reading: takes what it needs from `from`, which holds it, and says what is wrong with it.
+// The reading functions take a field from `from`, which must hold it, and return why the field is
+// rejected.
 
 template <class Field, class Entry>
 Rejection read_entry(Reader& from, const Field& field, Entry& to) {
   double number = 0;
   if constexpr (std::is_same_v<Entry, double>) {
-    // An exponent of all ones is infinity or NaN.
+    // The exponent of infinity and NaN has all bits set.
     constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000;
     const std::uint64_t bits = from.take(8);
     to = number = std::bit_cast<double>(bits);
@@ -166,7 +168,8 @@ Rejection read_entry(Reader& from, const Field& field, Entry& to) {
   return number < field.lowest || number > field.highest ? Rejection::bad_value : Rejection::none;
 }
 
-/// Leaves nothing of an earlier message behind. Never allocates: Vector resizes in place.
+/// Resizes and clears `member`, so that nothing of an earlier message remains. Does not allocate:
+/// Vector resizes in place.
 template <class Field, class Member>
 void make_room(const Field& field, const messages::Layout& layout, Member& member) {
   if constexpr (std::is_same_v<Member, Vector>) {
@@ -181,19 +184,20 @@ void make_room(const Field& field, const messages::Layout& layout, Member& membe
   }
 }
 
-/// Names and lines for people hold no control characters, which a terminal or another program would
-/// obey; the two texts that are files may have several lines.
-inline bool is_clean(std::string_view field, std::string_view text) {
-  const bool lines = field == "scenario" || field == "robot_description";
+/// Returns whether a text has no control characters, which a terminal or another program would
+/// obey. A file may have line ends and tabs.
+template <class Field>
+bool is_clean(const Field& field, std::string_view text) {
   const auto bad = [&](char c) {
     return c == 0x7f || (static_cast<unsigned char>(c) < 0x20 &&
-                         !(lines && (c == '\n' || c == '\t' || c == '\r')));
+                         !(field.lines && (c == '\n' || c == '\t' || c == '\r')));
   };
   if (std::any_of(text.begin(), text.end(), bad)) return false;
-  return field != "signals" || messages::are_signals(text);
+  return field.name != "signals" || messages::are_signals(text);
 }
 
-/// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
+/// Reads a field.
+/// @param needed bytes that the later fields need at least; a text may not extend into them
 template <class Field, class Member>
 Rejection read(Reader& from, const Field& field, const messages::Layout& layout,
                std::size_t /*needed*/, Member& to) {
@@ -214,12 +218,12 @@ Rejection read(Reader& from, const Field& field, const messages::Layout& /*layou
   const std::string_view text = from.characters(extent);
   if (text.find('\0') != extent - 1) return Rejection::bad_text;
   const std::string_view without_nul = text.substr(0, extent - 1);
-  if (!is_clean(field.name, without_nul)) return Rejection::bad_text;
+  if (!is_clean(field, without_nul)) return Rejection::bad_text;
   return assign(without_nul, to) ? Rejection::none : Rejection::bad_value;
 }
 
-// Before writing: throws std::logic_error when the value could not be read back. Returns the bytes
-// that it needs beyond its smallest size.
+// The requiring functions throw std::logic_error if a value could not be read back. They return the
+// number of bytes that the value needs beyond its smallest size.
 
 template <class Field, class Member>
 std::size_t require(const Field& field, const messages::Layout& layout, const Member& member) {
@@ -247,7 +251,7 @@ template <class Field>
 std::size_t require(const Field& field, const messages::Layout& /*layout*/,
                     const Text auto& member) {
   const std::string_view text = view(member);
-  if (!is_clean(field.name, text)) {
+  if (!is_clean(field, text)) {
     throw std::logic_error(
         fmt::format("messages::Codec: {} holds a control character, or is not name:unit,…: \"{}\"",
                     field.name, text));
@@ -260,7 +264,7 @@ std::size_t require(const Field& field, const messages::Layout& /*layout*/,
   return text.size();
 }
 
-// Writing.
+// The writing functions append a field to `to`.
 
 template <class Field, class Member>
 void write(Writer& to, const Field& field, const messages::Layout& layout, const Member& member) {

@@ -9,10 +9,10 @@
 
 #include "base/quantities.h"
 
-/// How a message is described: its type holds one table of fields, from which its bytes, checks,
-/// columns and descriptions follow. Knows no byte order and no message in particular; the types are
-/// in core/messages/signals.h, core/messages/messages.h and core/messages/truth/plant_truth.h. Each
-/// has
+/// Description of messages. A message's type holds one table of fields; its bytes, checks, columns
+/// and documentation follow from this table. This header knows no byte order and no particular
+/// message. The types are in core/messages/signals.h, core/messages/messages.h and
+/// core/messages/truth/plant_truth.h. Each type has
 ///   static constexpr std::string_view type;    // LCM's name, "tachless.tick_t"
 ///   static constexpr std::string_view suffix;  // of its channel, "TICK"
 ///   static constexpr auto fields;              // std::tuple of Field, in the order of the .lcm
@@ -20,18 +20,18 @@
 ///   static constexpr std::size_t max_size;     // optional: most bytes of a message
 namespace tachless::messages {
 
-/// How one value of a field is sent.
+/// Type of a field's values in a message.
 enum class Kind {
   real,  ///< IEEE 754 double, finite
   flag,  ///< boolean: one byte, 0 or 1
   int64,
   int32,
   int8,
-  uint8,  ///< sent as LCM's int8_t, for want of an unsigned one
+  uint8,  ///< sent as LCM's int8_t, because LCM has no unsigned type
   text,
 };
 
-/// How many values a field has.
+/// Number of values of a field.
 enum class Count {
   one,
   joints,   ///< one per joint
@@ -55,8 +55,9 @@ struct Field {
   Member Value::*member;
   std::string_view meaning = {};
   double lowest = -no_limit;  ///< smallest value allowed, of numbers
-  double highest = no_limit;  ///< greatest
+  double highest = no_limit;  ///< greatest value allowed, of numbers
   std::size_t longest = 0;    ///< most characters, of texts
+  bool lines = false;         ///< a text may have line ends and tabs, because it is a file
 };
 
 /// Calls `f(field)` for each field of the message, in order.
@@ -65,7 +66,7 @@ constexpr void for_each_field(F&& f) {
   std::apply([&](const auto&... field) { (f(field), ...); }, Value::fields);
 }
 
-/// Whether any field is counted so.
+/// Returns whether the message has a field with this count.
 template <class Value>
 constexpr bool has_count(Count count) {
   bool found = false;
@@ -73,7 +74,7 @@ constexpr bool has_count(Count count) {
   return found;
 }
 
-/// Whether the message has a field of that name.
+/// Returns whether the message has a field of that name.
 template <class Value>
 constexpr bool has_field(std::string_view name) {
   bool found = false;
@@ -81,7 +82,7 @@ constexpr bool has_field(std::string_view name) {
   return found;
 }
 
-/// Signal rows, then joints, then motors: the int32 counts that the message begins with.
+/// Returns whether the message begins with int32 counts: signal rows, then joints, then motors.
 template <class Value>
 constexpr bool has_joint_count() {
   return has_count<Value>(Count::joints) || has_count<Value>(Count::signals);
@@ -92,8 +93,8 @@ concept Described = requires {
   Value::fields;
 };
 
-/// True when no number in the value is NaN or infinite. A node asks before it encodes what it
-/// has computed, and stops with a fault of its own if the answer is no.
+/// Returns true if no number in the value is NaN or infinite. A node checks its results with it
+/// before it encodes them, and stops with a fault if the check fails.
 template <Described Value>
 bool all_finite(const Value& value) {
   bool result = true;
@@ -110,7 +111,7 @@ bool all_finite(const Value& value) {
   return result;
 }
 
-/// What the names of a robot's channels begin with: its name in upper case.
+/// Returns the prefix of a robot's channel names: the robot's name in upper case.
 inline std::string channel_prefix(std::string robot) {
   for (char& c : robot) {
     if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
@@ -118,8 +119,9 @@ inline std::string channel_prefix(std::string robot) {
   return robot;
 }
 
-/// Full channel name, e.g. "ARM_POSITION": from the type, never from an option. `robot` is a
-/// `channel_prefix`.
+/// Returns the full channel name, e.g. "ARM_POSITION". The suffix comes from the type, never from
+/// an option.
+/// @param robot a `channel_prefix`
 inline std::string channel(std::string_view robot, std::string_view suffix) {
   return std::string(robot) + "_" + std::string(suffix);
 }
@@ -128,7 +130,8 @@ std::string channel(std::string_view robot) {
   return channel(robot, Value::suffix);
 }
 
-/// Makers of fields, for the tables.
+/// Returns a field with one number per joint; the functions below build the other fields of the
+/// tables.
 template <class Value>
 constexpr auto per_joint(std::string_view name, std::string_view symbol, std::string_view unit,
                          Vector Value::*member, std::string_view meaning) {
@@ -152,6 +155,13 @@ template <class Value, class Member>
 constexpr auto text(std::string_view name, std::size_t longest, Member Value::*member) {
   return Field<Value, Member>{name,   name, {},        Kind::text, Count::one,
                               member, {},   -no_limit, no_limit,   longest};
+}
+/// Returns the field of a text that is a file and may have several lines.
+template <class Value, class Member>
+constexpr auto file(std::string_view name, std::size_t longest, Member Value::*member) {
+  auto field = text<Value, Member>(name, longest, member);
+  field.lines = true;
+  return field;
 }
 
 }  // namespace tachless::messages

@@ -8,8 +8,8 @@
 
 #include "messages/messages.h"
 
-/// The measurements that a controller can be fed with, listed once. What each holds follows from
-/// its table of fields; which law takes which is the law's business.
+/// The list of the measurements that a controller can receive. The table of fields of each says
+/// what it holds. Each law chooses its measurement.
 namespace tachless::messages {
 
 /// The types of measurements.
@@ -30,28 +30,29 @@ struct Of<TypeList<M...>> {
 
 }  // namespace detail
 
-using AnyMeasurement = detail::Of<Measurements>::Any;  ///< of any type
+using AnyMeasurement = detail::Of<Measurements>::Any;  ///< a measurement of any type
 
-/// `Wrap<M>` for one of the measurements M.
+/// One of `Wrap<M>` for the measurements M.
 template <template <class...> class Wrap>
 using EachMeasurement = detail::Of<Measurements>::Each<Wrap>;
 
 /// Channel suffixes, in the order of `Measurements`.
 inline constexpr auto measurement_suffixes = detail::Of<Measurements>::suffixes;
 
-/// Whether M is one of these types.
+/// True if M is one of these types.
 template <class M>
 constexpr bool is_measurement = std::is_constructible_v<AnyMeasurement, std::in_place_type_t<M>>;
 
 template <class M>
-constexpr bool holds_links = has_field<M>("position");  ///< M has links' positions
+constexpr bool holds_links = has_field<M>("position");  ///< true if M has links' positions
 template <class M>
-constexpr bool holds_motors = has_field<M>("motor_position");  ///< M has motors' positions
+constexpr bool holds_motors = has_field<M>("motor_position");  ///< true if M has motors' positions
 
-/// What the plant's state consists of, and hence what a law may measure.
+/// Parts of the plant's state, and hence of a law's measurement.
 enum class Part { q = 0, v = 1, theta = 2, thetadot = 3 };
 
-/// The vectors of a measurement, one of them or any, by `Part`; null: it has none.
+/// Returns the vectors of a measurement, of one type or any, by `Part`; null for a part that it
+/// does not have.
 template <class M>
 auto parts_of(M& measurement) {
   using Vector = std::conditional_t<std::is_const_v<M>, const Vector, Vector>;
@@ -70,14 +71,14 @@ auto parts_of(M& measurement) {
   return parts;
 }
 
-/// The positions of the links; empty where it holds none.
+/// Returns the positions of the links; empty if the measurement holds none [rad; m].
 inline Vector links_of(const AnyMeasurement& measurement) {
   const Vector* const q = parts_of(measurement)[0];
   return q == nullptr ? Vector() : *q;
 }
 
-/// Calls `f(std::type_identity<M>())` with the measurement of that channel suffix; false when there
-/// is none.
+/// Calls `f(std::type_identity<M>())` for the measurement of that channel suffix.
+/// @return false if there is no such measurement
 template <class F>
 constexpr bool with_measurement(std::string_view suffix, F&& f) {
   bool found = false;
@@ -89,14 +90,14 @@ constexpr bool with_measurement(std::string_view suffix, F&& f) {
   return found;
 }
 
-/// An empty measurement of that channel suffix; nothing when there is none.
+/// Returns an empty measurement of that channel suffix; nullopt if there is none.
 inline std::optional<AnyMeasurement> measurement_of(std::string_view suffix) {
   std::optional<AnyMeasurement> made;
   with_measurement(suffix, [&]<class M>(std::type_identity<M> /*type*/) { made = M(); });
   return made;
 }
 
-/// Whether the measurement of that channel suffix holds a velocity.
+/// Returns whether the measurement of that channel suffix holds a velocity.
 constexpr bool measures_velocity(std::string_view suffix) {
   bool result = false;
   with_measurement(suffix, [&]<class M>(std::type_identity<M>) {
@@ -105,8 +106,7 @@ constexpr bool measures_velocity(std::string_view suffix) {
   return result;
 }
 
-/// Whether every field of `Wanted` is one of `Had`, so that `part_of` finds the former in the
-/// latter.
+/// Returns whether `Had` has every field of `Wanted`, so that `part_of` can extract `Wanted`.
 template <class Wanted, class Had>
 constexpr bool is_part_of() {
   bool all = true;
@@ -114,7 +114,7 @@ constexpr bool is_part_of() {
   return all;
 }
 
-/// The lesser measurement in the greater. Precondition: `is_part_of<Wanted, Had>()`.
+/// Returns the part of `had` that `Wanted` holds. Precondition: `is_part_of<Wanted, Had>()`.
 template <class Wanted, class Had>
 Wanted part_of(const Had& had) {
   static_assert(is_part_of<Wanted, Had>());
@@ -127,7 +127,8 @@ Wanted part_of(const Had& had) {
   return wanted;
 }
 
-/// On the straight line from `a` (share 0) to `b` (share 1), field by field of numbers.
+/// Returns the point on the straight line from `a` (share 0) to `b` (share 1), for each field of
+/// numbers.
 template <class Value>
 Value between(const Value& a, const Value& b, double share) {
   Value result;

@@ -11,13 +11,13 @@
 #include "messages/field.h"
 #include "messages/signals.h"
 
-/// What travels between the four processes beside the values of core/messages/signals.h, and the
-/// list of all. Knows no bytes and no transport (bus/), and no ground truth (loop/truth).
+/// The messages of the four processes beside the values of core/messages/signals.h, and the list of
+/// all messages. This header knows no bytes, no transport and no ground truth (messages/truth).
 namespace tachless::messages {
 
 /// The common header of all messages.
 struct Stamp {
-  /// Greatest `utime` of a message [us], some 285 years: in nanoseconds it still is an int64.
+  /// Greatest `utime` of a message [us], some 285 years. In nanoseconds it still fits an int64.
   static constexpr std::int64_t max_utime = 9'000'000'000'000'000;
 
   std::int64_t utime = 0;  ///< [us] simulation time of the tick (realtime: since the start)
@@ -29,12 +29,12 @@ struct Stamp {
 struct Layout {
   int num_joints = 0;
   int num_motors = 0;   ///< num_joints on a flexible-joint robot, else 0
-  int num_signals = 0;  ///< that the law declares; only controller_state_t depends on it
+  int num_signals = 0;  ///< number that the law declares; only controller_state_t depends on it
 
   bool operator==(const Layout&) const = default;
 };
 
-/// The layout of a run's messages. `num_signals` matters to controller_state_t alone.
+/// Returns the layout of a run's messages. Only controller_state_t depends on `num_signals`.
 constexpr Layout layout(int num_joints, bool flexible, int num_signals = 0) {
   return {num_joints, flexible ? num_joints : 0, num_signals};
 }
@@ -54,14 +54,14 @@ constexpr std::string_view name(ParticipantState state) {
   return names.at(static_cast<std::size_t>(state));
 }
 
-/// A number for each role, in the order of Role; 0: none.
+/// A number for each role, in the order of Role; 0 means none.
 using PerRole = std::array<std::int64_t, num_roles>;
 
-/// What a controller announces of its law.
+/// A controller's announcement of its law.
 struct LawInfo {
-  std::string law;          ///< what it calls itself
-  std::string measurement;  ///< channel suffix of what it needs
-  std::string signals;      ///< rows of LawSignals, as `text_of` gives them
+  std::string law;          ///< name that the law has chosen
+  std::string measurement;  ///< channel suffix of the law's measurement
+  std::string signals;      ///< rows of LawSignals, in the form of `text_of`
 };
 
 /// Most characters in each text of a participant_t.
@@ -77,7 +77,7 @@ struct Tick {
   static constexpr auto fields = std::tuple{number("last", "", Kind::flag, &Tick::last)};
 };
 
-struct Participant : LawInfo {  ///< a law of a controller alone
+struct Participant : LawInfo {  ///< the LawInfo of a controller only
   std::int64_t instance = 0;
   std::int64_t scenario_digest = 0;
   std::int32_t pid = 0;
@@ -86,15 +86,16 @@ struct Participant : LawInfo {  ///< a law of a controller alone
   double error_norm = 0;  ///< controller only: newest position error [rad]
   Role role = Role::plant;
   std::string host;
-  std::string scenario;  ///< its name, for messages to people
+  std::string scenario;  ///< name of the scenario, for messages to people
   std::string fault;
-  std::int64_t counter = 0;  ///< rises with every announcement of an instance
-  /// Of one process of each role that the sender has heard: its instance, and the newest of its
-  /// counters. What answers one of the receiver's own is no recording.
+  std::int64_t counter = 0;  ///< increases with every announcement of an instance
+  /// For one process of each role that the sender has heard: the instance and its newest counter. A
+  /// message that contains one of the receiver's own counters is an answer and not a recording.
   PerRole heard_instance{}, heard_counter{};
-  /// The instances that take part in the run: chosen by the plant, confirmed by the others.
+  /// Instances that take part in the run. The plant chooses them, and the others confirm them.
   PerRole roster{};
-  std::int64_t truth_digest = 0;  ///< lockstep plant that has finished: of all TRUTH, in order
+  /// Lockstep plant that has finished: digest of all TRUTH, in order; else 0.
+  std::int64_t truth_digest = 0;
 
   using Value = Participant;
   static constexpr std::size_t longest = max_participant_text;
@@ -141,13 +142,13 @@ struct RunInfo : LawInfo {
                  text<Value, std::string>("law", max_size, &Value::law),
                  text<Value, std::string>("measurement", max_size, &Value::measurement),
                  text<Value, std::string>("signals", max_size, &Value::signals),
-                 text("scenario", max_size, &Value::scenario),
-                 text("robot_description", max_size, &Value::robot_description)};
+                 file("scenario", max_size, &Value::scenario),
+                 file("robot_description", max_size, &Value::robot_description)};
 };
 
 /// logger -> plant; `Stamp::tick` is the last tick recorded without a gap.
 struct LogAck {
-  std::uint64_t missing = 0;  ///< bit i: tick + 1 + i was seen to begin but is incomplete
+  std::uint64_t missing = 0;  ///< bit i: tick + 1 + i has begun but is incomplete
 
   static constexpr std::string_view type = "tachless.log_ack_t", suffix = "LOG_ACK";
   static constexpr auto fields = std::tuple{number("missing", "", Kind::int64, &LogAck::missing)};
@@ -155,18 +156,34 @@ struct LogAck {
 
 /// `tachless gains` -> reference; `Stamp::tick` is the newest that the sender has seen.
 struct GainChange {
-  std::string gains;  ///< as scenario::gains_text
+  std::string gains;                 ///< as scenario::gains_text
+  std::string replaces;              ///< gains in force that the sender has seen; empty: none yet
+  std::int64_t scenario_digest = 0;  ///< of the scenario that the sender has analysed
+  std::int64_t number = 0;           ///< random; `GainAck` repeats it
 
   static constexpr std::string_view type = "tachless.gains_t", suffix = "GAINS";
-  static constexpr auto fields = std::tuple{text("gains", max_gains_text, &GainChange::gains)};
+  static constexpr auto fields =
+      std::tuple{text("gains", max_gains_text, &GainChange::gains),
+                 text("replaces", max_gains_text, &GainChange::replaces),
+                 messages::number("scenario_digest", "", Kind::int64, &GainChange::scenario_digest),
+                 messages::number("number", "", Kind::int64, &GainChange::number)};
 };
 
-/// Types of messages; `loop/truth` adds one.
+/// reference -> `tachless gains`: a change is accepted. `Stamp::tick` is the first tick with it.
+struct GainAck {
+  std::int64_t number = 0;  ///< number of the accepted `GainChange`
+
+  static constexpr std::string_view type = "tachless.gains_ack_t", suffix = "GAINS_ACK";
+  static constexpr auto fields =
+      std::tuple{messages::number("number", "", Kind::int64, &GainAck::number)};
+};
+
+/// Types of messages; messages/truth adds one.
 template <class... Value>
 struct TypeList {};
 using Messages = TypeList<Tick, PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement,
                           StateMeasurement, ReferencePoint, TorqueCommand, LawSignals, Participant,
-                          RunInfo, LogAck, GainChange>;
+                          RunInfo, LogAck, GainChange, GainAck>;
 
 /// Calls `f(std::type_identity<Value>())` for each type of the list, in order.
 template <class... Value, class F>

@@ -18,14 +18,16 @@ namespace {
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
 bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }
 
-/// Names end in figures, tables and file formats of other programs: identifiers cannot do harm.
+/// Returns whether the text is an identifier. Names end in figures, tables and files of other
+/// programs, for which identifiers are safe.
 bool is_identifier(std::string_view text) {
   return !text.empty() && is_letter(text.front()) &&
          std::all_of(text.begin(), text.end(),
                      [](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
 }
 
-/// Calls `each` with every signal of the text. @return whether the text is one of signals
+/// Calls `each` with every signal of the text.
+/// @return whether the text lists signals
 template <class Each>
 bool read_signals(std::string_view text, const Each& each) {
   for (int count = 0; !text.empty(); ++count) {

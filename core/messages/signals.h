@@ -11,12 +11,12 @@
 #include "base/quantities.h"
 #include "messages/field.h"
 
-/// The values that travel round the loop, without ticks or times: those belong to the nodes.
-/// One type per measurement, no inheritance and no conversion between them, so that a law sees
-/// what its type holds and nothing else.
+/// The values that travel round the loop, without ticks or times; the nodes add ticks and times.
+/// Each measurement has its own type, without inheritance or conversion. A law therefore receives
+/// only what its type holds.
 namespace tachless::messages {
 
-/// What an output-feedback law of a rigid robot sees.
+/// Measurement of an output-feedback law of a rigid robot.
 struct PositionMeasurement {
   Vector q;  ///< link position [rad; m]
 
@@ -25,7 +25,7 @@ struct PositionMeasurement {
       std::tuple{per_joint("position", "q", "rad", &PositionMeasurement::q, "link position")};
 };
 
-/// What an output-feedback law of a flexible-joint robot with motor encoders sees.
+/// Measurement of an output-feedback law of a flexible-joint robot with motor encoders.
 struct MotorPositionMeasurement {
   Vector theta;  ///< motor position, on the link side of the gear [rad]
 
@@ -35,7 +35,7 @@ struct MotorPositionMeasurement {
       "motor_position", "theta", "rad", &MotorPositionMeasurement::theta, "motor position")};
 };
 
-/// What the flexible-joint law of Loria and Ortega (eq. 9-12) sees: no motor velocity.
+/// Measurement of the flexible-joint law of Loria and Ortega (eq. 9-12), without motor velocity.
 struct LinkStateMeasurement {
   Vector q;      ///< link position [rad; m]
   Vector v;      ///< link velocity [rad/s; m/s]
@@ -69,14 +69,14 @@ struct StateMeasurement {
 /// Most characters of a law's gains in a message.
 inline constexpr int max_gains_text = 4000;
 
-/// A C4 reference at one instant, and the gains to follow it with.
+/// A C4 reference at one instant, and the law's gains for it.
 struct ReferencePoint {
   Vector q_ref;         ///< position [rad; m]
   Vector v_ref;         ///< velocity [rad/s; m/s]
   Vector a_ref;         ///< acceleration [rad/s^2; m/s^2]
   Vector jerk_ref;      ///< [rad/s^3; m/s^3]
   Vector snap_ref;      ///< [rad/s^4; m/s^4]
-  std::string gains{};  ///< as scenario::gains_text; empty: those of the scenario
+  std::string gains{};  ///< in the form of scenario::gains_text; empty: the scenario's
 
   using Value = ReferencePoint;
   static constexpr std::string_view type = "tachless.reference_t", suffix = "REFERENCE";
@@ -89,7 +89,7 @@ struct ReferencePoint {
       text("gains", max_gains_text, &Value::gains)};
 };
 
-/// Positive torque accelerates the joint.
+/// Torque of the motors; positive torque accelerates the joint.
 struct TorqueCommand {
   Vector tau;  ///< [N m; N]
 
@@ -99,22 +99,22 @@ struct TorqueCommand {
                            "motor torque commanded from this tick's measurement")};
 };
 
-/// Name and unit of one signal that a law declares, for the log. The unit is that of a revolute
-/// joint, in SI symbols ("rad", "rad/s", "N m"); the name holds neither ':' nor ','.
+/// Name and unit of one signal that a law declares, for the log. The unit applies to a revolute
+/// joint, in SI symbols ("rad", "rad/s", "N m"). The name contains neither ':' nor ','.
 struct Signal {
-  std::string_view name;  ///< of the column
-  std::string_view unit;  ///< of its values
+  std::string_view name;  ///< name of the column
+  std::string_view unit;  ///< unit of its values
 };
 
 /// Most signals that a law may declare.
 inline constexpr int max_signals = 8;
 
-/// What a law computed on the way to its command, for the log: entry i belongs to the i-th signal
-/// that the law declares and has one value per joint; entries from `num` on are empty. The first
-/// signal of every law is the position error whose norm the controller announces. Names and units
-/// of the rows are the law's: `Participant::signals`, `RunInfo::signals`.
+/// Signals that a law computes beside its command, for the log. Entry i belongs to the i-th
+/// declared signal and has one value per joint. Entries from `num` on are empty. The first signal
+/// of every law is the position error, whose norm the controller announces. `Participant::signals`
+/// and `RunInfo::signals` hold names and units of the rows.
 struct LawSignals {
-  int num = 0;                            ///< how many
+  int num = 0;                            ///< number of signals
   std::array<Vector, max_signals> value;  ///< one per signal
 
   static constexpr std::string_view type = "tachless.controller_state_t",
@@ -123,13 +123,13 @@ struct LawSignals {
       "value", "value", "", Kind::real, Count::signals, &LawSignals::value}};
 };
 
-/// "error:rad,nu:rad/s": how declared signals travel in participant_t and run_info_t.
+/// Returns declared signals as the text "error:rad,nu:rad/s" of participant_t and run_info_t.
 std::string text_of(std::span<const Signal> signals);
 
-/// The reverse; views into `text`. Nothing when it is not such a text, or declares more than
-/// `max_signals`; an empty text declares none.
+/// Returns the signals of a text of `text_of`, as views into `text`. Returns nullopt for another
+/// text or for more than `max_signals` signals. An empty text declares none.
 std::optional<std::vector<Signal>> parse_signals(std::string_view text);
-/// Whether `parse_signals` reads this text; allocates nothing.
+/// Returns whether `parse_signals` reads this text; allocates no memory.
 [[nodiscard]] bool are_signals(std::string_view text);
 
 }  // namespace tachless::messages

@@ -3,11 +3,11 @@
 #include <array>
 #include <cstddef>
 
-/// The six kinds of message that make up one tick. Names only; core/messages/truth/tick_record.h
-/// holds what they carry.
+/// The six kinds of message of one tick, by name. core/messages/truth/tick_record.h holds their
+/// values.
 namespace tachless::messages {
 
-/// In the order of the canonical log.
+/// Kinds of message in the order of the canonical log.
 enum class Slot : int { tick, measurement, reference, command, controller_state, truth };
 inline constexpr int num_slots = 6;
 inline constexpr std::array<Slot, num_slots> all_slots = {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <tachless/controller_state_t.hpp>
+#include <tachless/gains_ack_t.hpp>
 #include <tachless/gains_t.hpp>
 #include <tachless/link_state_measurement_t.hpp>
 #include <tachless/log_ack_t.hpp>
@@ -39,7 +40,7 @@ messages::Stamp stamp_of(std::span<const std::byte> payload) {
   return {utime, run, from.int64()};
 }
 
-/// The type that lcm-gen makes; looked at here alone, and for its hash alone.
+/// Type that lcm-gen generates. Only this file uses it, and only for its hash.
 template <class Value>
 struct Generated;
 
@@ -68,8 +69,13 @@ Rejection Codec<messages::AnyMeasurement>::decode(std::span<const std::byte> pay
                                                   messages::AnyMeasurement& value) const {
   return std::visit(
       [&]<class M>(const Codec<M>& codec) {
-        if (!std::holds_alternative<M>(value)) value.emplace<M>();
-        return codec.decode(payload, stamp, std::get<M>(value));
+        if (std::holds_alternative<M>(value)) {
+          return codec.decode(payload, stamp, std::get<M>(value));
+        }
+        M fresh;
+        const Rejection rejection = codec.decode(payload, stamp, fresh);
+        if (rejection == Rejection::none) value = std::move(fresh);
+        return rejection;
       },
       codec_);
 }
@@ -95,6 +101,7 @@ TACHLESS_MESSAGE(Participant, participant_t)
 TACHLESS_MESSAGE(RunInfo, run_info_t)
 TACHLESS_MESSAGE(LogAck, log_ack_t)
 TACHLESS_MESSAGE(GainChange, gains_t)
+TACHLESS_MESSAGE(GainAck, gains_ack_t)
 #undef TACHLESS_MESSAGE
 
 }  // namespace tachless::messages

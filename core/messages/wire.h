@@ -11,12 +11,12 @@
 
 #include "messages/measurements.h"
 
-/// Values of loop/ as bytes of LCM messages and back, after the tables of fields in
-/// core/messages/messages.h; every length and count is checked before it is believed. Neither
-/// subscribes nor computes.
+/// Conversion of messages to bytes of LCM and back, by the tables of fields in
+/// core/messages/messages.h. Every length and count is checked before it is used. This header
+/// neither subscribes nor computes.
 namespace tachless::messages {
 
-/// Why a datagram was not accepted. Nothing is decoded from one that is not `none`.
+/// Reason for which a datagram is rejected. Nothing is decoded unless it is `none`.
 enum class Rejection {
   none,
   wrong_size,   ///< not exactly the length of the expected type with the run's joint count
@@ -31,65 +31,72 @@ std::string_view name(Rejection rejection);
 /// Fingerprint, utime, run and tick, with which every message begins [bytes].
 inline constexpr std::size_t stamp_end = 4 * sizeof(std::int64_t);
 
-/// The fingerprint, if the bytes are enough to hold one.
+/// Returns the fingerprint if there are enough bytes for one.
 std::optional<std::int64_t> fingerprint_of(std::span<const std::byte> payload);
 
-/// The stamp of a message of at least `stamp_end` bytes; anything of one that no codec has checked.
-/// @throw std::logic_error when the bytes are too few to hold one.
+/// Returns the stamp of a message of at least `stamp_end` bytes. The numbers are arbitrary if no
+/// codec has checked the message.
+/// @throw std::logic_error if there are too few bytes.
 messages::Stamp stamp_of(std::span<const std::byte> payload);
 
-/// LCM's hash of the type of `Value`'s message, as lcm-gen computes it. Instantiated for
-/// messages::Messages (and in bus/truth for PlantTruth).
+/// Returns LCM's hash of the type of `Value`'s message, as lcm-gen computes it. It is instantiated
+/// for messages::Messages and, in messages/truth, for PlantTruth.
 template <class Value>
 std::int64_t fingerprint();
 
-/// The layout that the counts of a message announce, if a message can have it; {1, 0, 0} when its
-/// type has no counts. Looks at nothing else: for readers that do not know the run.
+/// Returns the layout that the message's counts announce, if that layout is possible. Returns {1,
+/// 0, 0} if the type has no counts. It checks nothing else and serves readers that do not know the
+/// run.
 template <class Value>
 std::optional<messages::Layout> announced_layout(std::span<const std::byte> payload);
 
 using messages::all_finite;
 
-/// Encoder and decoder of one message type for one layout. Preallocated, so that
-/// fixed-size messages cost no allocation after construction. Explicitly instantiated for
-/// messages::Messages (and in bus/truth for PlantTruth).
-/// One codec serves one thread at a time.
+/// Encoder and decoder of one message type for one layout. Preallocated, so that fixed-size
+/// messages cost no allocation after construction. It is instantiated for messages::Messages and,
+/// in messages/truth, for PlantTruth. Only one thread at a time may use a codec.
 template <class Value>
 class Codec {
  public:
-  /// @throw std::logic_error if the message has joint arrays and the layout does not hold 1 to
-  /// max_joints joints, as many motors or none, and 0 to messages::max_signals signals
+  /// @throw std::logic_error if the message has joint arrays and the layout is not possible.
+  /// Possible are 1 to max_joints joints, as many motors or none, and 0 to messages::max_signals
+  /// signals.
   explicit Codec(const messages::Layout& layout);
 
-  /// The message's bytes; valid until the next call. Precondition: sizes agree with the layout,
-  /// `all_finite(value)`, single fields in their range, texts short enough and without NUL.
+  /// Returns the message's bytes, valid until the next call. Precondition: sizes agree with the
+  /// layout, `all_finite(value)` holds, single fields are in their range, and texts are short
+  /// enough and without NUL.
   /// @throw std::domain_error if a number is NaN or infinite
   /// @throw std::length_error if a text, or the whole message, is too long for its message type
-  /// @throw std::logic_error if anything else of the precondition is broken (base of both)
+  /// @throw std::logic_error if another part of the precondition is violated (base of both)
   std::span<const std::byte> encode(const messages::Stamp& stamp, const Value& value);
 
-  /// Bytes of the longest message there is; of every one, if the type holds no text.
+  /// Returns the number of bytes of the longest message. Without a text all messages have this
+  /// length.
   [[nodiscard]] std::size_t longest() const { return bytes_.size(); }
 
-  /// Checks and decodes in one pass: size, fingerprint, then the fields in turn. On rejection
-  /// `stamp` and `value` are untouched. Does not look at run or tick: that is the node's.
+  /// Checks and decodes in one pass: size, fingerprint, then the fields in order. On rejection
+  /// `stamp` and `value` are unchanged. The node checks run and tick.
   Rejection decode(std::span<const std::byte> payload, messages::Stamp& stamp, Value& value) const;
 
  private:
   messages::Layout layout_;
   std::size_t min_size_;
-  std::vector<std::byte> bytes_;    ///< of the message encoded last; as long as the longest
-  std::unique_ptr<Value> scratch_;  ///< decoded into, so that a rejected message changes nothing
+  std::vector<std::byte> bytes_;  ///< last encoded message; sized for the longest
+  /// Target of decoding, so that a rejected message changes nothing.
+  std::unique_ptr<Value> scratch_;
 };
 
-/// Of the measurement that a channel suffix names: what is decoded is one of that type.
+/// Codec of the measurement that a channel suffix names; it decodes values of that type.
 template <>
 class Codec<messages::AnyMeasurement> {
  public:
-  /// Precondition: there is such a measurement. @throw std::logic_error as the others
+  /// Precondition: the suffix names a measurement.
+  /// @throw std::logic_error as the other codecs
   Codec(std::string_view suffix, const messages::Layout& layout);
 
-  /// Precondition: `value` is of that type, and as the others.
+  /// Encodes as the other codecs. Precondition: `value` has the suffix's type, and the other
+  /// codecs' preconditions.
   std::span<const std::byte> encode(const messages::Stamp& stamp,
                                     const messages::AnyMeasurement& value);
   [[nodiscard]] std::size_t longest() const;

@@ -4,10 +4,10 @@
 
 namespace tachless::robot {
 
-/// M = L D L' in place: D on the diagonal, unit L below it; the upper triangle is neither read nor
-/// written. Eigen's own factorisation may allocate from 32 rows up.
-/// @return -1, or the first row whose pivot is not above `tolerance` times its diagonal entry of
-/// M: M is not positive definite, and the rest is left half done.
+/// Factorises M = L D L' in place: D on the diagonal, unit L below it. The upper triangle is
+/// neither read nor written. Eigen's own factorisation may allocate from 32 rows up.
+/// @return -1, or the first row whose pivot is not above `tolerance` times its diagonal entry of M.
+/// M is then not positive definite, and the factorisation is incomplete.
 inline int factorise(Matrix& M, double tolerance = 0) {
   const Eigen::Index n = M.rows();
   const Vector diagonal = M.diagonal();
@@ -23,7 +23,7 @@ inline int factorise(Matrix& M, double tolerance = 0) {
   return -1;
 }
 
-/// x := M^-1 x for a factorised M.
+/// Replaces x by M^-1 x for a factorised M.
 inline void solve_in_place(const Matrix& LD, Vector& x) {
   const Eigen::Index n = LD.rows();
   for (Eigen::Index j = 0; j < n; ++j) x.tail(n - j - 1) -= LD.col(j).tail(n - j - 1) * x[j];

@@ -12,14 +12,14 @@
 namespace tachless::robot {
 namespace {
 
-/// Along an axis, each sum from the left.
+/// Returns the component along an axis; sums run from the left.
 template <class Axis, class Scalar>
 Scalar component(const Vector3Of<Axis>& axis, const Vector3Of<Scalar>& x) {
   return axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2];
 }
 
-/// What the recursion keeps of each body, in the body's own frame. Left uninitialised: only the
-/// model's bodies are touched.
+/// A body's quantities in the recursion, in the body's frame. Uninitialised: only the model's
+/// bodies are touched.
 template <class Scalar>
 struct BodyState {
   using Vector3 = Vector3Of<Scalar>;
@@ -28,13 +28,13 @@ struct BodyState {
   Vector3 acc;       ///< acceleration of the origin, less gravity
   Vector3 f, n;      ///< force on the body through its joint, moment about the origin
 
-  /// Of a product of two velocities, symmetrised when x and y are `two`.
+  /// Returns a product of two velocities, symmetrised when x and y are `two`.
   template <bool two, class Product>
   [[nodiscard]] Vector3 of_velocities(const Product& product) const {
     if constexpr (!two) return product(w_x, w_x);
     return (product(w_x, w_y) + product(w_y, w_x)) * 0.5;
   }
-  /// Acceleration of the body's point r.
+  /// Returns the acceleration of the body's point r.
   template <bool two>
   [[nodiscard]] Vector3 acceleration_at(const Vector3& r) const {
     return acc + alpha.cross(r) + of_velocities<two>([&](const Vector3& x, const Vector3& y) {
@@ -53,9 +53,9 @@ template <class Scalar>
   for (std::size_t i = 0; i < model.bodies.size(); ++i) poses[i] = joint_pose(model.bodies[i], q);
 }
 
-/// M a + C(q,x) y + g for gravity `gravity`, by one sweep out and one sweep in. Every product of
-/// two velocities is symmetrised, which makes the result bilinear and symmetric in (x, y); with
-/// `two` false x stands for both, and with `accelerating` false a is zero.
+/// Returns M a + C(q,x) y + g for gravity `gravity`, by one sweep out and one sweep in. Every
+/// product of two velocities is symmetrised, so the result is bilinear and symmetric in (x, y).
+/// With `two` false x stands for both; with `accelerating` false a is zero.
 template <bool two, bool accelerating, class Scalar>
 [[gnu::flatten]] VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
                                                const Poses<Scalar>& poses,
@@ -133,7 +133,7 @@ template <bool two, bool accelerating, class Scalar>
   return tau;
 }
 
-/// A body with all that hangs on it, frozen, in the frame of the tree's first body.
+/// A body and all bodies that it carries as one rigid body, in the frame of the tree's first body.
 template <class Scalar>
 struct Composite {
   double mass;
@@ -141,14 +141,14 @@ struct Composite {
   Matrix3Of<Scalar> I;  ///< about the body's origin [kg m2]
 };
 
-/// a.b 1 - a b': the parallel-axis matrix of the pair (a, b).
+/// Returns a.b 1 - a b': the parallel-axis matrix of the pair (a, b).
 template <class Scalar>
 Matrix3Of<Scalar> parallel_axis(const Vector3Of<Scalar>& a, const Vector3Of<Scalar>& b) {
   return a.dot(b) * Matrix3Of<Scalar>::Identity() - a * b.transpose();
 }
 
-/// Into M: composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 6.2). An element is the
-/// power of one joint's motion on the momentum of another's composite.
+/// Computes M by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 6.2). An element
+/// is the power of one joint's motion on the momentum of another's composite.
 template <class Scalar>
 [[gnu::flatten]] void set_mass_matrix(const Model& model, const Poses<Scalar>& poses,
                                       MatrixOf<Scalar>& M) {
@@ -213,7 +213,7 @@ template <class Scalar>
   M.diagonal() += model.rotor_inertia.cast<Scalar>();
 }
 
-/// The same at joint positions.
+/// Computes the joint poses at q, then the same.
 template <bool two, class Scalar>
 VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
                               const VectorOf<Scalar>& q, const VectorOf<Scalar>& x,

@@ -5,7 +5,7 @@
 
 /// Mechanics of a constant model: inertia matrix by composite bodies, inverse dynamics by recursive
 /// Newton-Euler, forward dynamics, energy. Free functions of values, templates for the scalars
-/// double and Jet2; nothing is allocated. Knows no friction, no springs and no drives.
+/// double and Jet2. Nothing is allocated. Friction, springs and drives are not part of it.
 ///
 /// C is the Christoffel one: Mdot - 2C is skew and C(q,x) y = C(q,y) x, so C(q,x) y is the
 /// polarisation of the quadratic term C(q,v) v that the recursion computes. With mimic joints,
@@ -15,44 +15,46 @@
 /// std::logic_error.
 namespace tachless::robot {
 
-/// M(q) [kg m2; kg m; kg], rotor inertia on the diagonal included. Symmetric to the last bit.
+/// Returns M(q) [kg m2; kg m; kg], rotor inertia on the diagonal included. Symmetric to the last
+/// bit.
 template <class Scalar>
 MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q);
 
-/// M(q) a + C(q,v) v + g(q) [N m; N] (paper, eq. 2), rotor inertia included, O(n).
+/// Returns M(q) a + C(q,v) v + g(q) [N m; N] (paper, eq. 2), rotor inertia included, O(n).
 /// @param q [rad; m]  @param v [rad/s; m/s]  @param a [rad/s2; m/s2]
 template <class Scalar>
 VectorOf<Scalar> inverse_dynamics(const Model& model, const VectorOf<Scalar>& q,
                                   const VectorOf<Scalar>& v, const VectorOf<Scalar>& a);
 
-/// M(q) a + C(q,x) y + g(q) [N m; N], rotor inertia included: feed-forward at two velocities.
+/// Returns M(q) a + C(q,x) y + g(q) [N m; N], rotor inertia included: feed-forward at two
+/// velocities.
 template <class Scalar>
 VectorOf<Scalar> inverse_dynamics_bilinear(const Model& model, const VectorOf<Scalar>& q,
                                            const VectorOf<Scalar>& x, const VectorOf<Scalar>& y,
                                            const VectorOf<Scalar>& a);
 
-/// C(q,x) y [N m; N]; symmetric in x and y to the last bit.
+/// Returns C(q,x) y [N m; N]; symmetric in x and y to the last bit.
 Vector coriolis_product(const Model& model, const Vector& q, const Vector& x, const Vector& y);
 
-/// g(q) [N m; N].
+/// Returns g(q) [N m; N].
 Vector gravity_torque(const Model& model, const Vector& q);
 
-/// C(q,v), column by column as C(q,v) e_j.
+/// Returns C(q,v), column by column as C(q,v) e_j.
 Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v);
 
-/// Acceleration [rad/s2; m/s2] that torque `tau` [N m; N] gives at (q, v): M(q)^-1 (tau - C(q,v) v
-/// - g(q)) (paper, eq. 2).
-/// @throw std::logic_error when M(q) is not positive definite, which `model_from_urdf` has ruled
-/// out but for single postures.
+/// Returns the acceleration [rad/s2; m/s2] under torque `tau` [N m; N] at (q, v):
+/// M(q)^-1 (tau - C(q,v) v - g(q)) (paper, eq. 2).
+/// @throw std::logic_error when M(q) is not positive definite; `model_from_urdf` rules this out
+/// except at isolated postures.
 Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, const Vector& tau);
 
-/// M(q), as `mass_matrix`, and C(q,v) v + g(q) [N m; N], as `inverse_dynamics`, into M and bias, to
-/// the same last bit.
+/// Computes M(q) and bias = C(q,v) v + g(q) [N m; N], with the bits of `mass_matrix` and
+/// `inverse_dynamics`.
 void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
                              Vector& bias);
 
-/// Potential energy of gravity [J], zero for a mass at the root link's origin; g(q) is its
-/// gradient.
+/// Returns the potential energy of gravity [J], zero for a mass at the root link's origin; g(q) is
+/// its gradient.
 template <class Scalar>
 Scalar potential_energy(const Model& model, const VectorOf<Scalar>& q);
 

@@ -1,16 +1,16 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <type_traits>
 
+#include "base/elementary.h"
 #include "base/quantities.h"
 
 namespace tachless::robot {
 
-/// Second-order truncated Taylor arithmetic in time: a value with its first and second time
-/// derivative (the derivatives themselves, not Taylor coefficients). What a templated formula
-/// computes from jets of its inputs is the jet of its output, exact to rounding.
+/// A value with its first and second time derivative (the derivatives themselves, not Taylor
+/// coefficients). A templated formula maps the jets of its inputs to the jet of its output, exact
+/// to rounding.
 struct Jet2 {
   double value;
   double first;   ///< [1/s]
@@ -56,20 +56,18 @@ constexpr Jet2 operator+(double s, const Jet2& a) { return a + s; }
 constexpr Jet2 operator*(Jet2 a, double s) { return a *= s; }
 constexpr Jet2 operator*(double s, Jet2 a) { return a *= s; }
 
-/// f(x) from f, f' and f'' at the value of x (chain rule).
+/// Returns the jet of f(x) from f, f' and f'' at the value of x (chain rule).
 constexpr Jet2 chain(const Jet2& x, double f, double df, double ddf) {
   return {f, df * x.first, df * x.second + ddf * (x.first * x.first)};
 }
 
 inline void sin_cos(const Jet2& x, Jet2& s, Jet2& c) {
-  const double sv = std::sin(x.value), cv = std::cos(x.value);
+  double sv = 0, cv = 0;
+  base::sin_cos(x.value, sv, cv);
   s = chain(x, sv, cv, -sv);
   c = chain(x, cv, -sv, -cv);
 }
-inline void sin_cos(double x, double& s, double& c) {
-  s = std::sin(x);
-  c = std::cos(x);
-}
+using base::sin_cos;
 
 }  // namespace tachless::robot
 
@@ -98,7 +96,7 @@ namespace tachless::robot {
 
 using JetVector = VectorOf<Jet2>;
 
-/// The jet of a vector from its value and its first two time derivatives, all of one size.
+/// Returns the jet of a vector from its value and its first two time derivatives, all of one size.
 inline JetVector jet(const Vector& value, const Vector& first, const Vector& second) {
   eigen_assert(value.size() == first.size() && value.size() == second.size());
   JetVector x(value.size());

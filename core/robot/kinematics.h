@@ -21,12 +21,13 @@ struct Pose {
   Matrix3Of<Scalar> R;  ///< columns: F's axes in P
   Vector3Of<Scalar> p;  ///< [m]
 
-  /// A frame in F, in P.
+  /// Returns the pose in P of a frame given in F.
   Pose operator*(const Pose& X) const { return {R * X.R, R * X.p + p}; }
 };
 
-/// The body's frame in its parent's at joint positions `q` [rad; m]. Revolute, by Rodrigues, the
-/// constant rotation multiplied in beforehand: R_PB (a a' + cos (1 - a a') + sin [a]x).
+/// Returns the body's frame in its parent's at joint positions `q` [rad; m]. A revolute joint turns
+/// by Rodrigues' formula, multiplied by the constant rotation: R_PB (a a' + cos (1 - a a') + sin
+/// [a]x).
 template <class Scalar>
 Pose<Scalar> joint_pose(const Body& body, const VectorOf<Scalar>& q) {
   const Scalar q_tree = body.multiplier * q[body.coordinate] + body.offset;
@@ -45,15 +46,15 @@ Pose<Scalar> joint_pose(const Body& body, const VectorOf<Scalar>& q) {
   return {along + across * c + turned * s, body.p_PB.cast<Scalar>()};
 }
 
-/// The frame's pose in the root link's frame at joint positions `q` [rad; m].
+/// Returns the frame's pose in the root link's frame at joint positions `q` [rad; m].
 Pose<double> frame_pose(const Model& model, const Frame& frame, const Vector& q);
 
-/// The same for a URDF link by name.
+/// Returns the same pose for a URDF link by name.
 /// @throw std::invalid_argument when the model has no such link.
 Pose<double> frame_pose(const Model& model, const std::string& link, const Vector& q);
 
-/// Torques [N m; N] that a force in the world [N], at point `p_F` of the frame [m], puts on the
-/// joints: J(q)' force.
+/// Returns the torques [N m; N] on the joints of a force in the world [N] at point `p_F` of the
+/// frame [m]: J(q)' force.
 Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3d& p_F,
                     const Eigen::Vector3d& force, const Vector& q);
 

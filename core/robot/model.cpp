@@ -16,7 +16,7 @@
 namespace tachless::robot {
 namespace {
 
-/// How far a frame is from the root: moving joints, then metres along the joints' origins.
+/// Distance of a frame from the root, in moving joints and in metres along the joints' origins.
 struct Reach {
   int joints = 0;
   double distance = 0;
@@ -35,7 +35,8 @@ bool coincide(const Frame& a, const Frame& b, double tolerance_m) {
   return a.body == b.body && (a.p_BF - b.p_BF).norm() <= tolerance_m;
 }
 
-/// Of inertia matrix M: the joint of the first pivot that is not positive, then without that joint.
+/// Returns the joints at which a factorisation of inertia matrix M has no positive pivot. Each
+/// joint found is removed from M before the next factorisation.
 std::vector<std::string> joints_without_inertia(const Model& model, Matrix M) {
   constexpr double rounding = 1e-12;
   std::vector<std::string> joints;
@@ -53,7 +54,7 @@ std::vector<std::string> joints_without_inertia(const Model& model, Matrix M) {
 }  // namespace
 
 MassProperties combine(const MassProperties& a, const MassProperties& b) {
-  // Exactly: no rounding where nothing is added.
+  // A sum with nothing must not round.
   if (a.mass == 0 && a.I_Bcm.isZero(0)) return b;
   if (b.mass == 0 && b.I_Bcm.isZero(0)) return a;
   MassProperties both;
@@ -187,7 +188,7 @@ bool is_possible(const Model& model) {
 }
 
 std::vector<std::string> joints_without_inertia(const Model& model) {
-  // Without mass, M is singular at nearly every posture; with impossible inertias at some.
+  // A joint without mass makes M singular at nearly every posture, an impossible inertia at some.
   const int postures = is_possible(model) ? 8 : 1000;
   std::mt19937 random(1);
   Vector q = nearest_to_zero(model);

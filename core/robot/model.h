@@ -13,7 +13,7 @@
 
 namespace tachless::robot {
 
-/// What a coordinate is: an angle [rad] or a length [m].
+/// Kind of a coordinate: an angle [rad] or a length [m].
 enum class JointType { revolute, prismatic };
 
 /// Most moving bodies a model may have: mimic joints move bodies without adding coordinates.
@@ -26,15 +26,16 @@ struct MassProperties {
   Eigen::Matrix3d I_Bcm = Eigen::Matrix3d::Zero();  ///< about the centre of mass [kg m2]
 };
 
-/// Two rigid things, in the same frame, as one. Inertia without mass counts too.
+/// Returns the properties of two rigid bodies together, all in one frame. Inertia without mass
+/// counts too.
 MassProperties combine(const MassProperties& a, const MassProperties& b);
 
-/// R I R', symmetric, and exactly I for R = 1.
+/// Returns R I R', symmetric, and exactly I for R = 1.
 Eigen::Matrix3d rotated(const Eigen::Matrix3d& I, const Eigen::Matrix3d& R);
 
-/// Empty when a rigid body can have these properties, else what forbids it, with the value and
-/// the remedy. Allowed for rounding in what people print: 1e-6 of the largest principal moment, and
-/// a radius of gyration of 1e-6 m.
+/// Returns why no rigid body can have these properties, with value and remedy; empty if one can.
+/// For rounding in printed URDFs, 1e-6 of the largest principal moment and a radius of gyration of
+/// 1e-6 m are allowed.
 std::string why_not_physical(const MassProperties& body);
 
 /// One moving body of the tree, in its own frame: everything fixed to it is merged in. Bodies are
@@ -54,7 +55,7 @@ struct Body : MassProperties {
   double offset = 0;      ///< [rad; m]
 };
 
-/// Where a URDF link ended up after merging fixed joints.
+/// Place of a URDF link after fixed joints are merged.
 struct Frame {
   int body = -1;                                       ///< -1 is the ground
   Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();  ///< its axes in the body's frame
@@ -64,7 +65,7 @@ struct Frame {
 
 /// A robot: a tree of revolute and prismatic joints, some of which may mimic others.
 struct Model {
-  /// A limit that is none.
+  /// Value of a limit that a joint does not have.
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
   int num_joints = 0;                       ///< independent coordinates
@@ -73,18 +74,17 @@ struct Model {
   std::vector<std::string> joint_names;     ///< by coordinate
   std::vector<JointType> joint_types;       ///< by coordinate
   Vector lower;                             ///< [rad; m], -unlimited where the URDF has none
-  Vector upper;                             ///< likewise, +unlimited
+  Vector upper;                             ///< [rad; m], unlimited where the URDF has none
   Vector effort_limit;                      ///< [N m; N], unlimited where none (or 0) is given
   Vector velocity_limit;                    ///< [rad/s; m/s]
   Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the world [m/s2]
   Vector rotor_inertia;  ///< added to the diagonal of M [kg m2]; zero from a URDF; empty is zero
   Vector damping;        ///< viscous, of the URDF's dynamics [N m s/rad; N s/m]
   Vector friction;       ///< Coulomb's, of the URDF's dynamics [N m; N]
-  std::vector<std::string> warnings;  ///< what the URDF has that is not as it should be
+  std::vector<std::string> warnings;  ///< dubious places of the URDF
 };
 
-/// What people read beside a joint's values: its name in the URDF, and the units of what is an
-/// angle on a revolute joint and a torque there.
+/// Labels of the joints' values: names in the URDF, units of positions and of efforts.
 struct JointLabels {
   std::vector<std::string> name;    ///< in the URDF
   std::vector<std::string> length;  ///< "rad" or "m"
@@ -93,23 +93,23 @@ struct JointLabels {
   /// "joint 2 (elbow)"; counts from 0.
   [[nodiscard]] std::string joint(std::size_t i) const;
 };
-/// Of each joint of the model.
+/// Returns the labels of all joints.
 JointLabels joint_labels(const Model& model);
 
-/// Each joint as near to 0 as its range allows.
+/// Returns the posture with each joint as near to 0 as its range allows.
 Vector nearest_to_zero(const Model& model);
 
-/// A joint's range; where it has none on a side, half a turn or 1 m from where it is nearest to 0.
+/// Returns a joint's range. A side without a limit ends half a turn, or 1 m, from the position
+/// nearest to 0.
 std::pair<double, double> finite_range(const Model& model, int joint);
 
-/// What becomes of a moving body that has an inertia which no body can have.
+/// How to treat a moving body with a physically impossible inertia.
 enum class CheckInertia { refuse, warn };
-/// As scenarios have them.
 constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
   return {"refuse", "warn"};
 }
 
-/// How a URDF is read, beside its text.
+/// Options of reading a URDF.
 struct UrdfOptions {
   CheckInertia check_inertia = CheckInertia::refuse;  ///< of a body that cannot have its inertia
   std::map<std::string, double> locked;  ///< joints fixed at a position [rad; m]; no coordinates
@@ -117,43 +117,42 @@ struct UrdfOptions {
   Eigen::Vector3d base_xyz = Eigen::Vector3d::Zero();  ///< its origin there [m]
 };
 
-/// The part of a URDF's text that is read: names, joints, limits and inertials, every number as it
-/// is written; without visuals, collisions, comments and what others have added. Reading it gives
-/// the same model.
-/// @throw std::invalid_argument as `model_from_urdf`, of what the XML shows
+/// Returns the part of a URDF's text that is read: names, joints, limits and inertials, each number
+/// as written. Visuals, collisions, comments and unknown elements are left out. Reading the result
+/// gives the same model.
+/// @throw std::invalid_argument as `model_from_urdf`, for errors that the XML alone shows
 std::string urdf_mechanics(const std::string& text, const std::string& source);
 
 /// Reads a URDF text: revolute, continuous, prismatic and fixed joints, `mimic`. The root link is
 /// fixed to the ground. `source` is the file name for messages.
 ///
-/// Coordinates are numbered depth-first from the root, the children of a link in the order in
-/// which their joints stand in the file; bodies likewise. A mimic joint adds a body, not a
-/// coordinate, and its own limits are not read; its damping and friction are added to those of the
-/// joint that drives it. Links behind fixed and locked joints are merged into the body they are
-/// fixed to, and the merged body is judged; what is fixed to the ground is not. An effort or
-/// velocity limit of 0 or below means none. Visuals, collisions, safety controllers and
-/// transmissions are not read.
+/// Coordinates and bodies are numbered depth-first from the root, the children of a link in the
+/// order of their joints in the file. A mimic joint adds a body, not a coordinate. Its limits are
+/// not read; its damping and friction are added to those of the joint that drives it. Links behind
+/// fixed and locked joints are merged into the body that carries them. The inertia of the merged
+/// body is checked, unless it is fixed to the ground. An effort or velocity limit of 0 or below
+/// means none. Visuals, collisions, safety controllers and transmissions are not read.
 /// @throw std::invalid_argument in one line naming source, link or joint, value and remedy: XML or
-/// URDF that does not parse, what xacro has left, duplicated or unknown names, a tree that is none,
+/// URDF that does not parse, remains of xacro, duplicated or unknown names, links that are no tree,
 /// joints of other types, a mimic cycle, an axis of zero length, limits that enclose nothing, more
 /// than `max_joints` coordinates or `max_bodies` bodies, and inertias no body can have, all of them
 /// at once, unless `check_inertia` is `warn`. Does not look at the inertia matrix.
 Model read_urdf(const std::string& text, const std::string& source,
                 const UrdfOptions& options = {});
 
-/// Whether each body can have the inertia it has.
+/// Returns whether every body's inertia is physically possible.
 bool is_possible(const Model& model);
 
-/// The joints at which the inertia matrix is not positive definite, each pivot above rounding of
-/// its diagonal entry, at the posture nearest to 0 or at one of some others in the joints' range:
-/// 8, or 1000 where a body has an inertia that none can have.
+/// Returns the joints at which the inertia matrix is not positive definite: a pivot is not above
+/// rounding of its diagonal entry. Examines the posture nearest to 0 and 8 others in the joints'
+/// range, 1000 if a body's inertia is impossible.
 std::vector<std::string> joints_without_inertia(const Model& model);
 
-/// @throw std::invalid_argument in one line when there are `joints_without_inertia`: links without
-/// mass leave a joint without inertia.
+/// Refuses a model with `joints_without_inertia`: links without mass cause them.
+/// @throw std::invalid_argument in one line
 void require_positive_inertia(const Model& model, const std::string& source);
 
-/// `read_urdf` and `require_positive_inertia`.
+/// Calls `read_urdf`, then `require_positive_inertia`.
 inline Model model_from_urdf(const std::string& text, const std::string& source,
                              const UrdfOptions& options = {}) {
   Model model = read_urdf(text, source, options);
@@ -161,13 +160,13 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// The leaf link that is farthest from the root, by moving joints, then by distance along the
-/// joints' origins at q = 0: where a tool is. Of several at one place the first by name; several at
-/// different places, such as fingers, are all of them.
+/// Returns the leaf link farthest from the root, which usually carries the tool: farthest by moving
+/// joints, then by distance along the joints' origins at q = 0. Of several links at one place it
+/// returns the first by name. Links at different places, such as fingers, are all returned.
 std::vector<std::string> farthest_leaves(const Model& model);
 
-/// The model with a payload that is fixed to `link`, in whose frame it is given. Default: the one
-/// of `farthest_leaves`.
+/// Returns the model with a payload fixed to `link` and given in the link's frame. Default link:
+/// the only one of `farthest_leaves`.
 /// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
 /// it does not move, or the default is ambiguous: equally far links at different places.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/elementary.h"
 #include "robot/model.h"
 #include "robot/urdf_xml.h"
 
@@ -43,7 +44,8 @@ class Loader {
     model_.warnings.push_back(source_ + ": " + fmt::format(text, std::forward<Args>(args)...));
   }
 
-  /// Where a joint is held that is fixed, locked, or mimics one that is; nothing: it moves.
+  /// Returns the position of a joint that is fixed, locked, or mimics such a joint. Returns nothing
+  /// for a joint that moves.
   std::optional<double> held(const UrdfJoint& joint) const {
     const MimicRelation& drive = relations_.at(joint.name);
     if (const auto lock = options_.locked.find(drive.joint); lock != options_.locked.end()) {
@@ -54,7 +56,7 @@ class Loader {
   }
   bool independent(const UrdfJoint& joint) const { return !joint.mimic && !held(joint); }
 
-  /// Farther away, an inertia about a joint has no digit of the body's own left.
+  /// Refuses an offset beyond 10 km. Rounding there removes the body's own inertia.
   void require_near(const std::string& what, const Eigen::Vector3d& offset) const {
     constexpr double farthest_m = 1e4;
     if (offset.norm() <= farthest_m) return;
@@ -101,7 +103,7 @@ class Loader {
     if (!closed.empty()) refuse_closed(closed);
   }
 
-  /// All in one message, with the line that fixes them.
+  /// Refuses these joints in one message, with the line that fixes them.
   [[noreturn]] void refuse_closed(const std::vector<const UrdfJoint*>& joints) const {
     std::vector<std::string> limits, locked;
     bool revolute = false;
@@ -156,8 +158,8 @@ class Loader {
     return drive;
   }
 
-  /// Adds a link to the body of its frame. What no body can have is remembered: the body that it is
-  /// merged into is judged.
+  /// Adds a link to the body of its frame. Remembers an inertia that no body can have;
+  /// `check_bodies` judges the merged body.
   void add_link(const std::string& name, const Frame& frame) {
     model_.frames[name] = frame;
     if (frame.body < 0) return;
@@ -195,14 +197,17 @@ class Loader {
     if (model_.num_joints == 0) refuse("no joint moves; a robot needs at least one");
   }
 
-  /// Moves `frame`, the joint's, to where the joint is held.
+  /// Moves the joint's `frame` by the position at which the joint is held.
   static void hold(const UrdfJoint& joint, double position, Frame& frame) {
     if (joint.fixed || position == 0) return;
     const Eigen::Vector3d axis = joint.axis.normalized();
     if (joint.type == JointType::prismatic) {
       frame.p_BF += frame.R_BF * axis * position;
     } else {
-      frame.R_BF = frame.R_BF * Eigen::AngleAxisd(position, axis).toRotationMatrix();
+      double s = 0, c = 0;
+      base::sin_cos(position / 2, s, c);
+      const Eigen::Quaterniond turned(c, s * axis.x(), s * axis.y(), s * axis.z());
+      frame.R_BF = frame.R_BF * turned.toRotationMatrix();
     }
   }
 
@@ -232,7 +237,7 @@ class Loader {
     return static_cast<int>(model_.bodies.size()) - 1;
   }
 
-  /// Coordinates are known only after the links: a joint may mimic one that comes later.
+  /// Names the coordinates. Runs after `add_links`, because a joint may mimic a later one.
   void name_coordinates() {
     const int n = model_.num_joints;
     model_.joint_names.resize(n);
@@ -247,7 +252,7 @@ class Loader {
       body.coordinate = j;
       body.multiplier = drive.multiplier;
       body.offset = drive.offset;
-      // Of a joint whose velocity is m v, damping d and friction f have the power d m^2 v^2 and
+      // The joint has velocity m v. Its damping d has the power d m^2 v^2, its friction f the power
       // f |m| |v|.
       const double m = drive.multiplier;
       model_.damping[j] += m * m * loss(joint, "damping", joint.damping);
@@ -263,13 +268,13 @@ class Loader {
     }
   }
 
-  /// Narrows the limits of the joint that drives a body to what its own joint's leave.
+  /// Narrows the limits of the joint that drives a body by the limits of the body's own joint.
   void narrow(const Body& body) {
     const UrdfJoint& joint = urdf_.joints.at(body.joint);
     const int j = body.coordinate;
     const double m = body.multiplier;
     if (m == 0) return;
-    // By more than rounding: an equal limit keeps the digits of the driver's.
+    // A difference below rounding does not count, so an equal limit keeps the driver's digits.
     const auto less = [](double a, double b) { return a < b - 1e-6 * std::abs(a) - 1e-9; };
     const double speed = limit_or_none(joint, "velocity", joint.velocity) / std::abs(m);
     if (less(speed, model_.velocity_limit[j])) model_.velocity_limit[j] = speed;
@@ -295,7 +300,7 @@ class Loader {
     return 0;
   }
 
-  /// Of bodies as they are after merging.
+  /// Checks the bodies after merging.
   void check_bodies() {
     std::vector<std::string> offenders;
     for (std::size_t i = 0; i < model_.bodies.size(); ++i) {
@@ -327,9 +332,9 @@ class Loader {
   const std::string& source_;
   const UrdfOptions& options_;
   const UrdfTree urdf_;
-  std::map<std::string, MimicRelation> relations_;  ///< of each joint to the one that drives it
+  std::map<std::string, MimicRelation> relations_;  ///< relation of a joint to its driver
   std::map<std::string, int> coordinate_;
-  std::map<int, std::vector<std::string>> impossible_;  ///< by body: what its links have
+  std::map<int, std::vector<std::string>> impossible_;  ///< by body: faults of its links
   Model model_;
 };
 

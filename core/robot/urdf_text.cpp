@@ -66,6 +66,19 @@ std::string why_too_large(std::string_view text) {
       nesting.depth, nesting.attributes, max_depth, max_attributes);
 }
 
+int line_of_unread_markup(const TiXmlNode& node) {
+  for (const auto* each = node.FirstChild(); each != nullptr; each = each->NextSibling()) {
+    const std::string& value = each->ValueStr();
+    const bool allowed =
+        node.ToDocument() != nullptr && (value.starts_with("!DOCTYPE") || value.starts_with('?'));
+    if (each->ToUnknown() != nullptr && !allowed) {
+      return std::max(each->Row(), 1);
+    }
+    if (const int line = line_of_unread_markup(*each); line != 0) return line;
+  }
+  return 0;
+}
+
 std::string urdf_with_inertials(const std::string& text,
                                 const std::map<std::string, MassProperties>& links) {
   TiXmlDocument document;
@@ -111,10 +124,10 @@ std::string xml_kind(std::string_view text, const std::string& source) {
   if (has("<sdf")) return "an SDF file (the URDF that it was made from would do)";
   if (!has("<robot")) return "not a robot's description";
   if (!has("xmlns:xacro") || !source.ends_with(".xacro")) {
-    return fmt::format("a URDF; `tachless design {} --write SCENARIO.yaml` makes a scenario of it",
+    return fmt::format("a URDF; tachless design {} --write SCENARIO.yaml makes a scenario of it",
                        base::shell_word(source));
   }
-  return fmt::format("a file for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
+  return fmt::format("a file for xacro; run xacro {} > robot.urdf and give robot.urdf",
                      base::shell_word(source));
 }
 

@@ -3,25 +3,21 @@
 #include <fmt/format.h>
 #include <tinyxml.h>
 #include <urdf_model/pose.h>
+#include "base/elementary.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
 
+#include "base/text.h"
+#include "robot/urdf_elements.h"
+
 namespace tachless::robot {
 namespace {
-
-std::vector<const char*> read_children(std::string_view element) {
-  if (element == "link") return {"inertial"};
-  if (element == "inertial") return {"origin", "mass", "inertia"};
-  if (element == "joint") {
-    return {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"};
-  }
-  return {};
-}
 
 std::string_view trimmed(std::string_view text) {
   constexpr std::string_view blanks = " \t\r\n";
@@ -34,6 +30,7 @@ class Reader {
  public:
   Reader(const std::string& text, const std::string& source) : source_(source) {
     if (const std::string why = why_too_large(text); !why.empty()) refuse("{}", why);
+    refuse_document_type(text);
     document_.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
     if (document_.ErrorId() == TiXmlBase::TIXML_ERROR_DOCUMENT_EMPTY && !trimmed(text).empty()) {
       refuse("not XML text (UTF-8); give a URDF file");
@@ -42,6 +39,10 @@ class Reader {
       const std::string_view why = document_.ErrorDesc();
       refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(),
              why.substr(0, why.find_last_not_of('.') + 1));
+    }
+    if (const int line = line_of_unread_markup(document_); line != 0) {
+      refuse("line {}: malformed XML: a < without the name of an element; correct the file's XML",
+             line);
     }
     robot_ = document_.FirstChildElement("robot");
     if (robot_ == nullptr) {
@@ -67,12 +68,15 @@ class Reader {
   }
 
   UrdfTree tree(const std::map<std::string, double>& locked) {
+    check_no_mechanics(*robot_, "robot");
     for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
       if (is_link(*e)) {
         const std::string name = named(*e, tree_.links);
+        check_known(*e, name);
         tree_.links.emplace(name, link(*e));
       } else if (is_joint(*e)) {
         const std::string name = named(*e, tree_.joints);
+        check_known(*e, name);
         const UrdfJoint& made = tree_.joints.emplace(name, joint(*e, name, locked)).first->second;
         const auto [above, fresh] = above_.emplace(made.child, name);
         if (!fresh) {
@@ -82,6 +86,8 @@ class Reader {
               made.child, above->second, name);
         }
         below_[made.parent].push_back(name);
+      } else {
+        check_beside_links(*e);
       }
     }
     find_root();
@@ -90,6 +96,9 @@ class Reader {
     if (!inert_.empty()) {
       tree_.warnings.push_back(fmt::format("{}: {} of xacro have no effect and are not read",
                                            source_, fmt::join(inert_, ", ")));
+    }
+    for (const auto& [what, names] : unknown_) {
+      tree_.warnings.push_back(fmt::format("{}: {}: {}", source_, fmt::join(names, ", "), what));
     }
     for (const auto& [what, joints] : assumed_) {
       tree_.warnings.push_back(fmt::format("{}: {} {}: no {} is given; none is assumed", source_,
@@ -109,8 +118,8 @@ class Reader {
   static bool is_joint(const TiXmlElement& e) { return e.ValueStr() == "joint"; }
 
   [[noreturn]] void refuse_xacro(const TiXmlElement& at, std::string_view what) const {
-    refuse("line {}: \"{}\" is for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
-           at.Row(), what, source_);
+    refuse("line {}: \"{}\" is for xacro; run xacro {} > robot.urdf and give robot.urdf", at.Row(),
+           what, source_);
   }
   /// Refuses an element that xacro would replace; definitions, when nothing uses them any more, are
   /// inert.
@@ -131,9 +140,153 @@ class Reader {
     for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
       require_expanded(*e);
     }
-    for (const char* name : read_children(of.ValueStr())) {
-      if (const auto* e = of.FirstChildElement(name)) require_no_xacro(*e);
+    for (const std::string_view name : rule_of(of.ValueStr())->children) {
+      if (const auto* e = of.FirstChildElement(name.data())) require_no_xacro(*e);
     }
+  }
+
+  /// Refuses definitions of entities, which the parser does not read.
+  void refuse_document_type(std::string_view text) const {
+    const std::size_t at = text.find("<!DOCTYPE");
+    if (at == std::string_view::npos) return;
+    const std::size_t end = text.find_first_of("[>", at);
+    if (end == std::string_view::npos || text[end] == '>') return;
+    refuse(
+        "line {}: <!DOCTYPE … [: an internal DTD is not read; remove it and write what its "
+        "entities stand for",
+        std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n') + 1);
+  }
+
+  /// Says which name was probably meant, or all that are known.
+  static std::string known_text(const std::string& name,
+                                const std::vector<std::string_view>& known) {
+    if (known.empty()) return "it has none that are read";
+    if (const auto near = base::nearest(name, known)) return "the nearest known name is " + *near;
+    return "known are " + base::joined(known);
+  }
+
+  /// Warns of attributes, children and text of a link or joint that are not read. Refuses an
+  /// element that is there twice.
+  void check_known(const TiXmlElement& e, const std::string& of) {
+    const ElementRule& rule = *rule_of(e.ValueStr());
+    const auto has = [](const std::vector<std::string_view>& names, std::string_view name) {
+      return std::ranges::find(names, name) != names.end();
+    };
+    for (const auto* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
+      const std::string name = a->Name();
+      if (has(rule.attributes, name) || name.starts_with("xmlns")) continue;
+      if (name.starts_with("quat")) {
+        refuse("line {}: {}: its <{}> has {}; allowed: quat_xyzw=\"x y z w\" or rpy", e.Row(),
+               where_, e.ValueStr(), name);
+      }
+      warn_unknown(of, fmt::format("the attribute {} of <{}> is not read; {}", name, e.ValueStr(),
+                                   known_text(name, rule.attributes)));
+    }
+    std::vector<std::string_view> children = rule.children;
+    children.insert(children.end(), rule.others.begin(), rule.others.end());
+    std::set<std::string> seen;
+    for (const auto* node = e.FirstChild(); node != nullptr; node = node->NextSibling()) {
+      if (node->ToText() != nullptr && !trimmed(node->ValueStr()).empty()) {
+        warn_unknown(
+            of, fmt::format("the text in <{}> is not read; known are {}", e.ValueStr(),
+                            base::joined(rule.attributes.empty() ? children : rule.attributes)));
+      }
+      const TiXmlElement* const child = node->ToElement();
+      if (child == nullptr || child->ValueStr().starts_with("xacro:")) continue;
+      const std::string& name = child->ValueStr();
+      if (has(rule.children, name)) {
+        if (!seen.insert(name).second) {
+          refuse("line {}: {}: its <{}> has two <{}>; remove one", child->Row(), where_,
+                 e.ValueStr(), name);
+        }
+        check_known(*child, of);
+      } else if (has(rule.others, name)) {
+        check_passed_over(*child, of);
+      } else {
+        warn_unknown(of, fmt::format("<{}> in <{}> is not read; {}", name, e.ValueStr(),
+                                     known_text(name, children)));
+      }
+    }
+  }
+  void warn_unknown(const std::string& of, const std::string& what) {
+    std::vector<std::string>& names = unknown_[what];
+    if (names.empty() || names.back() != of) names.push_back(of);
+  }
+
+  /// Warns of attributes with mechanics in an element that has none.
+  void check_no_mechanics(const TiXmlElement& e, const std::string& of) {
+    for (const auto* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
+      if (!is_mechanics(a->Name())) continue;
+      warn_unknown(of,
+                   fmt::format("the attribute {} of <{}> is not read", a->Name(), e.ValueStr()));
+    }
+  }
+
+  /// Warns of mechanics in an element that is not read, such as <visual>.
+  void check_passed_over(const TiXmlElement& e, const std::string& of) {
+    if (e.ValueStr() != "origin") check_no_mechanics(e, of);
+    for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
+      if (rule_of(child->ValueStr()) != nullptr && child->ValueStr() != "origin") {
+        warn_unknown(of, fmt::format("<{}> in <{}> is not read", child->ValueStr(), e.ValueStr()));
+      }
+      check_passed_over(*child, of);
+    }
+  }
+
+  /// Returns whether a link with mass or a joint between links is somewhere below an element.
+  static bool holds_mechanics(const TiXmlElement& e) {
+    for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
+      const bool found = is_link(*child) ? child->FirstChildElement("inertial") != nullptr
+                                         : is_joint(*child) && child->FirstChildElement("parent");
+      if (found || holds_mechanics(*child)) return true;
+    }
+    return false;
+  }
+
+  /// Warns of what stands beside the links and joints and was probably meant to be read.
+  void check_beside_links(const TiXmlElement& e) {
+    const std::string& name = e.ValueStr();
+    if (name == "include" || name == "xi:include") {
+      refuse("line {}: <{}> is not followed; give a URDF that is whole", e.Row(), name);
+    }
+    if (name == "transmission") return warn_of_rotor(e);
+    // A model of its own may be in them.
+    if (name == "gazebo" || name.starts_with("xacro:")) return;
+    const char* const given = e.Attribute("name");
+    const std::string of = given == nullptr ? "robot" : given;
+    if (holds_mechanics(e)) {
+      return warn_unknown(of, fmt::format("the links and joints in <{}> are not read", name));
+    }
+    const auto& known = robot_children();
+    if (std::ranges::find(known, name) != known.end()) return;
+    if (rule_of(name) != nullptr) {
+      return warn_unknown(of, fmt::format("<{}> in <robot> is not read; it belongs in a link or "
+                                          "joint",
+                                          name));
+    }
+    const std::vector<std::string_view> meant{"link", "joint"};
+    if (const auto near = base::nearest(name, meant)) {
+      warn_unknown(of, fmt::format("<{}> in <robot> is not read; the nearest known name is {}",
+                                   name, *near));
+    }
+  }
+
+  /// Warns of a rotor inertia in Drake's dialect.
+  void warn_of_rotor(const TiXmlElement& transmission) {
+    const auto* const joint = transmission.FirstChildElement("joint");
+    const auto* const actuator = transmission.FirstChildElement("actuator");
+    if (joint == nullptr || actuator == nullptr) return;
+    const auto* const rotor = actuator->FirstChildElement("drake:rotor_inertia");
+    const auto* const gear = actuator->FirstChildElement("drake:gear_ratio");
+    if (rotor == nullptr) return;
+    where_ = "transmission";
+    const double inertia = number(rotor, "value", 0), ratio = number(gear, "value", 1);
+    const char* const name = joint->Attribute("name");
+    warn_unknown(
+        name == nullptr ? "transmission" : name,
+        fmt::format("<drake:rotor_inertia> is not read; it is {:g} * {:g}^2 = {:g} kg m2 "
+                    "at the joint; give robot.joints: {{rigid: {{rotor_inertia_kgm2: …}}}}",
+                    inertia, ratio, inertia * ratio * ratio));
   }
 
   /// The attributes of `from` and those of its elements that are read, the first of each kind.
@@ -142,8 +295,10 @@ class Reader {
     for (const auto* a = from.FirstAttribute(); a != nullptr; a = a->Next()) {
       kept.SetAttribute(a->Name(), a->ValueStr());
     }
-    for (const char* name : read_children(from.ValueStr())) {
-      if (const auto* e = from.FirstChildElement(name)) kept.InsertEndChild(mechanics_of(*e));
+    for (const std::string_view name : rule_of(from.ValueStr())->children) {
+      if (const auto* e = from.FirstChildElement(name.data())) {
+        kept.InsertEndChild(mechanics_of(*e));
+      }
     }
     return kept;
   }
@@ -196,17 +351,42 @@ class Reader {
   double number(const TiXmlElement* of, const char* name, double otherwise) const {
     return gives(of, name) ? number(*of, name) : otherwise;
   }
+  /// The numbers of an attribute that is there; none where one of them is no finite number.
+  static std::vector<double> numbers(const TiXmlElement& of, const char* name) {
+    std::vector<double> found;
+    std::istringstream words(of.Attribute(name));
+    try {
+      for (std::string word; words >> word;) found.push_back(urdf::strToDouble(word.c_str()));
+    } catch (const std::runtime_error&) {
+      return {};
+    }
+    return found;
+  }
   Eigen::Vector3d vector(const TiXmlElement* of, const char* name,
                          const Eigen::Vector3d& otherwise = Eigen::Vector3d::Zero()) const {
     if (!gives(of, name)) return otherwise;
-    try {
-      std::vector<double> v;
-      std::istringstream words(of->Attribute(name));
-      for (std::string word; words >> word;) v.push_back(urdf::strToDouble(word.c_str()));
-      if (v.size() == 3) return {v[0], v[1], v[2]};
-    } catch (const std::runtime_error&) {  // as below
-    }
+    const std::vector<double> v = numbers(*of, name);
+    if (v.size() == 3) return {v[0], v[1], v[2]};
     refuse_value(*of, name, "three finite numbers");
+  }
+
+  /// Reads rpy or quat_xyzw of an <origin>. @param largest of the angles as written [rad]
+  void set_rotation(const TiXmlElement* origin, Eigen::Matrix3d& R, double& largest) const {
+    const Eigen::Vector3d rpy = vector(origin, "rpy");
+    largest = rpy.cwiseAbs().maxCoeff();
+    R = rotation_of(rpy);
+    if (!gives(origin, "quat_xyzw")) return;
+    if (gives(origin, "rpy")) {
+      refuse("line {}: {}: its <origin> has both rpy and quat_xyzw; remove one", origin->Row(),
+             where_);
+    }
+    const std::vector<double> q = numbers(*origin, "quat_xyzw");
+    constexpr double tolerance = 1e-3;
+    const auto unit = [&] { return Eigen::Map<const Eigen::Vector4d>(q.data()).norm(); };
+    if (q.size() != 4 || std::abs(unit() - 1) > tolerance) {
+      refuse_value(*origin, "quat_xyzw", "four finite numbers x y z w of length 1");
+    }
+    R = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized().toRotationMatrix();
   }
 
   UrdfLink link(const TiXmlElement& e) const {
@@ -214,7 +394,7 @@ class Reader {
     const TiXmlElement* inertial = e.FirstChildElement("inertial");
     if (inertial == nullptr) return made;
     const TiXmlElement* origin = inertial->FirstChildElement("origin");
-    made.R = rotation_of(vector(origin, "rpy"));
+    set_rotation(origin, made.R, made.largest_angle);
     made.mass.p_Bcm = vector(origin, "xyz");
     made.mass.mass = number(child(*inertial, "mass"), "value");
     const TiXmlElement& I = child(*inertial, "inertia");
@@ -232,7 +412,7 @@ class Reader {
     made.parent = attribute(child(e, "parent"), "link");
     made.child = attribute(child(e, "child"), "link");
     const TiXmlElement* origin = e.FirstChildElement("origin");
-    made.R = rotation_of(vector(origin, "rpy"));
+    set_rotation(origin, made.R, made.largest_angle);
     made.p = vector(origin, "xyz");
     set_type(e, locked, made);
     if (!made.fixed) made.axis = vector(e.FirstChildElement("axis"), "xyz", made.axis);
@@ -280,17 +460,28 @@ class Reader {
                                       {"velocity", &made.velocity}}) {
       *value = number(limit, name, 0);
     }
+    made.zero_effort = gives(limit, "effort") && made.effort == 0;
+    made.zero_velocity = gives(limit, "velocity") && made.velocity == 0;
     if (limit == nullptr && !made.has_range) return;
     for (const char* what : {"effort", "velocity"}) {
       if (warns && !gives(limit, what))
         assumed_[fmt::format("{} limit", what)].push_back(made.name);
     }
-    if (!made.has_range) return;
-    // Exporters without limits write four zeros.
     const bool lower = gives(limit, "lower"), upper = gives(limit, "upper");
+    if (!made.has_range) {
+      if (warns && (lower || upper)) {
+        warn_unknown(made.name, "the range of a continuous joint is not used");
+      }
+      return;
+    }
+    // Exporters without limits write four zeros.
     const bool zeros = made.lower == 0 && made.upper == 0 && made.effort == 0 && made.velocity == 0;
     made.has_range = lower && upper ? !zeros : lower || upper;
     if (warns && !made.has_range) assumed_["range (lower, upper)"].push_back(made.name);
+    if (warns && lower != upper) {
+      warn_unknown(made.name,
+                   fmt::format("{} is not given; 0 is taken", lower ? "upper" : "lower"));
+    }
   }
 
   void find_root() {
@@ -298,6 +489,14 @@ class Reader {
       for (const auto& [end, link] :
            {std::pair{"parent", &joint.parent}, {"child", &joint.child}}) {
         if (tree_.links.contains(*link)) continue;
+        if (link == &joint.parent && *link == "world") {
+          tree_.links.emplace("world", UrdfLink{});
+          tree_.warnings.push_back(fmt::format(
+              "{}: joint '{}': its parent link 'world' is not in the file; it is taken for the "
+              "ground",
+              source_, name));
+          continue;
+        }
         refuse("joint '{}': its {} link '{}' is not in the file; correct the name, or add the link",
                name, end, *link);
       }
@@ -345,6 +544,8 @@ class Reader {
   std::map<std::string, std::string> above_;  ///< joint by child link
   std::map<std::string, std::vector<std::string>>
       below_;  ///< joints by parent link, as in the file
+  /// Links and joints by what of them is not read.
+  std::map<std::string, std::vector<std::string>> unknown_;
   /// Joints by what is not given, and then assumed: a file repeats itself from joint to joint.
   std::map<std::string, std::vector<std::string>> assumed_;
 };
@@ -359,9 +560,13 @@ void refuse_urdf(const std::string& source, const std::string& problem) {
 }
 
 Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy) {
-  urdf::Rotation r;
-  r.setFromRPY(rpy[0], rpy[1], rpy[2]);
-  return Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
+  double s[3], c[3];  // of half the angles
+  for (int i = 0; i < 3; ++i) base::sin_cos(rpy[i] / 2, s[i], c[i]);
+  return Eigen::Quaterniond(
+             c[0] * c[1] * c[2] + s[0] * s[1] * s[2], s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+             c[0] * s[1] * c[2] + s[0] * c[1] * s[2], c[0] * c[1] * s[2] - s[0] * s[1] * c[2])
+      .normalized()
+      .toRotationMatrix();
 }
 
 std::string urdf_mechanics(const std::string& text, const std::string& source) {

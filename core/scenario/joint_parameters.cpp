@@ -130,7 +130,7 @@ void add_joint_parameters(YamlNode& root, Scenario& scenario, const JointParamet
       list.children.push_back({YamlNode::Kind::scalar, base::shortest(found->second.*member)});
     }
     map->add(path.back()) = std::move(list);
-    scenario.where[name] = scenario.where.at(std::string(key));
+    scenario.where[name] = fmt::format("{}: {}", scenario.where.at(std::string(key)), key);
   }
 }
 

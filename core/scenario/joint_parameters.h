@@ -14,10 +14,10 @@ namespace tachless::scenario {
 
 using JointParameters = std::map<std::string, robot::JointNumbers>;
 
-/// What the tree's file says, by joint; the key leaves the tree, whose text then has the numbers
-/// (`add_joint_parameters`) and needs no file. Empty where the tree names none.
+/// Reads the numbers of the tree's file, by joint. Removes the key from the tree, whose text then
+/// needs no file (`add_joint_parameters`). Returns nothing if the tree names no file.
 /// @param scenario for complaints @param directory of the scenario
-/// @throw Failure(bad_usage) when it cannot be read or says something else
+/// @throw Failure(bad_usage) when the file cannot be read or has other contents
 JointParameters take_joint_parameters(YamlNode& root, const Scenario& scenario,
                                       const std::filesystem::path& directory);
 

@@ -13,11 +13,14 @@
 #include "base/fnv.h"
 #include "base/text.h"
 #include "robot/model.h"
+#include "scenario/table.h"
 
 namespace tachless::scenario {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t max_motion_bytes = 100'000'000;
 
 std::string digest_of(std::string_view text) { return fmt::format("{:016x}", base::fnv(text)); }
 
@@ -25,7 +28,7 @@ std::string digest_of(std::string_view text) { return fmt::format("{:016x}", bas
 std::string table_text(const Scenario& scenario, const fs::path& path, std::string_view digest) {
   std::string text;
   try {
-    text = base::given_text(path);
+    text = base::given_text(path, max_motion_bytes);
   } catch (const base::Failure& failure) {
     throw scenario.complaint("reference.file", failure.what());
   }
@@ -34,25 +37,30 @@ std::string table_text(const Scenario& scenario, const fs::path& path, std::stri
                            digest, path.string(), digest_of(text));
 }
 
-class Table {
+/// Rows of a motion with the joints' columns, checked against the robot's limits.
+class MotionRows {
  public:
-  Table(const std::string& source, const robot::Model& model) : source_(source), model_(model) {
-    for (int i = 0; i <= model.num_joints; ++i) columns_.push_back(static_cast<std::size_t>(i));
-  }
-
-  void add_line(std::string_view line) {
-    ++line_;
-    base::split_row(line.substr(0, line.find('#')), fields_);
-    if (fields_.empty()) return;
-    if (time_s_.empty() && !base::number_in(fields_.front())) {
-      read_header();
-    } else {
-      read_row();
+  MotionRows(std::string_view text, const std::string& source, const robot::Model& model,
+             const reference::trajectory::MotionFile& file)
+      : model_(model), file_(file), table_(text, source) {
+    columns_.push_back(table_.time_column(file.time_column, file.time_scale != 1));
+    if (!table_.names().empty()) {
+      for (const std::string& joint : model.joint_names) columns_.push_back(table_.column(joint));
+      return;
     }
+    const auto wanted = static_cast<std::size_t>(model.num_joints) + 1;
+    if (table_.width() != wanted || columns_.front() != 0) {
+      table_.refuse(fmt::format("{} columns; allowed: {}, the time and a position for each joint",
+                                table_.width(), wanted));
+    }
+    for (std::size_t i = 1; i < wanted; ++i) columns_.push_back(i);
   }
 
   reference::trajectory::WaypointSpline spline() {
-    if (time_s_.size() < 2) refuse("{} rows; allowed: at least 2", time_s_.size());
+    while (table_.next()) read_row();
+    if (time_s_.size() < 2) {
+      table_.refuse(fmt::format("{} rows; allowed: at least 2", time_s_.size()));
+    }
     const auto rows = static_cast<Eigen::Index>(time_s_.size());
     Eigen::MatrixXd position =
         Eigen::Map<const Eigen::MatrixXd>(positions_.data(), model_.num_joints, rows);
@@ -61,55 +69,14 @@ class Table {
   }
 
  private:
-  template <class... Args>
-  [[noreturn]] void refuse(fmt::format_string<Args...> text, Args&&... args) const {
-    throw std::invalid_argument(fmt::format("{}:{}: ", source_, line_) +
-                                fmt::format(text, std::forward<Args>(args)...));
-  }
-
-  /// The only column that has one of `names`.
-  std::size_t column(const std::vector<std::string_view>& names, std::string_view what) const {
-    const auto is_wanted = [&](std::string_view field) {
-      return std::find(names.begin(), names.end(), field) != names.end();
-    };
-    const auto found = std::find_if(fields_.begin(), fields_.end(), is_wanted);
-    if (found == fields_.end()) {
-      refuse("no column {}; there are {}", what, base::joined(fields_));
-    }
-    if (std::find_if(found + 1, fields_.end(), is_wanted) != fields_.end()) {
-      refuse("two columns {}", what);
-    }
-    return static_cast<std::size_t>(found - fields_.begin());
-  }
-
-  /// Which column is the time, which is each joint; others are left out.
-  void read_header() {
-    columns_ = {column({"time", "time_s", "t_s"}, "for the time (time, time_s, t_s)")};
-    for (const std::string& joint : model_.joint_names) {
-      columns_.push_back(column({joint}, fmt::format("\"{}\", which is a joint", joint)));
-    }
-    width_ = fields_.size();
-  }
-
   void read_row() {
-    if (width_ == 0) width_ = columns_.size();  // no header: the time and the joints in order
-    if (fields_.size() != width_) {
-      refuse("{} columns; allowed: {}{}", fields_.size(), width_,
-             width_ == columns_.size() ? ", the time and a position for each joint" : "");
-    }
-    const double t = value(0);
+    const double t = table_.number(columns_[0]) * file_.time_scale + file_.time_offset;
     if (!time_s_.empty() && !(t > time_s_.back())) {
-      refuse("time {:g} s is not after {:g} s; allowed: increasing times", t, time_s_.back());
+      table_.refuse(fmt::format("time {} s is not after {} s; allowed: increasing times",
+                                base::shortest(t), base::shortest(time_s_.back())));
     }
     for (int i = 0; i < model_.num_joints; ++i) add_position(i, t);
     time_s_.push_back(t);
-  }
-
-  double value(std::size_t column) const {
-    const std::string_view field = fields_[columns_[column]];
-    const std::optional<double> x = base::number_in(field);
-    if (!x || !std::isfinite(*x)) refuse("\"{}\" is not a finite number", field);
-    return *x;
   }
 
   [[nodiscard]] std::string joint(int i) const {
@@ -117,30 +84,58 @@ class Table {
   }
 
   void add_position(int i, double t) {
-    const double q = value(static_cast<std::size_t>(i) + 1);
+    const double q = table_.number(columns_[static_cast<std::size_t>(i) + 1]);
     if (q < model_.lower[i] || q > model_.upper[i]) {
-      refuse("{} is at {:g}; allowed by the URDF: {:g} to {:g}", joint(i), q, model_.lower[i],
-             model_.upper[i]);
+      table_.refuse(fmt::format("{} is at {:g}; allowed by the URDF: {:g} to {:g}", joint(i), q,
+                                model_.lower[i], model_.upper[i]));
     }
     if (!time_s_.empty()) {
       const double before =
           positions_[positions_.size() - static_cast<std::size_t>(model_.num_joints)];
       const double speed = std::abs(q - before) / (t - time_s_.back());
       if (speed > model_.velocity_limit[i]) {
-        refuse("{} moves at {:g} per second since the row before; allowed by the URDF: {:g}",
-               joint(i), speed, model_.velocity_limit[i]);
+        table_.refuse(
+            fmt::format("{} moves at {:g} per second since the row before; allowed by the URDF: "
+                        "{:g}",
+                        joint(i), speed, model_.velocity_limit[i]));
       }
     }
     positions_.push_back(q);
   }
 
-  const std::string& source_;
   const robot::Model& model_;
-  std::size_t line_ = 0, width_ = 0;
+  const reference::trajectory::MotionFile& file_;
+  Table table_;
   std::vector<std::size_t> columns_;  ///< of the time and of each joint
-  std::vector<std::string_view> fields_;
   std::vector<double> time_s_, positions_;
 };
+
+/// Refuses a table whose times lie outside of the run. Warns of a table that is cut by the start or
+/// the end of the run.
+void compare_with_run(Scenario& scenario, const std::string& source, double first, double last) {
+  const double end = scenario.loop.duration_s;
+  using base::shortest;
+  if (first >= end || last <= 0) {
+    throw base::bad_usage(
+        "{}: its times go from {} to {} s and the run from 0 to {} s: nothing would move; give "
+        "reference: {{file: {{path: {}, time_offset: {}}}}}, or time_scale: 0.001 for "
+        "milliseconds",
+        source, shortest(first), shortest(last), shortest(end),
+        std::get<reference::trajectory::MotionFile>(scenario.reference).path, shortest(-first));
+  }
+  std::string cut;
+  if (first < 0) cut = fmt::format("it begins at {} s, before the run", shortest(first));
+  if (last > end) {
+    cut +=
+        fmt::format("{}it ends at {} s, after the run ({} s); milliseconds take time_scale: 0.001",
+                    cut.empty() ? "" : "; ", shortest(last), shortest(end));
+  }
+  if (cut.empty()) return;
+  auto warned = std::make_shared<robot::Model>(*scenario.model);
+  warned->warnings.push_back(
+      fmt::format("{}: the run has only a part of the motion: {}", source, cut));
+  scenario.model = std::move(warned);
+}
 
 }  // namespace
 
@@ -163,23 +158,21 @@ void read_motion(Scenario& scenario, const fs::path& directory) {
   auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
   if (file == nullptr) return;
   const fs::path path = directory / file->path;
+  const std::string text = table_text(scenario, path, file->digest);
   try {
     file->motion = std::make_shared<const reference::trajectory::WaypointSpline>(
-        parse_motion(table_text(scenario, path, file->digest), path.string(), *scenario.model));
+        parse_motion(text, path.string(), *scenario.model, *file));
   } catch (const std::invalid_argument& refused) {
     throw base::bad_usage(refused.what());
   }
+  compare_with_run(scenario, path.string(), file->motion->time_s().front(),
+                   file->motion->time_s().back());
 }
 
 reference::trajectory::WaypointSpline parse_motion(std::string_view text, const std::string& source,
-                                                   const robot::Model& model) {
-  Table table(source, model);
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    table.add_line(text.substr(0, end));
-    text.remove_prefix(std::min(end + 1, text.size()));
-  }
-  return table.spline();
+                                                   const robot::Model& model,
+                                                   const reference::trajectory::MotionFile& file) {
+  return MotionRows(text, source, model, file).spline();
 }
 
 }  // namespace tachless::scenario

@@ -6,6 +6,7 @@
 #include <charconv>
 
 #include "base/text.h"
+#include "scenario/key_paths.h"
 
 namespace tachless::scenario {
 namespace {
@@ -39,6 +40,33 @@ void read_list(const Written& written, std::vector<Entry>& to) {
                          (refused.value == value ? "" : ": " + refused.value)};
     }
   }
+}
+
+/// Returns the paths of a scenario's keys that end in this name, at most three. The deeper ones are
+/// left out: they are of one kind of reference, say.
+std::vector<std::string> paths_to(std::string_view name) {
+  std::vector<std::string> found;
+  for_each_path<Scenario>("", [&](const std::string& path, const auto&... /*key*/) {
+    const bool ends = path == name || path.ends_with("." + std::string(name));
+    if (ends) found.push_back(path);
+  });
+  const auto depth = [](const std::string& path) { return std::ranges::count(path, '.'); };
+  if (found.empty()) return found;
+  const auto least = depth(std::ranges::min(found, {}, depth));
+  std::erase_if(found, [&](const std::string& path) { return depth(path) > least; });
+  if (found.size() > 3) found.resize(3);
+  return found;
+}
+
+/// Returns true if the map at `place`, which may have the keys `names`, is part of a scenario.
+/// Other files are read with the same functions.
+bool is_of_scenario(const Place& place, const std::vector<std::string_view>& names) {
+  if (place.path.empty()) return std::ranges::find(names, "robot") != names.end();
+  bool found = false;
+  base::for_each_key<Scenario>([&](const auto& key) {
+    found = found || place.path.substr(0, place.path.find('.')) == key.name;
+  });
+  return found;
 }
 
 }  // namespace
@@ -105,12 +133,16 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
   if (place.node == nullptr || place.node->kind != YamlNode::Kind::map) return;
   for (const std::string& key : place.node->keys) {
     if (std::ranges::find(names, key) != names.end()) continue;
-    const auto near = base::nearest(key, names);
     const std::string of = place.path.empty() ? "a scenario" : place.path;
-    throw place.child(key).complaint(
-        near ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
-                           place.path.empty() ? "" : ".", *near)
-             : fmt::format("unknown; known keys of {}: {}", of, base::joined(names)));
+    std::string known = fmt::format("known keys of {}: {}", of, base::joined(names));
+    if (const auto near = base::nearest(key, names)) {
+      known = fmt::format("nearest known key is {}{}{}", place.path, place.path.empty() ? "" : ".",
+                          *near);
+    } else if (is_of_scenario(place, names)) {
+      const std::vector<std::string> elsewhere = paths_to(key);
+      if (!elsewhere.empty()) known = "known here: " + base::joined(elsewhere, " or ");
+    }
+    throw place.child(key).complaint("unknown; " + known);
   }
 }
 

@@ -69,7 +69,7 @@ void read_value(const Written& written, Value& to) {
 }
 
 /// @throw Failure(bad_usage) when the map at `place`, if one is given, has a key that is not among
-/// `names`: with the nearest one, or all of them.
+/// `names`: with its right section, the nearest key or all of them.
 void require_known(const Place& place, const std::vector<std::string_view>& names);
 
 /// The same for the keys of `Struct`.

@@ -28,11 +28,11 @@ struct LawInfo;
 }
 
 /// One experiment = one YAML file, read into typed values. Each value is declared once, beside the
-/// member that it fills; the reader, the check for unknown keys and the table of docs/scenario.md
-/// follow. This header knows the values, not what plant, controller and reference make of them.
+/// member that it fills. The reader, the check for unknown keys and the table of docs/scenario.md
+/// use the declarations. This header does not know how plant, controller and reference use them.
 namespace tachless::scenario {
 
-/// Where the robot's root link is fixed.
+/// Pose at which the robot's root link is fixed.
 struct BaseSpec {
   std::vector<double> rpy = {0, 0, 0};
   std::vector<double> xyz = {0, 0, 0};
@@ -48,7 +48,7 @@ struct BaseSpec {
           .by_default("[0, 0, 0]")};
 };
 
-/// What the arm's own controller adds to the torque that it is sent.
+/// Terms that the arm's own controller adds to the torque that it is sent.
 enum class Compensates { nothing, gravity, gravity_and_friction };
 constexpr std::array<std::string_view, 3> names(Compensates /*type*/) {
   return {"nothing", "gravity", "gravity_and_friction"};
@@ -83,7 +83,7 @@ struct RobotSpec {
                 "Argument of the program `xacro`, which makes a URDF of `robot.urdf` where that "
                 "ends in `.xacro`"}
           .by_default("none");
-  // What the URDF is read with.
+  // Key for the check of the URDF's inertias.
   static constexpr base::Key check_inertia_key =
       base::Key{"check_inertia", &RobotSpec::check_inertia, "",
                 "Moving bodies with an inertia that no body can have: `refuse` them, or `warn` "
@@ -164,7 +164,7 @@ struct LoopSpec {
           .by_default(),
       base::Key{"max_missed", &LoopSpec::max_missed, "ticks",
                 "Realtime: commands missed in a row before the protective stop. Not given, "
-                "`run --plant` takes what the loop is proved to bear, if that is less"}
+                "`run --plant` takes what the loop was found to bear (searched), if that is less"}
           .in({0, 1e6})
           .by_default(),
       base::Key{"max_missed_share", &LoopSpec::max_missed_share, "",
@@ -185,10 +185,10 @@ struct Scenario {
   controller::Spec controller;
   LoopSpec loop;
 
-  /// The robot of the URDF with the scenario's gravity and base: without rotors, without payload.
-  /// Read once; its warnings are for whoever asked for the scenario to be read.
+  /// Robot of the URDF with the scenario's gravity and base, without rotors and payload. It is read
+  /// once. The caller that reads the scenario shows its warnings.
   std::shared_ptr<const robot::Model> model;
-  /// The same of controller.urdf; null without: the law's model is the plant's.
+  /// Robot of controller.urdf; null without that key: the law's model is the plant's.
   std::shared_ptr<const robot::Model> believed_model;
   int num_joints = 0;
   std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
@@ -197,10 +197,10 @@ struct Scenario {
   /// "controller.gains.kp" -> "<file>:<line>", or the "--set <key=value>" that gave its value
   std::map<std::string, std::string> where;
 
-  /// True when the key was written, in the file or with --set.
+  /// Returns true if the file or --set gives the key.
   [[nodiscard]] bool gives(const std::string& key) const { return where.count(key) != 0; }
 
-  /// A Failure(bad_usage) that reads "<where>: <key>: <problem>".
+  /// Returns a Failure(bad_usage) that reads "<where>: <key>: <problem>".
   [[nodiscard]] base::Failure complaint(const std::string& key, std::string_view problem) const;
   template <class First, class... Rest>
   [[nodiscard]] base::Failure complaint(const std::string& key,
@@ -210,8 +210,9 @@ struct Scenario {
                                                        std::forward<Rest>(rest)...)));
   }
 
-  /// @throw base::Failure(bad_usage) unless a controller with this law is the one that the
-  /// scenario asks for: of its name if not external, and with its measurement if given.
+  /// Checks that the scenario asks for a controller with this law. The name counts unless the law
+  /// is external. The measurement counts if the scenario gives one.
+  /// @throw base::Failure(bad_usage) for another controller
   void require_law(const messages::LawInfo& law) const;
 
   [[nodiscard]] std::optional<base::Refusal> refusal() const;
@@ -232,42 +233,42 @@ struct Scenario {
 Scenario load_scenario(const std::filesystem::path& path,
                        const std::vector<std::string>& overrides = {});
 
-/// The same from texts, as a log holds them: `urdf_text` is `RobotSpec::urdf_text`, or a URDF file
-/// where there is no controller.urdf, which no override may name. `source` stands in for the file
-/// name.
+/// Reads a scenario from texts, as a log holds them. `urdf_text` is `RobotSpec::urdf_text`, or a
+/// URDF file without controller.urdf, which no override may name. `source` replaces the file name.
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides = {});
 
-/// The rules between keys of `robot` and `plant`, of a scenario that is read and has its model.
+/// Checks the rules between keys of `robot` and `plant` in a scenario that has its model.
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
 void require_consistent(const Scenario& scenario);
 
 struct UrdfScenario {
   std::string name;
-  std::string urdf;  ///< its path, as it is to stand in the file
+  std::string urdf;  ///< path of the URDF for the file
   double period_s = 1e-3;
-  Vector from{};  ///< where the motion begins [rad; m]; empty: see below
+  Vector from{};  ///< beginning of the motion [rad; m]; empty: see below
 };
 
-/// A scenario for a bare URDF, as text, with gains that only a design makes useful: from the middle
-/// of the joints' ranges, or a posture near it at which no link is below the base's plane, to 0.3
-/// rad (0.1 m) beside it, away from the nearer limits; a 20-bit encoder, one tick of delay, the
-/// URDF's friction fed forward, the drives holding the robot until the first command acts.
+/// Returns a scenario for a bare URDF as text. Only a design makes its gains useful. The motion
+/// begins in the middle of the joints' ranges, or near it with no link below the base's plane. It
+/// ends 0.3 rad (0.1 m) away, on the side of the farther limit. The scenario has a 20-bit encoder,
+/// one tick of delay, and the URDF's friction fed forward. The drives hold the robot until the
+/// first command acts.
 std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
 
-/// `model` with the scenario's payload on it; as it is when there is none.
+/// Returns `model` with the scenario's payload, or unchanged without a payload.
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
 robot::Model with_payload(const Scenario& scenario, robot::Model model);
 
-/// A robot's file, a URDF or an .xacro, as the overrides of `robot` alone have it read: for a
-/// command that has no scenario yet.
+/// A robot's file (a URDF or an .xacro) with the options that overrides of `robot` give. A command
+/// without a scenario uses it.
 struct RobotFile {
   std::string urdf;
   robot::UrdfOptions options;
 };
 RobotFile robot_file(const std::filesystem::path& file, const std::vector<std::string>& overrides);
 
-/// Width of one count of each joint's position encoder [rad; m if prismatic]; 0: ideal.
+/// Returns the width of one count of each joint's position encoder [rad; m if prismatic]; 0: ideal.
 /// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
 Vector encoder_count(const Scenario& scenario, const robot::Model& model);
 

@@ -32,7 +32,7 @@ void require_possible_initial_state(const Scenario& scenario) {
   }
 }
 
-/// What only flexible joints have is refused on a rigid robot.
+/// Refuses the keys of flexible joints on a rigid robot.
 void require_motors_only_behind_springs(const Scenario& scenario) {
   if (scenario.robot.flexible) return;
   for (const char* key :

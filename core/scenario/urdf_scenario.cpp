@@ -15,7 +15,7 @@ bool bounded(const robot::Model& model, int joint) {
   return std::isfinite(model.lower[joint]) && std::isfinite(model.upper[joint]);
 }
 
-/// The middle of each joint's range; 0 where it has none.
+/// Returns the middle of each joint's range, and 0 for a joint without one.
 Vector middle_of(const robot::Model& model) {
   Vector middle = Vector::Zero(model.num_joints);
   for (int i = 0; i < model.num_joints; ++i) {
@@ -24,8 +24,8 @@ Vector middle_of(const robot::Model& model) {
   return middle;
 }
 
-/// Where a motion from there ends: 0.3 rad (0.1 m), at most a quarter of the range, away from the
-/// nearer limit.
+/// Returns the end of a motion from `from`. The motion covers 0.3 rad (0.1 m), at most a quarter of
+/// the range, away from the nearer limit.
 Vector end_of(const robot::Model& model, const Vector& from) {
   const Vector middle = middle_of(model);
   Vector to = from;
@@ -39,7 +39,7 @@ Vector end_of(const robot::Model& model, const Vector& from) {
   return to;
 }
 
-/// Whether a link's origin is below the plane that the robot stands on, on the way.
+/// Returns true if a link's origin is below the robot's base plane during the motion.
 bool meets_the_floor(const robot::Model& model, const Vector& from, const Vector& to) {
   for (int k = 0; k <= 4; ++k) {
     const Vector q = from + 0.25 * k * (to - from);
@@ -50,7 +50,8 @@ bool meets_the_floor(const robot::Model& model, const Vector& from, const Vector
   return false;
 }
 
-/// The middle of the range, or a posture near it from which a motion does not meet the floor.
+/// Returns the middle of the range, or a posture near it from which a motion does not meet the
+/// floor.
 Vector start_of(const robot::Model& model) {
   const Vector middle = middle_of(model);
   constexpr int tries = 500;
@@ -58,13 +59,13 @@ Vector start_of(const robot::Model& model) {
     Vector q = middle;
     for (int i = 0; i < model.num_joints; ++i) {
       const double range = bounded(model, i) ? model.upper[i] - model.lower[i] : 2 * M_PI;
-      // Evenly in a box that grows up to half of the range.
+      // The tries fill a box that grows up to half of the range.
       const double place = std::fmod(k * std::sqrt(2.0 + i), 1.0) - 0.5;
       q[i] += 0.5 * std::min(range, 2 * M_PI) * place * k / tries;
     }
     if (!meets_the_floor(model, q, end_of(model, q))) return q;
   }
-  return middle;  // it stands on a wall, or hangs
+  return middle;  // the robot is on a wall, or hangs
 }
 
 std::string list(const Vector& values) {
@@ -80,9 +81,9 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   const double fastest = ((to - from).cwiseAbs().cwiseQuotient(model.velocity_limit)).maxCoeff();
   const double duration = std::ceil(10 * std::clamp(3 * fastest, 2.0, 50.0)) / 10;
   const auto ticks = static_cast<long long>(std::ceil((duration + 3) / of.period_s));
-  const std::string start =  // a given one as it is: it may be at a limit
+  const std::string start =  // a given start stays as it is, since it may be at a limit
       of.from.size() > 0 ? fmt::format("[{}]", fmt::join(from, ", ")) : list(from);
-  const char* bits = "20";  // null: a joint that slides needs a range to count over
+  const char* bits = "20";  // null: a prismatic joint has no range for its counts
   for (int i = 0; i < model.num_joints; ++i) {
     const robot::JointType type = model.joint_types[static_cast<std::size_t>(i)];
     if (type == robot::JointType::prismatic && !bounded(model, i)) bits = "null";

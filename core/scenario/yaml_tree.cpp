@@ -267,7 +267,10 @@ YamlNode parse_yaml(std::string_view text, const std::string& source) {
 }
 
 void apply_override(YamlNode& root, const std::string& assignment) {
-  const std::string where = "--set " + assignment;
+  // Every node of the value has it, so that a long value would be copied for each of its numbers.
+  constexpr std::size_t longest = 500;
+  const std::string where =
+      "--set " + (assignment.size() > longest ? assignment.substr(0, longest) + "..." : assignment);
   const auto refuse = [&](std::string_view problem) {
     return base::bad_usage("{}: {}", where, problem);
   };

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/text.h"
-#include "base/time.h"
 
 namespace tachless::session {
 namespace {
@@ -19,16 +19,16 @@ using Event = MembershipEvent;
 using Reaction = MembershipReaction;
 
 constexpr std::array all_roles = {Role::plant, Role::reference, Role::controller, Role::logger};
-// Replies to newcomers are limited to one in this time.
+// Replies to newcomers are limited to one per this time.
 constexpr std::chrono::milliseconds shortest_reply_period{10};
 constexpr std::string_view beside_it =
-    "run beside it: with `tachless run --isolate`, or on another bus (--lcm-url)";
+    "to run beside it, add --isolate, or use another bus (--lcm-url)";
 
 bool is_over(ParticipantState state) {
   return state == ParticipantState::finished || state == ParticipantState::fault;
 }
 
-/// A process that ends because of its options, its scenario or its log.
+/// Returns whether the process has ended because of its options, its scenario or its log.
 bool is_bad_usage(const messages::Participant& peer) {
   return peer.state == ParticipantState::fault &&
          peer.fault_code == static_cast<int>(ExitCode::bad_usage);
@@ -90,7 +90,7 @@ Event Membership::event_of(const messages::Stamp& stamp, const messages::Partici
   if (is_over(peer.state)) {
     if (!same_role && in_own_run(stamp, peer)) {
       if (peer.state == ParticipantState::fault) return Event::member_failed;
-      // It is not over while ticks are missing here: it may be that another process announces it.
+      // Without all ticks here the run is not over, and another process may have announced its end.
       return complete_ ? Event::member_finished : Event::peer;
     }
     if (!joined_ && known == peer.instance) return Event::holder_gone;
@@ -106,9 +106,9 @@ Event Membership::event_of_roster(const messages::Participant& peer) const {
     return roster_known() && peer.roster == roster_ ? Event::roster : Event::peer;
   }
   if (peer.role != Role::plant || !names_roster(peer)) return Event::peer;
-  // Before the run begins the plant may choose anew.
+  // Before the run begins, the plant may choose another roster.
   const bool with_self =
-      running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
+      is_running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
   return with_self ? Event::roster : Event::other_roster;
 }
 
@@ -116,7 +116,7 @@ bool Membership::handle(const messages::Stamp& stamp, const messages::Participan
                         std::string_view sender, Time now) {
   if (peer.instance == self_.who.instance || !peers_.is_new(peer)) return false;
   const auto lived = peers_.answered(peer, now);
-  if (!lived && is_over(peer.state)) return false;  // no process is there to be asked
+  if (!lived && is_over(peer.state)) return false;  // no live process is there to be asked
   const Event event = lived ? event_of(stamp, peer) : Event::unproven;
   react(reaction(event, state_), stamp, peer, sender, lived, now);
   return lived && peer.instance == holder(peer.role);
@@ -136,7 +136,7 @@ void Membership::react(Reaction what, const messages::Stamp& stamp,
       break;
   }
   const auto& [from, first] = peers_.remember(stamp, peer, sender, lived, now);
-  if (first) announce_soon(now);  // a newcomer need not wait for our next one
+  if (first) announce_soon(now);  // a newcomer need not wait for the next period
   switch (what) {
     case Reaction::join:
       return join(from, now);
@@ -165,11 +165,11 @@ void Membership::react(Reaction what, const messages::Stamp& stamp,
     case Reaction::follow:
       return fail(consequence_of(from), now);
     default:
-      return;  // observe: it is remembered
+      return;  // observe: the process has been remembered above
   }
 }
 
-/// An event of the clock or of this process.
+/// Handles an event of the clock or of this process.
 void Membership::act(Event event, Time now, const std::optional<Failure>& failure) {
   switch (reaction(event, state_)) {
     case Reaction::start:
@@ -204,7 +204,7 @@ void Membership::announce_soon(Time now) {
 void Membership::join(const Peer& peer, Time now) {
   if (own_role() == Role::plant) return choose_roster(now);
   const messages::Participant& who = peer.participant;
-  // A plant that has a roster begins, or has begun, with other processes.
+  // A plant with a roster begins, or has begun, with other processes.
   if (who.role != Role::plant || peer.run <= 0 || names_roster(who)) return;
   run_ = peer.run;
   peers_.set_holder(Role::plant, who.instance);
@@ -217,7 +217,7 @@ void Membership::choose_roster(Time now) {
     if (each.participant.role == Role::plant) continue;
     if (!each.lived || now - *each.lived >= forgotten_after) continue;
     std::int64_t& instance = found[index(each.participant.role)];
-    if (instance != 0) return;  // two of them; one will fail
+    if (instance != 0) return;  // one of the two processes will fail
     if (each.participant.state != ParticipantState::ready || each.run != run_) return;
     instance = each.participant.instance;
   }
@@ -246,7 +246,7 @@ void Membership::take_roster(const messages::PerRole& roster, Time now) {
   announce_at_ = now;
 }
 
-/// Members that have confirmed it are ready, and take another.
+/// Members that have confirmed the roster are ready and take another one.
 void Membership::dissolve(Time now) {
   for (const Role role : all_roles) peers_.set_holder(role, 0);
   roster_ = {};
@@ -256,17 +256,18 @@ void Membership::dissolve(Time now) {
 }
 
 bool Membership::precedes(const messages::Stamp& stamp, const Peer& rival, Time now) const {
-  // Once joined, the roster names the process of this role; what a rival claims counts nothing.
+  // Once this process has joined, the roster names the process of this role. A rival's claims do
+  // not matter.
   if (joined_ && roster_[index(own_role())] == self_.who.instance) return false;
-  // A process in a roster does not yield to one that is in none.
+  // A process in a roster does not yield to a process outside any roster.
   const auto rank = [](ParticipantState state, bool in_roster) {
     return state == ParticipantState::running ? 2 : in_roster ? 1 : 0;
   };
   const int own = rank(state_, roster_known());
   const int other = rank(rival.participant.state, names_roster(rival.participant));
   if (own != other) return own < other;
-  // How much older this process is. The two may see the difference unlike by the time a message
-  // takes; a process still heard after a second tells that more counts as simultaneous.
+  // `older` is this process's age minus the rival's. The two may measure it differently by the
+  // transit time of a message. After a second the margin is therefore doubled.
   const auto older = (now - start_) - std::chrono::microseconds(stamp.utime);
   const auto margin = now - rival.first_heard >= forgotten_after ? 2 * simultaneous : simultaneous;
   return std::chrono::abs(older) > margin ? older.count() < 0
@@ -301,7 +302,7 @@ void Membership::poll(Time now) {
   }
 }
 
-void Membership::stopping(const Failure& failure, Time now) {
+void Membership::on_stopping(const Failure& failure, Time now) {
   if (!stopping_) stopping_ = failure;
   announce_at_ = now;
 }
@@ -321,7 +322,7 @@ bool Membership::others_lack_ticks() const {
   });
 }
 
-bool Membership::finish_acknowledged() const {
+bool Membership::is_finish_acknowledged() const {
   const Peer* plant = peers_.find(Role::plant);
   if (plant == nullptr || end_counter_ == 0) return false;
   const std::size_t own = index(own_role());
@@ -359,7 +360,7 @@ const Membership::Announcement& Membership::announce(Time now) {
   mine.roster = roster_;
   peers_.fill_acknowledgements(mine, is_over(state_) && joined_, now);
   if (state_ == ParticipantState::finished && end_counter_ == 0) end_counter_ = mine.counter;
-  // The first cause: others may have ended since.
+  // The announcement names the first cause; other failures may have followed.
   if (const auto& fault = stopping_ ? stopping_ : failure_; fault) {
     mine.fault_code = static_cast<int>(fault->code());
     mine.fault = std::string(fault->what()).substr(0, messages::max_participant_text);

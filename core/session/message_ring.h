@@ -1,96 +1,52 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <random>
 #include <span>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
-#include "base/fnv.h"
-
-/// The tick protocol as pure state machines: events in, actions out, time passed in as a value.
-/// They neither send nor receive, know no message type, and compute no message. docs/protocol.md
-/// describes the protocol as a whole.
+/// The tick protocol as pure state machines: they take events and times and return actions. They
+/// neither send nor receive, and they know no message type. docs/protocol.md describes the whole
+/// protocol.
 namespace tachless::session {
 
-/// What was done with one message.
+/// Outcome of one received message.
 enum class Verdict {
-  fresh,        ///< taken
-  repeated,     ///< the same bytes as before
-  not_asked,    ///< of a tick that was not requested
-  too_old,      ///< of a tick whose messages are no longer kept
-  conflicting,  ///< other bytes than before for the same tick: two processes have one role
+  fresh,        ///< accepted as new
+  repeated,     ///< same bytes as before
+  not_asked,    ///< belongs to a tick that was not requested
+  too_old,      ///< belongs to a tick whose messages are no longer kept
+  conflicting,  ///< other bytes than before for the same tick, so two processes have one role
 };
 
-/// Tells messages apart within one process: seeded at random, so that no other process can choose a
-/// second message with the digest of the first.
-inline std::uint64_t digest_of(std::span<const std::byte> bytes) {
-  static const std::uint64_t seed =
-      std::uint64_t{std::random_device()()} << 32 | std::random_device()();
-  return base::fnv({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, seed);
-}
+/// Returns a digest that tells messages apart within one process. Its seed is random: no other
+/// process can choose a second message with the digest of the first.
+std::uint64_t digest_of(std::span<const std::byte> bytes);
 
-/// The messages of the last `depth` ticks, a fixed number of kinds per tick, each kept once: its
-/// bytes, or a digest of them where a copy has only to be recognised. Preallocated.
+/// The messages of the last `depth` ticks, with a fixed number of kinds per tick. A message is kept
+/// as its bytes, or as a digest if a copy has only to be recognised. Preallocated.
 class MessageRing {
  public:
-  /// More than the window (TickMaster::Config) plus one tick, by which the reference is ahead.
+  /// Number of kept ticks, more than the window (TickMaster::Config) plus one tick for the
+  /// reference, which is ahead.
   static constexpr std::int64_t depth = 64;
 
-  /// For `capacities`: the kind's messages are kept as digests.
+  /// Capacity of a kind whose messages are kept as digests.
   static constexpr std::size_t digest_only = 0;
 
-  /// `capacities`: longest message of each kind [bytes], or digest_only.
-  explicit MessageRing(std::span<const std::size_t> capacities) : slots_(depth) {
-    for (Slot& slot : slots_) {
-      for (const std::size_t capacity : capacities) {
-        Message& message = slot.messages.emplace_back();
-        message.digest_only = capacity == digest_only;
-        message.bytes.reserve(capacity);
-      }
-    }
-  }
+  /// @param capacities longest message of each kind [bytes], or digest_only
+  explicit MessageRing(std::span<const std::size_t> capacities);
 
-  /// Keeps a message. A tick newer than all before drops the tick `depth` earlier.
+  /// Keeps a message. A tick newer than all earlier ones drops the tick `depth` before it.
   /// @return fresh, repeated, conflicting or too_old; only `fresh` changes what is kept.
   /// @throw std::logic_error on a negative tick or a message longer than its kind's capacity.
-  Verdict put(std::int64_t tick, int kind, std::span<const std::byte> bytes) {
-    if (tick < 0) throw std::logic_error("message of tick " + std::to_string(tick) + " kept");
-    Slot& slot = slots_[static_cast<std::size_t>(tick % depth)];
-    if (tick < slot.tick) return Verdict::too_old;
-    if (tick > slot.tick) {
-      slot.tick = tick;
-      for (Message& message : slot.messages) message.present = false;
-    }
-    Message& message = slot.messages[static_cast<std::size_t>(kind)];
-    const std::uint64_t digest = message.digest_only ? digest_of(bytes) : 0;
-    if (message.present) {
-      const bool same =
-          message.digest_only ? message.digest == digest : std::ranges::equal(message.bytes, bytes);
-      return same ? Verdict::repeated : Verdict::conflicting;
-    }
-    if (!message.digest_only && bytes.size() > message.bytes.capacity()) {
-      throw std::logic_error("message of " + std::to_string(bytes.size()) +
-                             " bytes kept in a place for " +
-                             std::to_string(message.bytes.capacity()));
-    }
-    message.present = true;
-    message.digest = digest;
-    if (!message.digest_only) message.bytes.assign(bytes.begin(), bytes.end());
-    return Verdict::fresh;
-  }
+  Verdict put(std::int64_t tick, int kind, std::span<const std::byte> bytes);
 
   [[nodiscard]] bool has(std::int64_t tick, int kind) const { return find(tick, kind) != nullptr; }
 
-  /// Empty of a kind that is kept as a digest. @throw std::logic_error when there is none.
-  [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, int kind) const {
-    const Message* message = find(tick, kind);
-    if (!message) throw std::logic_error("no message of tick " + std::to_string(tick) + " is kept");
-    return message->bytes;
-  }
+  /// Returns the kept bytes; empty for a kind that is kept as a digest.
+  /// @throw std::logic_error if no message of that tick is kept
+  [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, int kind) const;
 
  private:
   struct Message {
@@ -104,12 +60,7 @@ class MessageRing {
     std::vector<Message> messages;
   };
 
-  [[nodiscard]] const Message* find(std::int64_t tick, int kind) const {
-    if (tick < 0) return nullptr;
-    const Slot& slot = slots_[static_cast<std::size_t>(tick % depth)];
-    const Message& message = slot.messages[static_cast<std::size_t>(kind)];
-    return slot.tick == tick && message.present ? &message : nullptr;
-  }
+  [[nodiscard]] const Message* find(std::int64_t tick, int kind) const;
 
   std::vector<Slot> slots_;
 };

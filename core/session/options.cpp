@@ -3,7 +3,9 @@
 #include <fmt/chrono.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <exception>
 #include <iostream>
@@ -21,10 +23,12 @@ using base::bad_usage;
 using base::ExitCode;
 using messages::Role;
 
+constexpr std::int64_t largest_run_id = 9'000'000'000'000'000;
+
 struct Program {
   const char* name;
   const char* task;
-  const char* examples;  ///< in addition to those of all; {0} is the program
+  const char* examples;  ///< in addition to the common examples; {0} is the program
 };
 
 const Program& program_of(Role role) {
@@ -59,7 +63,7 @@ void add_role_options(CLI::App& cli, Role role, ProcessOptions& options) {
                              "Positive number in every message of the run; default: the time"));
   }
   if (role == Role::controller) {
-    // For `tachless replay` and `tachless run --in-process`; not in --help.
+    // For `tachless replay` and `tachless run --in-process`; hidden from --help.
     cli.add_option("--serve", options.serve)->group("");
   }
   if (role == Role::logger) {
@@ -87,7 +91,7 @@ void add_options(CLI::App& cli, Role role, ProcessOptions& options) {
          "-v,--verbose", [&] { options.verbosity = base::Verbosity::verbose; },
          "More detail on stderr")
       ->excludes(quiet);
-  // For `tachless run`, which tells the cause of an end from other lines by it; not in --help.
+  // For `tachless run`, which recognises the cause of an end by the marks; hidden from --help.
   cli.add_flag_callback("--mark-levels", [&] { options.marks = base::Marks::levels; })->group("");
 }
 
@@ -159,7 +163,12 @@ void take_whole_words(CLI::App& command) {
 }
 
 CLI::Option* as_run_id(CLI::Option* option) {
-  return option->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  return option->check(CLI::Range(std::int64_t{1}, largest_run_id));
+}
+
+std::int64_t run_id_by_clock() {
+  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
+  return std::clamp<std::int64_t>(since_1970 / std::chrono::microseconds(1), 1, largest_run_id);
 }
 
 std::string program_name(Role role) { return program_of(role).name; }
@@ -194,6 +203,7 @@ std::optional<ProcessOptions> parse_process_options(Role role, int argc, const c
 
 int run_process(Role role, int argc, const char* const* argv,
                 const std::function<ExitCode(const ProcessOptions&)>& run) {
+  base::open_standard_streams();
   base::start_logging(program_name(role), base::Verbosity::normal);
   try {
     const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);

@@ -1,37 +1,34 @@
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <stdexcept>
 
 #include "base/clock.h"
 #include "session/message_ring.h"
 
-/// What the processes do with the messages of a tick: the reference in both modes, the controller
-/// and the plant in each. In lockstep every request is answered once, in order, and the reply is
-/// kept for a request that comes again (the plant's side: tick_master.h). In realtime no message is
-/// repeated or waited for.
+/// The processes' sides of the tick protocol: the reference in both modes, the controller and the
+/// plant in each. In lockstep every request is answered once, in order. The reply is kept for
+/// repeated requests (the plant's side: tick_master.h). In realtime no process repeats a message or
+/// waits for one.
 namespace tachless::session {
 
-/// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
-/// that no process waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply
-/// to a repeated TICK is the same bytes again. In realtime what has gone by is left out: references
-/// before k are not published later, nor any again.
+/// The reference's side. TICK(k) requests every unpublished reference up to k + 1. No process
+/// therefore waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). In lockstep a
+/// repeated TICK is answered with the same bytes. In realtime no reference is repeated, and
+/// references before k are skipped.
 class ReferenceResponder {
  public:
-  /// An empty range has last < first.
+  /// Range of ticks; an empty one has last < first.
   struct Range {
     std::int64_t first = 0;
     std::int64_t last = -1;
   };
   struct Answer {
     Verdict verdict = Verdict::fresh;
-    Range compute;  ///< compute these in order, publish each and tell `computed`
+    Range compute;  ///< compute these in order, publish each and call `on_computed`
     Range repeat;   ///< publish `kept` of these again
   };
 
@@ -40,36 +37,16 @@ class ReferenceResponder {
         realtime_(realtime),
         ring_(std::array{MessageRing::digest_only, longest_reference}) {}
 
-  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes) {
-    // In lockstep the plant cannot have begun k without command k - 1, hence not without reference
-    // k - 1.
-    if (tick < 0 || tick >= num_ticks_ || (!realtime_ && tick > newest_ + 1)) {
-      return {Verdict::not_asked, {}, {}};
-    }
-    Answer result{ring_.put(tick, tick_kind, bytes), {}, {}};
-    if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;
-    const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
-    result.compute = {std::max(newest_ + 1, tick), last};
-    if (!realtime_ && (result.verdict == Verdict::repeated || tick + 1 <= newest_)) {
-      result.repeat = {tick, std::min(last, newest_)};
-    }
-    return result;
-  }
+  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// @throw std::logic_error unless `tick` is the one after the last, or in realtime a later one.
-  void computed(std::int64_t tick, std::span<const std::byte> bytes) {
-    if (tick <= newest_ || (!realtime_ && tick > newest_ + 1)) {
-      throw std::logic_error("a reference was computed out of turn");
-    }
-    if (!realtime_) ring_.put(tick, reference_kind, bytes);
-    newest_ = tick;
-  }
+  /// Keeps the reference of `tick`.
+  /// @throw std::logic_error unless `tick` follows the last one; in realtime any later tick is
+  /// allowed.
+  void on_computed(std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// In lockstep.
-  [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const {
-    return ring_.bytes(tick, reference_kind);
-  }
-  /// Newest tick whose reference is computed; -1 before the first.
+  /// Returns the kept reference's bytes; only in lockstep.
+  [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const;
+  /// Returns the newest tick with a computed reference; -1 before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 
  private:
@@ -81,18 +58,18 @@ class ReferenceResponder {
   MessageRing ring_;
 };
 
-/// The controller's inputs.
+/// Inputs of the controller.
 enum LawInput : int { measurement_input, reference_input, num_law_inputs };
 
-/// The controller's side in lockstep: a measurement asks for the command and controller state of
-/// its tick; they are computed once, strictly in order, as soon as the tick's reference is there
-/// too. A measurement that comes again is answered with what is kept.
+/// The controller's side in lockstep. A measurement requests the command and the controller state
+/// of its tick. They are computed once, strictly in order, as soon as the tick's reference has
+/// arrived too. A repeated measurement is answered with the kept messages.
 class CommandResponder {
  public:
   enum class Action { nothing, compute, repeat };
   struct Answer {
     Verdict verdict = Verdict::fresh;
-    /// compute: the law's step of tick `next()`, publish both messages and tell `computed`.
+    /// compute: step the law over tick `next()`, publish both messages and call `on_computed`.
     /// repeat: publish the kept messages of the measurement's tick again.
     Action action = Action::nothing;
   };
@@ -102,42 +79,20 @@ class CommandResponder {
         ring_(std::array{MessageRing::digest_only, MessageRing::digest_only, longest_command,
                          longest_state}) {}
 
-  Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes) {
-    const bool measured = input == measurement_input;
-    // The plant is at tick next() at most, and the reference one ahead of it.
-    const std::int64_t newest = measured ? next_ : next_ + 1;
-    if (tick < 0 || tick >= num_ticks_ || tick > newest) {
-      return {Verdict::not_asked, Action::nothing};
-    }
-    const Verdict verdict = ring_.put(tick, input, bytes);
-    if (verdict == Verdict::fresh && ready()) return {verdict, Action::compute};
-    const bool repeat = measured && verdict == Verdict::repeated && ring_.has(tick, command_kind);
-    return {verdict, repeat ? Action::repeat : Action::nothing};
-  }
+  Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// Tick whose command is the next to be computed.
+  /// Returns the tick whose command is computed next.
   [[nodiscard]] std::int64_t next() const { return next_; }
-  /// Whether the run's last tick is computed.
-  [[nodiscard]] bool all_computed() const { return next_ == num_ticks_; }
-  /// Whether both its inputs are there.
-  [[nodiscard]] bool ready() const {
-    return ring_.has(next_, measurement_input) && ring_.has(next_, reference_input);
-  }
+  /// Returns whether the run's last tick is computed.
+  [[nodiscard]] bool is_all_computed() const { return next_ == num_ticks_; }
+  /// Returns whether both inputs of tick `next()` have arrived.
+  [[nodiscard]] bool is_ready() const;
 
-  /// The replies of tick `next()`.
-  void computed(std::span<const std::byte> command, std::span<const std::byte> state) {
-    if (!ready()) throw std::logic_error("a command was computed without its inputs");
-    ring_.put(next_, command_kind, command);
-    ring_.put(next_, state_kind, state);
-    ++next_;
-  }
+  /// Keeps the replies of tick `next()`.
+  void on_computed(std::span<const std::byte> command, std::span<const std::byte> state);
 
-  [[nodiscard]] std::span<const std::byte> command(std::int64_t tick) const {
-    return ring_.bytes(tick, command_kind);
-  }
-  [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const {
-    return ring_.bytes(tick, state_kind);
-  }
+  [[nodiscard]] std::span<const std::byte> command(std::int64_t tick) const;
+  [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const;
 
  private:
   enum Kind : int { command_kind = num_law_inputs, state_kind };
@@ -147,37 +102,28 @@ class CommandResponder {
   MessageRing ring_;
 };
 
-/// Which ticks can have begun, as a process other than the plant can tell: one begins each period,
-/// so a message of a tick far ahead is not of this run. Counts from the first tick that it is
-/// given, whose message may have been late by more than `slack`: so a refusal is certain only for
-/// senders that are not members.
+/// Estimator of the ticks that can have begun, for a process other than the plant. One tick begins
+/// each period, so a message of a tick far ahead is not of this run. It counts from the first given
+/// tick, whose message may have been late by more than `slack`. A refusal is therefore certain only
+/// for senders that are not members.
 class Pace {
  public:
-  /// By how much more than the others the first message may have been delayed.
+  /// Time by which the first message may have been delayed more than the others.
   static constexpr std::chrono::milliseconds slack{200};
 
   explicit Pace(double period_s) : period_s_(period_s) {}
 
-  /// Whether `tick` can have begun by `now`.
-  bool possible(std::int64_t tick, base::Clock::time_point now) {
-    if (tick < 0) return false;
-    if (!first_) first_ = First{tick, now};
-    return static_cast<double>(tick - first_->tick) <= periods_until(now + slack) + 2;
-  }
+  /// Returns whether `tick` can have begun by `now`.
+  bool possible(std::int64_t tick, base::Clock::time_point now);
 
-  /// Whether no tick is to come: the last of the run is the `newest` received or, for its message
-  /// may be lost, it is time for it to have begun.
+  /// Returns whether no further tick will come. Either the run's last tick is the `newest` received
+  /// one, or it must have begun by now and its message may be lost.
   [[nodiscard]] bool over(std::int64_t newest, std::int64_t last,
-                          base::Clock::time_point now) const {
-    return newest == last ||
-           (first_ && static_cast<double>(last - first_->tick) <= periods_until(now));
-  }
+                          base::Clock::time_point now) const;
 
  private:
-  /// Since the first tick shown.
-  [[nodiscard]] double periods_until(base::Clock::time_point now) const {
-    return std::chrono::duration<double>(now - first_->at).count() / period_s_;
-  }
+  /// Returns the number of periods since the first given tick.
+  [[nodiscard]] double periods_until(base::Clock::time_point now) const;
 
   struct First {
     std::int64_t tick = 0;
@@ -188,38 +134,20 @@ class Pace {
   std::optional<First> first_;
 };
 
-/// The controller's side in realtime: chooses the newest tick whose measurement and reference are
-/// both there, once. Ticks may be skipped, and a skipped one is not computed later.
+/// The controller's side in realtime. It chooses the newest tick whose measurement and reference
+/// have both arrived, once. Ticks may be skipped, and a skipped tick is not computed later.
 class CommandPicker {
  public:
   explicit CommandPicker(std::int64_t num_ticks)
       : num_ticks_(num_ticks),
         ring_(std::array{MessageRing::digest_only, MessageRing::digest_only}) {}
 
-  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes) {
-    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
-    const Verdict verdict = ring_.put(tick, input, bytes);
-    if (verdict != Verdict::fresh || input != measurement_input) return verdict;
-    newest_ = std::max(newest_, tick);
-    return tick > last_ ? Verdict::fresh : Verdict::too_old;
-  }
+  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// The tick to compute now; nothing when there is none newer than the last one.
-  [[nodiscard]] std::optional<std::int64_t> due() const {
-    // A reference that is one tick ahead may have taken the place of a tick `depth` before it.
-    const std::int64_t oldest = std::max(last_ + 1, newest_ - MessageRing::depth + 2);
-    for (std::int64_t tick = newest_; tick >= oldest; --tick) {
-      if (ring_.has(tick, measurement_input) && ring_.has(tick, reference_input)) {
-        return tick;
-      }
-    }
-    return std::nullopt;
-  }
-  /// The command of `tick`, which was due, is computed.
-  void acted(std::int64_t tick) {
-    if (tick <= last_) throw std::logic_error("a tick was acted on out of turn");
-    last_ = tick;
-  }
+  /// Returns the tick to compute now; nullopt if none is newer than the last one.
+  [[nodiscard]] std::optional<std::int64_t> due() const;
+  /// Notes that the command of `tick`, which was due, has been computed.
+  void on_acted(std::int64_t tick);
 
  private:
   std::int64_t num_ticks_;
@@ -228,45 +156,36 @@ class CommandPicker {
   MessageRing ring_;
 };
 
-/// The plant's side in realtime: accepts a command only within its tick, counts the ticks without a
-/// command and reports when too many in a row had none. Does not hold the torque or stop the robot:
-/// the plant does.
+/// The plant's side in realtime. It accepts a command only within its tick and counts the ticks
+/// without a command. It reports when too many consecutive ticks had none. The plant, not this
+/// class, holds the torque and stops the robot.
 class MissedCommandMonitor {
  public:
-  /// @param max_missed commands that may be missed in a row
+  /// @param max_missed allowed number of consecutive missed commands
   explicit MissedCommandMonitor(int max_missed)
       : max_missed_(max_missed), commands_(std::array{MessageRing::digest_only}) {}
 
-  void begin(std::int64_t tick) {
-    tick_ = tick;
-    commanded_ = false;
-  }
+  void begin(std::int64_t tick);
 
-  /// A command of this run. `fresh`: the first of the present tick; `too_old`: of a tick that is
-  /// over; `not_asked`: of a tick that has not begun.
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes) {
-    if (tick < 0 || tick > tick_) return Verdict::not_asked;
-    const Verdict verdict = commands_.put(tick, 0, bytes);
-    if (verdict != Verdict::fresh) return verdict;
-    if (tick < tick_) return Verdict::too_old;
-    commanded_ = true;
-    return Verdict::fresh;
-  }
-  /// Whether this tick's command was received.
-  [[nodiscard]] bool commanded() const { return commanded_; }
+  /// Handles a command of this run.
+  /// @return `fresh`: the first of the present tick; `too_old`: of a past tick; `not_asked`: of a
+  /// tick that has not begun
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes);
+  /// Returns whether this tick's command was received.
+  [[nodiscard]] bool is_commanded() const { return commanded_; }
 
-  /// The tick is over.
-  void end() {
-    in_a_row_ = commanded_ ? 0 : in_a_row_ + 1;
-    missed_ += commanded_ ? 0 : 1;
-    longest_ = std::max(longest_, in_a_row_);
-  }
+  /// Ends the tick.
+  void end();
 
-  [[nodiscard]] std::int64_t missed() const { return missed_; }  ///< ticks without a command
-  [[nodiscard]] std::int64_t missed_in_a_row() const { return in_a_row_; }  ///< at present
-  [[nodiscard]] std::int64_t longest_miss() const { return longest_; }      ///< most in a row
-  /// More than `max_missed` in a row: the protective stop is due.
-  [[nodiscard]] bool too_many() const { return in_a_row_ > max_missed_; }
+  /// Returns the number of ticks without a command.
+  [[nodiscard]] std::int64_t missed() const { return missed_; }
+  /// Returns the number of consecutive ticks without a command up to now.
+  [[nodiscard]] std::int64_t missed_in_a_row() const { return in_a_row_; }
+  /// Returns the greatest number of consecutive ticks without a command.
+  [[nodiscard]] std::int64_t longest_miss() const { return longest_; }
+  /// Returns whether more than `max_missed` consecutive commands were missed; the protective stop
+  /// is then due.
+  [[nodiscard]] bool has_missed_too_many() const { return in_a_row_ > max_missed_; }
 
  private:
   int max_missed_;

@@ -23,7 +23,7 @@ using base::ExitCode;
 using base::Failure;
 
 /// Opens the bus of a process.
-/// @throw base::Failure(bad_usage) naming the URL and what the host refused
+/// @throw base::Failure(bad_usage) naming the URL and the operation that the host refused
 void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& options,
               messages::Role role, const scenario::Scenario& scenario) {
   const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
@@ -33,51 +33,54 @@ void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& optio
     throw base::bad_usage("{}: {}", options.lcm_url, problem.what());
   }
   base::log_detail("bus {}, receive buffer {} bytes", where.text(), bus->receive_buffer_bytes());
-  // No one waits for a lock-step logger until the plant's window of ticks is full.
+  // No process waits for a lockstep logger until the plant's window of ticks is full.
   if (role == messages::Role::logger && scenario.loop.mode == scenario::Mode::lockstep) {
     bus->read_in_batches(500us);
   }
 }
 
-/// The other processes cannot know: to them the messages are only missing.
+/// Warns of unsent messages. The other processes cannot report them, because to them the messages
+/// are only missing.
 void report_unsent(const std::optional<bus::UdpTransport>& bus) {
   if (!bus || bus->statistics().unsent == 0) return;
-  base::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
+  base::log_warning("{} messages could not be sent ({}); run tachless doctor for details",
                     bus->statistics().unsent, std::strerror(bus->statistics().refusal));
 }
 
-/// What a process of a realtime run requests of the kernel, for the calling thread, before the run
-/// begins: memory that is not paged out (mlockall), timers without slack, and, for all roles but
-/// the logger, the scheduling class SCHED_FIFO, which no ordinary process preempts. Without the
-/// permission the process runs all the same, and one line at level info says what is missing and
-/// how to permit it.
+/// Requests realtime properties of the kernel for the calling thread, before the run begins. The
+/// properties are memory that is not paged out (mlockall), and timers without slack. All roles but
+/// the logger also get the scheduling class SCHED_FIFO, which no ordinary process preempts. Without
+/// permission the process runs nevertheless. One line at level info then says which property is
+/// missing and how to permit it.
 void request_real_time(messages::Role role) {
-  // By role, below the kernel's own threads (99). The plant, which sets the pace, comes first, then
-  // the controller, which has to reply within the tick; the reference is a tick ahead.
+  // Priorities by role, below the kernel's own threads (99). The plant sets the pace and comes
+  // first. The controller comes second, because it has to reply within the tick; the reference is a
+  // tick ahead.
   static constexpr std::array<int, messages::num_roles> priorities = {80, 78, 79, 0};
   std::string missing;
-  ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
+  ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; the kernel's default is 50 us
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    missing += fmt::format("its memory locked ({}; `ulimit -l unlimited`)", std::strerror(errno));
+    missing += fmt::format("its memory locked ({}; ulimit -l unlimited)", std::strerror(errno));
   }
   sched_param parameters{};
   parameters.sched_priority = priorities.at(static_cast<std::size_t>(role));
   if (parameters.sched_priority > 0 &&
       ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) != 0) {
     missing +=
-        fmt::format("{}SCHED_FIFO priority {} ({}; `ulimit -r {}`)", missing.empty() ? "" : " and ",
+        fmt::format("{}SCHED_FIFO priority {} ({}; ulimit -r {})", missing.empty() ? "" : " and ",
                     parameters.sched_priority, std::strerror(errno), parameters.sched_priority);
   }
   if (missing.empty()) return;
   base::log_info(
-      "realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock unlimited` in "
+      "realtime without {}; to permit it permanently, add the lines * - rtprio 90 and * - memlock "
+      "unlimited in "
       "/etc/security/limits.d/realtime.conf, then log in again",
       missing);
 }
 
-Link::Config link_config(messages::Role role, const ProcessOptions& options,
-                         const std::atomic<bool>& interrupted) {
-  Link::Config config;
+Session::Config session_config(messages::Role role, const ProcessOptions& options,
+                               const std::atomic<bool>& interrupted) {
+  Session::Config config;
   config.role = role;
   config.run_id = options.run_id;
   config.wait_s = options.wait_s;
@@ -95,21 +98,21 @@ ExitCode run_role(messages::Role role, const ProcessOptions& options, const Role
   const std::atomic<bool>& interrupted = base::catch_interruptions();
   base::survive_file_size_limit();
   std::optional<bus::UdpTransport> bus;
-  std::optional<Link> link;
-  Statistics early(role);  // of a process that does not get as far as a session
-  const auto statistics = [&]() -> Statistics& { return link ? link->statistics() : early; };
+  std::optional<Session> session;
+  Statistics early(role);  // statistics of a process that ends before it has a session
+  const auto statistics = [&]() -> Statistics& { return session ? session->statistics() : early; };
   const auto report = [&] {
     report_unsent(bus);
-    if (link) statistics().rejected.add(Discard::unauthenticated, link->unauthenticated());
+    if (session) statistics().rejected.add(Discard::unauthenticated, session->unauthenticated());
     if (!options.stats_path.empty()) write_statistics(statistics(), options.stats_path);
   };
   try {
     const scenario::Scenario scenario =
         scenario::load_scenario(find_scenario(options.scenario_path), options.overrides);
     open_bus(bus, options, role, scenario);
-    link.emplace(scenario, *bus, link_config(role, options, interrupted));
+    session.emplace(scenario, *bus, session_config(role, options, interrupted));
     if (scenario.loop.mode == scenario::Mode::realtime) request_real_time(role);
-    link->guard([&] { main(scenario, *link); });
+    session->guard([&] { main(scenario, *session); });
   } catch (const std::exception&) {
     const Failure failure = base::current_failure();
     statistics().exit_code = failure.code();
@@ -122,7 +125,7 @@ ExitCode run_role(messages::Role role, const ProcessOptions& options, const Role
     throw;
   }
   report();
-  // The run went to its end, and a check of it said no.
+  // The run is complete, but one of its checks failed.
   if (statistics().fault) throw Failure(statistics().exit_code, *statistics().fault);
   return ExitCode::done;
 }

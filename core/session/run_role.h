@@ -4,18 +4,18 @@
 
 #include "base/failure.h"
 #include "scenario/scenario.h"
-#include "session/link.h"
 #include "session/options.h"
+#include "session/session.h"
 
 namespace tachless::session {
 
-/// What one role does in a run.
-using RoleMain = std::function<void(const scenario::Scenario&, Link&)>;
+/// Work of one role in a run.
+using RoleMain = std::function<void(const scenario::Scenario&, Session&)>;
 
-/// The life of one of the four processes: loads the scenario, catches interruptions, opens the bus,
-/// runs the role, writes the statistics (in every case, when asked for). Knows no role's work.
-/// @throw Failure for everything that ends the role early, and for the fault that the role has
-/// noted in its statistics though it came to its end.
+/// Runs one of the four processes. It loads the scenario, catches interruptions, opens the bus, and
+/// runs the role. It always writes the statistics if they are requested. It knows no role's work.
+/// @throw Failure for every early end of the role, and for a fault in the statistics of a role that
+/// has come to its end.
 base::ExitCode run_role(messages::Role role, const ProcessOptions& options, const RoleMain& main);
 
 }  // namespace tachless::session

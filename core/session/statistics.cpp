@@ -16,7 +16,8 @@ namespace tachless::session {
 
 using Json = nlohmann::ordered_json;
 
-// NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE, but for ordered_json, which it does not serve before 3.12.
+// This is NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE for ordered_json, which that macro supports only from
+// 3.12 on.
 #define TACHLESS_JSON_FIELDS(Type, ...)                                        \
   static void to_json(Json& nlohmann_json_j, const Type& nlohmann_json_t) {    \
     NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(NLOHMANN_JSON_TO, __VA_ARGS__))   \
@@ -60,10 +61,11 @@ TACHLESS_JSON_FIELDS(PlantStatistics, round_trip_us, wake_up_jitter_us, command_
 TACHLESS_JSON_FIELDS(ControllerStatistics, gaps, skipped_ticks, restarts)
 TACHLESS_JSON_FIELDS(LoggerStatistics::Log, path, events, ticks, gaps)
 TACHLESS_JSON_FIELDS(LoggerStatistics, log)
-// The head, but for what JSON has no type for: role, exit code and fault.
+// These are the common fields. Role, exit code and fault need a conversion and are written apart.
 TACHLESS_JSON_FIELDS(Statistics, run_id, ticks, wall_s, work_us, resends, duplicates, rejected)
 
-// Below 16 ns one bucket a nanosecond; above, the four bits after the leading one.
+// Below 16 ns there is one bucket per nanosecond. Above, the four bits after the leading one select
+// the bucket.
 std::size_t LatencyHistogram::bucket_of(std::int64_t ns) {
   const auto value = static_cast<std::uint64_t>(std::max<std::int64_t>(ns, 0));
   if (value < per_octave) return value;

@@ -15,12 +15,13 @@
 #include "messages/messages.h"
 #include "messages/wire.h"
 
-/// What each of the four programs counts during a run, and its file (--stats): written and read
-/// here, so that the keys stand in one place. The counters mean nothing for the loop itself.
+/// Counters of each of the four programs during a run, and their file (--stats). This header both
+/// writes and reads the file, so that its keys stand in one place. The counters do not influence
+/// the loop.
 namespace tachless::session {
 
-/// Durations in buckets of a fixed relative width (16 an octave, so 6 %): constant memory, `add`
-/// allocates nothing. Knows no unit of the loop and no file.
+/// Histogram of durations in buckets of a fixed relative width: 16 per octave, hence 6 %. It takes
+/// constant memory, and `add` allocates nothing. The class knows no unit of the loop and no file.
 class LatencyHistogram {
  public:
   struct Bucket {
@@ -29,18 +30,18 @@ class LatencyHistogram {
   };
 
   void add(std::chrono::nanoseconds duration);
-  /// Restores what `buckets` and `max_us` of another histogram have told.
+  /// Adds a bucket of another histogram's `buckets`.
   void add(const Bucket& bucket);
   void raise_max(double max_us);
 
   [[nodiscard]] std::int64_t count() const { return count_; }
   [[nodiscard]] double max_us() const { return static_cast<double>(max_ns_) * 1e-3; }
 
-  /// The duration that the given part (0 to 1) of all do not exceed, to a bucket's width [us];
-  /// 0 when there is none.
+  /// Returns the duration that the given part (0 to 1) of all durations do not exceed, to a
+  /// bucket's width [us]. Returns 0 without durations.
   [[nodiscard]] double percentile_us(double part) const;
 
-  /// The buckets that hold anything, in order.
+  /// Returns the buckets that are not empty, in order.
   [[nodiscard]] std::vector<Bucket> buckets() const;
 
  private:
@@ -54,24 +55,24 @@ class LatencyHistogram {
   std::int64_t max_ns_ = 0;
 };
 
-/// Why a message of a subscribed channel was not used, beyond what messages::Rejection says.
+/// Reason for which a message of a subscribed channel was not used, beyond messages::Rejection.
 enum class Discard { other_run, not_asked, too_old, other_sender, unauthenticated };
 
-/// How many messages were dropped, by reason. Counting allocates nothing.
+/// Numbers of dropped messages by reason. Counting allocates nothing.
 class RejectionTally {
  public:
   void add(messages::Rejection reason) { ++counts_.at(static_cast<std::size_t>(reason) - 1); }
   void add(Discard reason, std::int64_t count = 1) {
     counts_.at(num_rejections + static_cast<std::size_t>(reason)) += count;
   }
-  /// Nothing when there is no such reason.
+  /// Adds to the reason of this name; ignores an unknown name.
   void add(std::string_view reason, std::int64_t count);
 
   struct Entry {
     std::string_view reason;
     std::int64_t count = 0;
   };
-  /// Every reason, those that never occurred too.
+  /// Returns the counts of all reasons, zeros included.
   [[nodiscard]] std::vector<Entry> entries() const;
   [[nodiscard]] std::int64_t total() const;
 
@@ -86,16 +87,15 @@ class RejectionTally {
 
 struct PlantStatistics {
   LatencyHistogram round_trip_us;  ///< lockstep: from a tick's first request to its command
-  /// Realtime: from a tick's deadline to the begin of its work, from the measurement to its
-  /// command.
+  /// Realtime: delay of a tick's work after its deadline; time from the measurement to its command.
   LatencyHistogram wake_up_jitter_us, command_age_us;
-  /// Realtime: ticks whose work began more than a period late, and most in a row.
+  /// Realtime: ticks whose work began more than a period late; greatest number of consecutive ones.
   std::int64_t missed_deadlines = 0, longest_miss = 0;
-  /// Realtime: ticks that ended without their command, most in a row, and commands that came after
-  /// their tick.
+  /// Realtime: ticks that ended without their command; greatest number of consecutive ones;
+  /// commands that came after their tick.
   std::int64_t missed_commands = 0, longest_command_miss = 0, late_commands = 0;
   std::vector<std::int64_t> saturated_ticks;  ///< per joint
-  /// Per joint: ticks outside of its range or faster than its limit, with plant.on_limit: warn.
+  /// Per joint: ticks outside its range or above its speed limit, with plant.on_limit: warn.
   std::vector<std::int64_t> beyond_limit_ticks;
   bool robot_is_clock = false;  ///< the robot begins the ticks
 };
@@ -103,8 +103,8 @@ struct PlantStatistics {
 struct ReferenceStatistics {};
 
 struct ControllerStatistics {
-  /// Realtime: times that ticks were skipped, the ticks skipped, and times that there were too many
-  /// for the law's memory, which then started again.
+  /// Realtime: number of gaps, skipped ticks, and restarts of the law's memory after gaps too long
+  /// for it.
   std::int64_t gaps = 0, skipped_ticks = 0, restarts = 0;
 };
 
@@ -113,12 +113,12 @@ struct LoggerStatistics {
     std::string path;
     std::int64_t events = 0;
     std::int64_t ticks = 0;  ///< recorded without a gap
-    std::int64_t gaps = 0;   ///< ticks that are missing between recorded ones
+    std::int64_t gaps = 0;   ///< ticks missing between recorded ones
   };
   Log log;
 };
 
-/// Head: what every program counts; `own`: what its role counts in addition.
+/// Statistics of a program: the common counters, and in `own` the counters of its role.
 struct Statistics {
   explicit Statistics(messages::Role of = messages::Role::plant) : role(of) {
     if (of == messages::Role::reference) own.emplace<ReferenceStatistics>();
@@ -131,14 +131,15 @@ struct Statistics {
   std::optional<std::string> fault;
   std::int64_t run_id = 0;
   std::int64_t ticks = 0;
-  double wall_s = 0;            ///< from the start of the run to its end
-  LatencyHistogram work_us;     ///< own work per tick: plant's step, law's step, reference, writing
+  double wall_s = 0;  ///< from the start of the run to its end
+  /// Own work per tick: the plant's step, the law's step, computing a reference, or writing.
+  LatencyHistogram work_us;
   std::int64_t resends = 0;     ///< messages sent again
   std::int64_t duplicates = 0;  ///< messages received again
   RejectionTally rejected;
   std::variant<PlantStatistics, ReferenceStatistics, ControllerStatistics, LoggerStatistics> own;
 
-  /// @throw std::bad_variant_access for another role's
+  /// @throw std::bad_variant_access for another role
   PlantStatistics& plant() { return std::get<PlantStatistics>(own); }
   ControllerStatistics& controller() { return std::get<ControllerStatistics>(own); }
   LoggerStatistics& logger() { return std::get<LoggerStatistics>(own); }
@@ -149,14 +150,16 @@ struct Statistics {
   [[nodiscard]] const LoggerStatistics& logger() const { return std::get<LoggerStatistics>(own); }
 };
 
-/// {p50, p99, p999, max, histogram [[from_us, count]…]} in microseconds.
+/// Writes {p50, p99, p999, max, histogram [[from_us, count]…]} in microseconds.
 void to_json(nlohmann::ordered_json& json, const LatencyHistogram& histogram);
-/// One JSON object: the head's fields, then the role's, named as above.
+/// Returns one JSON object: the common fields, then the role's fields, with the names above.
 std::string to_json(const Statistics& statistics);
-/// The inverse. @throw std::invalid_argument when it is not that
+/// Returns the statistics in a text of `to_json`.
+/// @throw std::invalid_argument for another text
 Statistics statistics_from_json(const std::string& text);
 
-/// @throw Failure(bad_usage) naming the path when it cannot be written.
+/// Writes the statistics as JSON to a file.
+/// @throw Failure(bad_usage) naming the path if it cannot be written.
 void write_statistics(const Statistics& statistics, const std::filesystem::path& path);
 
 }  // namespace tachless::session

@@ -31,10 +31,10 @@ breathe_default_project = "tachless"
 breathe_default_members = ("members",)
 
 chapters = {
-    "Learn": "tutorial why_no_velocity examples faq gallery",
-    "Do": "install migration robots tuning identification studies report own_law python realtime real_robot several_hosts several_robots containers",
+    "Learn": "tutorial why_no_velocity examples faq",
+    "Do": "install migration robots tuning identification studies report own_law python realtime real_robot several_hosts",
     "Look up": "scenario laws/* trajectories plant protocol log faults security notation performance site/report site/cpp site/python",
-    "Understand": "paper certificate studies/* decisions/* style",
+    "Understand": "paper certificate certificate_theory studies/* decisions/* style",
 }
 
 

@@ -16,7 +16,7 @@ namespace tachless::iiwa {
 inline constexpr const char* status_channel = "IIWA_STATUS";
 inline constexpr const char* command_channel = "IIWA_COMMAND";
 
-/// Publishes one type of message and receives another, on a socket of its own.
+/// A socket that publishes one type of message and receives another.
 template <class Sent, class Heard>
 class Channels {
  public:
@@ -31,11 +31,12 @@ class Channels {
     transport_.publish(send_to_, bytes_);
   }
 
-  /// Waits for a message, until `deadline`, and takes the newest that is there; whether one came.
-  /// Damaged ones do not count.
+  /// Waits for a message until `deadline` and takes the newest received one. Damaged messages are
+  /// ignored.
+  /// @return whether a message arrived
   bool receive(Heard& message, base::Clock::time_point deadline) {
     bool heard = false;
-    do {  // a signal ends a wait, and is none of the deadline
+    do {  // a signal ends a wait before the deadline
       while (const auto datagram =
                  transport_.receive(heard ? base::Clock::time_point() : deadline)) {
         if (!decode(datagram->payload)) continue;
@@ -47,11 +48,12 @@ class Channels {
   }
 
  private:
-  /// Whether the bytes are a message, which is `next_` then.
+  /// Decodes the bytes into `next_`.
+  /// @return whether they are a message
   bool decode(std::span<const std::byte> bytes) try {
     const auto size = static_cast<int>(bytes.size());
     return next_.decode(bytes.data(), 0, size) == size;
-  } catch (const std::exception&) {  // no room for as many numbers as they say
+  } catch (const std::exception&) {  // the announced counts are too large to allocate
     return false;
   }
 

@@ -1,6 +1,6 @@
-// A KUKA LBR iiwa by way of drake-iiwa-driver in the plant's place: docs/real_robot.md. That driver
-// has to run with --torque_only --time_step=0.001 (the period of the scenario): without
-// --torque_only it holds the last torque for ever when commands cease.
+// A KUKA LBR iiwa behind drake-iiwa-driver, as the plant of a run: docs/real_robot.md. Run
+// drake-iiwa-driver with --torque_only --time_step=0.001 (the period of the scenario). Without
+// --torque_only it holds the last torque when commands cease.
 
 #include <tachless/base/failure.h>
 #include <tachless/plant/node.h>
@@ -25,22 +25,22 @@ class IiwaDriver final : public plant::ClockDriver {
   explicit IiwaDriver(const bus::LcmUrl& url)
       : channels_(url, iiwa::command_channel, iiwa::status_channel) {}
 
-  // What the status calls a velocity is a filtered difference of positions: for the log.
+  // The status contains a filtered difference of positions as velocity, which is for the log only.
   [[nodiscard]] bool measures_velocity() const override { return false; }
 
   void start() override {}  // torque mode is chosen at the pendant
 
   void stop() override {
-    // After 50 ms without a command drake-iiwa-driver holds the arm where it is.
+    // After 50 ms without a command drake-iiwa-driver holds the arm in place.
     if (status_.num_joints > 0) send(Vector::Zero(status_.num_joints));
   }
 
  private:
   plant::ArmState exchange(const Vector& tau) override {
     if (tau.size() > 0) send(tau);
-    // The first status may be that of a driver that has just been started. Later waits endanger
-    // nothing: without commands drake-iiwa-driver holds the arm itself (`stop`), and ticks that
-    // passed meanwhile are counted as missed.
+    // The first wait is long because the driver may just have been started. Later waits are safe:
+    // without commands drake-iiwa-driver holds the arm itself (`stop`). Ticks that pass meanwhile
+    // are counted as missed.
     const std::chrono::milliseconds longest = status_.num_joints == 0 ? 3000ms : 500ms;
     if (!channels_.receive(status_, base::Clock::now() + longest)) {
       throw base::Failure(base::ExitCode::protective_stop,
@@ -57,7 +57,7 @@ class IiwaDriver final : public plant::ClockDriver {
 
   void send(const Vector& tau) {
     command_.utime = status_.utime;
-    // The measured positions as set-points: nothing for a stiffness to pull at.
+    // Set-points equal to the measured positions give a stiffness no torque.
     command_.num_joints = status_.num_joints;
     command_.joint_position = status_.joint_position_measured;
     command_.num_torques = static_cast<std::int32_t>(tau.size());

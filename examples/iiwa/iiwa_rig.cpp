@@ -1,6 +1,6 @@
-// Plays drake-iiwa-driver with its arm, for trying the driver without one: iiwa_rig SCENARIO.
-// The arm adds gravity by itself, keeps its own time, and is held when no command has come for 50
-// ms.
+// A stand-in for drake-iiwa-driver and its arm, for tests of the driver without them: iiwa_rig
+// SCENARIO. The arm compensates gravity itself and keeps its own time. It is held after 50 ms
+// without a command.
 
 #include <cmath>
 
@@ -22,8 +22,8 @@ std::vector<double> numbers_of(const Vector& x) { return {x.begin(), x.end()}; }
 
 void play(const scenario::Scenario& scenario) {
   robot::Model model = plant::plant_model(scenario);
-  model.gravity.setZero();  // the arm's own controller cancels it
-  Vector q = plant::initial_state(scenario, model).q;
+  model.gravity.setZero();  // the arm's own controller compensates it
+  Vector q = plant::initial_state(scenario.plant, scenario.robot.flexible, model).q;
   Vector v = Vector::Zero(model.num_joints), tau = v;
   iiwa::Channels<drake::lcmt_iiwa_status, drake::lcmt_iiwa_command> channels(
       bus::parse_lcm_url(""), iiwa::status_channel, iiwa::command_channel);

@@ -1,4 +1,5 @@
-// A driver in the plant's place: docs/real_robot.md. What is specific to a robot is `RigDriver`.
+// A robot driver instead of the simulated plant: docs/real_robot.md. `RigDriver` holds the code for
+// a specific robot.
 
 #include <chrono>
 
@@ -17,7 +18,7 @@ class RigDriver final : public plant::RobotDriver {
  public:
   explicit RigDriver(own_driver::Rig& rig) : rig_(rig) {}
 
-  // The rig has encoders and no tachometers.
+  // The rig has encoders but no tachometers.
   [[nodiscard]] bool measures_velocity() const override { return false; }
 
   void start() override { rig_.enable(); }
@@ -30,7 +31,7 @@ class RigDriver final : public plant::RobotDriver {
     const auto now = std::chrono::steady_clock::now();
     plant::ArmState state;
     state.q = rig_.read_encoders();
-    // For the log; no law sees it.
+    // This state is for the log; no law receives it.
     const double passed_s = std::chrono::duration<double>(now - read_at_).count();
     state.v = Vector::Zero(state.q.size());
     if (last_q_.size() != 0) state.v = (state.q - last_q_) / passed_s;

@@ -1,5 +1,5 @@
-// A control law of one's own, as a program in the controller's place: docs/install.md. What is
-// specific to the law is `MyLaw`, equations and all.
+// A controller program with a user's own control law: docs/install.md. `MyLaw` holds the code
+// specific to the law, equations and declarations.
 
 #include <array>
 #include <string_view>
@@ -20,10 +20,10 @@ namespace {
 ///
 ///   tau = ID(q, v_ref, a_ref) - Kp e - Kd nu,   nudot = -A nu + B edot,   e = q - q_ref,
 ///
-/// its filter by backward Euler: nu_k = (nu_{k-1} + B (e_k - e_{k-1})) / (1 + A h).
+/// with a backward Euler filter: nu_k = (nu_{k-1} + B (e_k - e_{k-1})) / (1 + A h).
 class MyLaw {
  public:
-  // What report, info and error messages say of it.
+  // Texts that report, info and error messages print.
   static constexpr std::string_view name = "my_law";
   static constexpr std::array signals = {messages::Signal{"error", "rad"},
                                          messages::Signal{"nu", "rad/s"}};
@@ -33,7 +33,7 @@ class MyLaw {
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 
-  // What it is fed with, and so all that it can see.
+  // The measurement, which is all that the law receives.
   using Measurement = messages::PositionMeasurement;
   using Robot = robot::Model;
 
@@ -48,7 +48,7 @@ class MyLaw {
         base::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(base::positive)};
   };
 
-  // What it keeps between ticks.
+  // The memory between ticks.
   struct Memory {
     Vector nu;          // [rad/s]
     Vector e_previous;  // [rad]
@@ -65,7 +65,7 @@ class MyLaw {
     return {Vector::Zero(e.size()), e};
   }
 
-  /// Once per period; after lost measurements the caller interpolates those in between.
+  /// Computes the command; called once per period. The caller interpolates lost measurements.
   [[nodiscard]] controller::law::Step<Memory> step(
       const Memory& memory, const Measurement& measurement,
       const messages::ReferencePoint& reference) const {

@@ -17,7 +17,7 @@ class MyLaw:
         if self.e is None:
             self.e, self.nu = e, np.zeros_like(e)
         decay = np.exp(-pole * h)
-        self.nu = decay * self.nu + (1 - decay) / h * (e - self.e)  # what stands in for the velocity error
+        self.nu = decay * self.nu + (1 - decay) / h * (e - self.e)  # replaces the velocity error
         self.e = e
         return arm.ID(measurement.q, reference.v, reference.a) - kp * e - kd * self.nu
 

@@ -18,7 +18,7 @@ memory = {}
 def loria_ortega(k, t, measurement, reference):
     e = measurement.q - reference.q
     nu = np.zeros(2)
-    if k > 0:  # the filter b p/(p + a), exact for an error that is a ramp from tick to tick
+    if k > 0:  # the filter b p/(p + a), exact for an error that is linear between ticks
         nu = np.exp(-a * h) * memory["nu"] - b * np.expm1(-a * h) / (a * h) * (e - memory["e"])
     memory.update(e=e, nu=nu)
     return arm.ID(measurement.q, reference.v, reference.a) - kp * e - kd * nu

@@ -23,7 +23,7 @@ def error_with(pole):
     return np.sqrt(np.mean((run["q"] - run["q_ref"])[settled] ** 2, axis=0)), run.joints
 
 
-with ThreadPoolExecutor() as threads:  # simulations run side by side: Python waits outside of them
+with ThreadPoolExecutor() as threads:  # the simulations run in parallel, because Python waits outside of them
     results = list(threads.map(error_with, poles))
 for joint, name in enumerate(results[0][1]):
     pyplot.loglog(poles, [error[joint] for error, _ in results], "o-", label=name)

@@ -1,4 +1,5 @@
-// The largest position error of each joint, of a scenario that is simulated here or of a run's log:
+// Prints the largest position error of each joint, of a scenario that it simulates or of a run's
+// log:
 //   simulate_and_read scenarios/practical_rigid.yaml
 //   simulate_and_read out/practical_rigid
 
@@ -38,7 +39,7 @@ int main(int argc, char** argv) {
       logger::RunLog log = logger::RunLog::open(logger::find_log(path));
       Vector largest = Vector::Zero(log.scenario().num_joints);
       for (logger::TickRecord tick; log.next(tick);) {
-        if (!tick.truth || !tick.reference) continue;  // lost in realtime
+        if (!tick.truth || !tick.reference) continue;  // the message was lost in realtime
         largest = largest.cwiseMax((tick.truth->q - tick.reference->q_ref).cwiseAbs());
       }
       print(log.scenario(), largest);

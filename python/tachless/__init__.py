@@ -1,17 +1,17 @@
 """Velocity-free robot control from Python.
 
-The laws, the plant, the protocol and the mechanics are those of the tachless programs; this package calls
-them and computes nothing itself. Angles are in rad, lengths in m, torques in N m (N on prismatic joints). ::
+This package calls the laws, the plant, the protocol and the mechanics of the tachless programs. It computes nothing
+itself. Angles are in rad, lengths in m, torques in N m (N on prismatic joints). ::
 
     run_controller(f)        your law as the controller of a run
     simulate(scenario)       the closed loop in this process, as arrays
     read(log)                a recorded run, as arrays
-    certify, design, identify, sweep  what the commands of these names find, as objects
+    certify, design, identify, sweep  results of the commands of these names, as objects
     linear(scenario)         the loop's map of one period, as matrices
     listen(channels)         the messages of a bus, as they come
     run.plot(), plot(run)    a picture of a run, by matplotlib
     Robot(urdf)              mechanics: inertia matrix, inverse and forward dynamics, poses
-    Error                    an error of the programs: their message; its code is their exit code
+    Error                    an error of the programs, with their message; code is their exit code
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Law = Callable[[int, float, Measurement, Reference], ArrayLike]
 
 
 def _settings(values: Mapping[str, Any]) -> list[str]:
-    """'key=value' of each, the value as YAML (JSON is YAML)."""
+    """Returns 'key=value' for each entry, with the value as JSON, which is also YAML."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, (np.ndarray, np.generic)):
@@ -59,14 +59,14 @@ class Robot(_tachless.Robot):
     Args:
         urdf: path of the file.
         gravity: m/s², along -z of the world.
-        locked: joints held at a position and no joints of the robot any more, {name: rad or m}.
-        base_rpy, base_xyz: where the root link is fixed in the world, rad and m.
-        check_inertia: "refuse" bodies whose inertia no body can have, or "warn".
+        locked: joints that are fixed at a position and removed from the robot, {name: rad or m}.
+        base_rpy, base_xyz: orientation and position of the root link in the world, rad and m.
+        check_inertia: "refuse" or "warn" about bodies with a physically impossible inertia.
 
     Raises:
-        Error: the file is no robot; the message names the file, the element and the remedy.
+        Error: the file does not describe a robot. The message names the file, the element and the remedy.
 
-    n is the number of joints; q, v, a, tau are n numbers each.
+    n is the number of joints. q, v, a and tau have n numbers each.
     """
 
     def __init__(self, urdf: Path, *, gravity: float = 9.81, locked: Optional[Mapping[str, float]] = None,
@@ -85,56 +85,58 @@ def _name_of(f: Law, name: Optional[str]) -> str:
 
 def simulate(scenario: Path, *, controller: Optional[Law] = None, name: Optional[str] = None,
              **overrides: Any) -> Run:
-    """The closed loop of a scenario in this process: what a lock-step run logs, to the last bit.
+    """Simulates the closed loop of a scenario in this process. The result equals a lock-step run's log bit for bit.
 
     Args:
         scenario: path of the YAML file.
-        controller: a law as for run_controller, in place of the scenario's.
-        name: what the controller is called; default: the name of the function.
+        controller: a law as for run_controller that replaces the scenario's law.
+        name: the controller's name; default: the name of the function.
         overrides: values of the scenario by key, ``simulate(file, **{"controller.gains.kp": [400, 300]})``.
 
     Raises:
         Error: the scenario is not valid (code 2), or a torque or state is not finite (code 5).
         KeyboardInterrupt: Ctrl-C, in the main thread.
 
-    Other threads of Python run on meanwhile; several simulations may run at once. Between processes go the arrays of
-    a Run, not the Run.
+    Other Python threads continue meanwhile, and several simulations may run at once. A Run cannot be sent to another
+    process; its arrays can.
     """
     return _tachless.simulate(_found(scenario), _settings(overrides), controller,
                               "" if controller is None else _name_of(controller, name))
 
 
 def read(log: Path, *, run_id: int = 0) -> Run:
-    """The run that a log holds.
+    """Reads a run from a log.
 
     Args:
         log: path of the log, or of a run's directory.
-        run_id: which run, where the log holds several; default: the first.
+        run_id: the run to read if the log holds several; default: the first.
 
     Raises:
-        Error: the file is no log that can be read (code 2).
+        Error: the file is not a readable log (code 2).
     """
     return _tachless.read(os.fspath(log), run_id)
 
 
 def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[str] = None,
                    argv: Optional[Sequence[str]] = None) -> None:
-    """Makes this process the controller of a run, with the law f; returns when the run is over.
+    """Makes this process the controller of a run, with the law f. Returns when the run is over.
 
-    f(k, t, measurement, reference) -> torque is called once per tick k, at the time t in s, with numpy arrays:
-    measurement.q, .v, .theta, .thetadot (None: not measured), reference.q, .v, .a, .jerk, .snap. It returns one
-    number per joint. What it remembers it keeps itself; where it has a method reset(), that is called before the first
-    tick, and again where a gap in realtime is too long to be stepped over. A method set_gains(gains) is called before
-    the run with the scenario's controller.gains, arrays by name; what it raises refuses them (code 2).
+    f(k, t, measurement, reference) -> torque is called once per tick k, at the time t in s. The arguments hold numpy
+    arrays: measurement.q, .v, .theta, .thetadot (None: not measured), reference.q, .v, .a, .jerk, .snap. f returns
+    one number per joint, N m or N. f keeps its own memory between ticks.
+
+    If f has a method reset(), it is called before the first tick, and again when a gap in realtime is too long to be
+    stepped over. If f has a method set_gains(gains), it is called before the run with the scenario's
+    controller.gains, arrays by name. An exception of set_gains refuses the gains (code 2).
 
     Args:
         f: the law.
-        scenario: path of the YAML file, where the command line does not begin with one.
-        name: what the law is called in logs and reports; default: the name of the function.
-        argv: command line, as of tachless-controller; default: sys.argv.
+        scenario: path of the YAML file, if the command line does not begin with one.
+        name: the law's name in logs and reports; default: the name of the function.
+        argv: command line as for tachless-controller; default: sys.argv.
 
     Raises:
-        SystemExit: the run did not end well; the code is that of the programs, and stderr says why.
+        SystemExit: the run failed. The code is an exit code of the programs, and stderr gives the reason.
     """
     words = list(sys.argv if argv is None else argv) or ["tachless-controller"]
     if scenario is not None and not any(not word.startswith("-") for word in words[1:2]):
@@ -145,9 +147,9 @@ def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[st
 
 
 class Result(dict):
-    """What a command found: the fields of its --json, as items and as attributes; prints as the command does.
+    """The result of a command: the fields of its --json as items and attributes. It prints as the command does.
 
-    messages is what the command wrote to stderr, objection says whether it objected (exit code 1).
+    messages is the command's output on stderr. objection is true if the command objected (exit code 1).
     """
 
     messages: str = ""
@@ -172,7 +174,7 @@ def _error(message: str, code: int) -> Error:
 
 
 def _program() -> str:
-    """The tachless program: $TACHLESS, else that of this installation or build, else that of the PATH."""
+    """Returns the tachless program: $TACHLESS, or that of this installation or build, or that of the PATH."""
     if named := os.environ.get("TACHLESS"):
         if not (program := shutil.which(named)):
             raise _error(f"TACHLESS is {named!r}: no such program", 2)
@@ -187,9 +189,9 @@ def _program() -> str:
 
 
 def _found(file: Path) -> str:
-    """A scenario or URDF as the programs find it: here, else by its path in the installation's scenarios."""
+    """Returns the path of a scenario or URDF as the programs find it: here, or in the installation's scenarios."""
     name = os.fspath(file).removeprefix("scenarios/")
-    with contextlib.suppress(Error):  # no program: the message is about the file, which is not here
+    with contextlib.suppress(Error):  # without a program, the error message names the missing file
         if not os.path.exists(file):
             folder = pathlib.Path(_program()).resolve().parent.parent / "share/tachless/scenarios"
             installed = folder / (name if pathlib.Path(name).suffix else name + ".yaml")
@@ -202,7 +204,7 @@ def _result(verb: str, words: Sequence[Any], overrides: Mapping[str, Any]) -> Re
     for setting in _settings(overrides):
         command += ["--set", setting]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1) or not done.stdout.startswith("{"):  # such as that of --help
+    if done.returncode not in (0, 1) or not done.stdout.startswith("{"):  # for example the output of --help
         raise _error(done.stderr.strip().removeprefix("tachless: ") or
                      f"tachless {verb} has no result with these options; type them in a shell", done.returncode or 2)
     result = Result(json.loads(done.stdout))
@@ -211,62 +213,75 @@ def _result(verb: str, words: Sequence[Any], overrides: Mapping[str, Any]) -> Re
 
 
 def _options(values: Mapping[str, Any]) -> list[str]:
-    """Options of a command: {"count_share": 0.02} is --count-share=0.02; a list has commas."""
+    """Returns the options of a command: --count-share=0.02 for {"count_share": 0.02}, commas in a list."""
     text = {key: ",".join(map(str, value)) if isinstance(value, (list, tuple, np.ndarray)) else str(value)
             for key, value in values.items() if value is not None}
     return [f"--{key.replace('_', '-')}={value}" for key, value in text.items()]
 
 
-def certify(scenario: Path, controller: Optional[str] = None, **overrides: Any) -> Result:
-    """Is the scenario's loop stable, with what margins, from which errors: tachless certify.
+def certify(scenario: Path, controller: Optional[str] = None, full: bool = False, **overrides: Any) -> Result:
+    """Certifies the scenario's loop: stability, margins and the errors it recovers from (tachless certify).
 
     Args:
+        scenario: path of the YAML file.
         controller: the program with the law, as typed in a shell: "python3 law.py".
+        full: also examine the nonlinear sampled loop and missed ticks, which takes seconds.
+        overrides: values of the scenario by key.
 
     Raises:
         Error: the scenario is not valid (code 2).
     """
-    return _result("certify", [scenario, *_options({"controller": controller})], overrides)
+    words = [scenario, *_options({"controller": controller}), *(["--full"] if full else [])]
+    return _result("certify", words, overrides)
 
 
 def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Mapping[str, Any]] = None,
            **goal: Any) -> Result:
-    """Gains for a scenario or a bare URDF: tachless design.
+    """Designs gains for a scenario or a bare URDF (tachless design).
 
     Args:
+        robot: path of a scenario or a URDF.
         write: a file for the scenario with these gains.
         overrides: values of the scenario by key.
         goal: the command's options: settling, bandwidth, stiffness, rest_error, noise, margin, period, ...
 
     Raises:
-        Error: no gains do (code 1), or the scenario or an option is not valid (code 2).
+        Error: no gains suffice (code 1), or the scenario or an option is not valid (code 2).
     """
     return _result("design", [robot, *_options({"write": write, **goal})], overrides or {})
 
 
 def identify(*logs: Path, unknown: Union[str, Sequence[str]] = ("rotor", "viscous", "coulomb"),
              **options: Any) -> Result:
-    """Rotor inertia, friction and payload from logs of runs: tachless identify, options as its (validate, write, force, ...).
+    """Identifies rotor inertia, friction and payload from logs of runs (tachless identify).
+
+    Args:
+        logs: paths of logs of one robot.
+        unknown: names of the unknown parameters.
+        options: the command's options: validate, write, force, ...
 
     Raises:
-        Error: a log that does not show them (code 2).
+        Error: the parameters cannot be identified from a log (code 2).
     """
+    if options.get("all"):  # the command refuses --unknown together with --all
+        return _result("identify", [*logs, *_options(options)], {})
     names = [unknown] if isinstance(unknown, str) else list(unknown)
     return _result("identify", [*logs, *_options({"unknown": names, **options})], {})
 
 
 def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Optional[Path] = None,
           overrides: Optional[Mapping[str, Any]] = None, **options: Any) -> Result:
-    """Many runs of a scenario with values varied, over all cores: tachless sweep.
+    """Runs a scenario many times with varied values, on all cores (tachless sweep).
 
     Args:
-        vary: by key, as of --vary, values as a list or as text: {"controller.gains.kp*": "0.1:10:21:log"}.
+        scenario: path of the YAML file.
+        vary: values by key, as for --vary, as a list or as text: {"controller.gains.kp*": "0.1:10:21:log"}.
         out: a directory for results.csv and index.html; default: out/sweep-NAME.
         overrides: values of the scenario by key.
         options: the command's options: random, seed, laws, bandwidth, colour, threads.
 
     Returns:
-        What --json has, and table: the columns of results.csv by name, arrays (runs,); NaN where there is no number.
+        The fields of --json, and table: the columns of results.csv by name, arrays (runs,), with NaN for a missing number.
 
     Raises:
         Error: the scenario, a key or an option is not valid (code 2).
@@ -283,11 +298,12 @@ def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Opti
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Linear:
-    """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], period h [s]: deviations from rest at a posture (n,).
+    """A linear loop x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] of period h [s] about rest at a posture (n,).
 
-    states names the entries of x, with units: q and v of the n links; theta and thetadot of flexible joints; a current loop's
-    torques; the law's memory; with a delay of d ticks, encoder's latency included, the torques under way, tau[k-1] to tau[k-d],
-    of which the last acts now. u (n,) is a torque added to the law's, under way like it. inputs and outputs name those of u, y.
+    x, u and y are deviations from rest. states names the entries of x with units: q and v of the n links, theta and
+    thetadot of flexible joints, a current loop's torques, the law's memory, and delayed torques. With a delay of d ticks,
+    the encoder's latency included, the delayed torques are tau[k-1] to tau[k-d]; the last of them acts now. u (n,) is a
+    torque that is added to the law's torque before the delay. inputs and outputs name the entries of u and y.
     """
 
     A: np.ndarray
@@ -302,13 +318,15 @@ class Linear:
 
 
 def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bool = False, **overrides: Any) -> Linear:
-    """The loop over one period, linearised about rest, its torque held: what certify examines.
+    """Linearises the loop over one period about rest, with the torque held. certify examines this linear loop.
 
-    y is q, and the eigenvalues of A are the loop's modes. With open_loop the law's feedback is cut where its torque leaves,
-    and y is that torque negated: A - B C is the closed map. Compensation of gravity stays closed.
+    y is q, and the eigenvalues of A are the loop's modes. With open_loop, the law's feedback is cut at its torque, and y
+    is the negative of that torque. A - B C is then the closed loop's A. The compensation of gravity stays closed.
 
     Args:
-        posture: joint positions (n,), rad or m; default: where the reference begins.
+        scenario: path of the YAML file.
+        posture: joint positions (n,), rad or m; default: the beginning of the reference.
+        open_loop: cut the loop at the law's torque.
         overrides: values of the scenario by key.
 
     Raises:
@@ -318,15 +336,16 @@ def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bo
 
 
 def listen(*channels: str, lcm_url: Optional[str] = None, seconds: float = 1e9) -> Iterator[dict[str, Any]]:
-    """The messages on a bus as they come: ``for m in listen("ARM_COMMAND"): print(m["tick"], m["torque"])``.
+    """Yields the messages on a bus: ``for m in listen("ARM_COMMAND"): print(m["tick"], m["torque"])``.
 
-    A message has channel, type, utime [us], run, tick, and the fields of its .lcm file, lists as arrays. A key's tag is not
-    verified. No run is held up: what is taken too slowly is lost, as gaps in tick show. Ctrl-C ends it.
+    A message has channel, type, utime [us], run, tick, and the fields of its .lcm file, with lists as arrays. The tags of
+    keyed messages are not verified. A slow reader does not delay a run; it loses messages, and tick has gaps. Ctrl-C ends
+    the iteration.
 
     Args:
         channels: names, as in tachless watch; none: all.
-        lcm_url: the bus; default: that of LCM_DEFAULT_URL, else that of the programs.
-        seconds: it ends after that long without a message.
+        lcm_url: the bus; default: LCM_DEFAULT_URL, or the programs' default.
+        seconds: time without a message after which the iteration ends.
 
     Raises:
         Error: the bus cannot be joined (code 2).
@@ -337,9 +356,10 @@ def listen(*channels: str, lcm_url: Optional[str] = None, seconds: float = 1e9) 
 
 
 def plot(run: Run, axes: Any = None) -> Any:
-    """Position and reference, error and torque of each joint over time, by matplotlib; the figure.
+    """Plots position and reference, error and torque of each joint over time with matplotlib. Returns the figure.
 
     Args:
+        run: the run to plot.
         axes: three axes of one figure; default: a new figure.
 
     Raises:

@@ -7,7 +7,7 @@
 
 namespace tachless::reference::trajectory {
 
-/// A constant position: all its derivatives are zero.
+/// A constant position; all its derivatives are zero.
 struct Hold {
   Vector position_rad;  ///< [rad; m if prismatic]
 
@@ -15,7 +15,7 @@ struct Hold {
   static constexpr std::tuple keys{
       base::Key{"position_rad", &Hold::position_rad, "rad (m)", "Constant reference"}};
 
-  /// The reference at any time.
+  /// Returns the reference, which is the same at any time.
   [[nodiscard]] messages::ReferencePoint at(double /*t_s*/) const {
     const Vector zero = Vector::Zero(position_rad.size());
     return {position_rad, zero, zero, zero, zero};

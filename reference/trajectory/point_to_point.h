@@ -8,9 +8,12 @@
 
 namespace tachless::reference::trajectory {
 
-/// From one position to another along p(s) = 126 s^5 - 420 s^6 + 540 s^7 - 315 s^8 + 70 s^9,
-/// s = (t - start) / duration: the one polynomial of degree 9 that is at rest through snap at both
-/// ends. Before `start_s` it holds `from`, after start_s + duration_s `to`, so it is C4 everywhere.
+/// Motion from one position to another along p(s), with s = (t - start) / duration:
+///
+///   p(s) = 126 s^5 - 420 s^6 + 540 s^7 - 315 s^8 + 70 s^9.
+///
+/// p is the only polynomial of degree 9 that is at rest through snap at both ends. The reference is
+/// `from` before `start_s` and `to` after start_s + duration_s. It is C4 everywhere.
 struct PointToPoint {
   Vector from_rad;  ///< [rad; m if prismatic]
   Vector to_rad;    ///< [rad; m if prismatic]
@@ -29,11 +32,11 @@ struct PointToPoint {
           .in(base::positive)
           .by_default()};
 
-  /// Position to snap at t [s], each in closed form.
+  /// Returns position to snap at t [s], each in closed form.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const;
 
  private:
-  /// p(s) for s <= 1/2, where its terms do not cancel.
+  /// Returns p(s) for s <= 1/2, for which its terms do not cancel.
   static double rise(double s) {
     return s * s * s * s * s * (126 + s * (-420 + s * (540 + s * (-315 + s * 70))));
   }
@@ -41,7 +44,8 @@ struct PointToPoint {
 
 inline messages::ReferencePoint PointToPoint::at(double t_s) const {
   const double s = std::clamp((t_s - start_s) / duration_s, 0.0, 1.0);
-  // p'(s) = 630 u^4 with u = s (1 - s); the rest follows with u' = 1 - 2 s, u'' = -2.
+  // p'(s) = 630 u^4 with u = s (1 - s). The higher derivatives follow with u' = 1 - 2 s and u'' =
+  // -2.
   const double u = s * (1 - s);
   const double u1 = 1 - 2 * s;
   const double rate = 1 / duration_s;
@@ -52,7 +56,8 @@ inline messages::ReferencePoint PointToPoint::at(double t_s) const {
 
   const Vector way = to_rad - from_rad;
   messages::ReferencePoint point;
-  // p(s) = 1 - p(1 - s): each end is approached from itself, and reached exactly.
+  // p(s) = 1 - p(1 - s). Each half is computed from its own end, so that both ends are reached
+  // exactly.
   if (s <= 0.5) {
     point.q_ref = from_rad + rise(s) * way;
   } else {

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <cmath>
 #include <numbers>
 #include <string_view>
 #include <tuple>
 #include <vector>
 
+#include "base/elementary.h"
 #include "base/schema.h"
 #include "messages/signals.h"
 #include "reference/trajectory/hold.h"
@@ -29,8 +29,10 @@ struct Sine {
     for (Eigen::Index i = 0; i < amplitude_rad.size(); ++i) {
       const double w = 2 * std::numbers::pi * frequency_hz[i];
       const double angle = w * t_s + phase_rad[i];
-      const double s = amplitude_rad[i] * std::sin(angle);
-      const double c = amplitude_rad[i] * std::cos(angle);
+      double s = 0, c = 0;
+      base::sin_cos(angle, s, c);
+      s *= amplitude_rad[i];
+      c *= amplitude_rad[i];
       point.q_ref[i] += s;
       point.v_ref[i] += w * c;
       point.a_ref[i] -= w * w * s;
@@ -52,7 +54,7 @@ struct MultiSine {
           .by_default(0),
       base::Key{"terms", &MultiSine::terms, "", "One map per sinusoid"}};
 
-  /// Position to snap at t [s], each differentiated in closed form.
+  /// Returns position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const {
     messages::ReferencePoint point = Hold{offset_rad}.at(t_s);
     for (const Sine& term : terms) term.add_to(point, t_s);
@@ -70,7 +72,7 @@ struct Sinusoid : Sine {
       std::tuple{
           base::Key{"offset_rad", &Sinusoid::offset_rad, "rad (m)", "Middle"}.by_default(0)});
 
-  /// Position to snap at t [s], each differentiated in closed form.
+  /// Returns position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const {
     messages::ReferencePoint point = Hold{offset_rad}.at(t_s);
     add_to(point, t_s);

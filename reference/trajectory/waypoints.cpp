@@ -11,10 +11,11 @@
 namespace tachless::reference::trajectory {
 namespace {
 
-/// Polynomial of one joint over one piece in x in [0, 1], from what is known at its ends.
+/// Coefficients of one joint's polynomial over one piece, in x in [0, 1].
 using Coefficients = std::array<double, 10>;
 
-/// At rest through snap at x = 0 (position q0); position, velocity, acceleration at x = 1.
+/// Returns the polynomial that is at rest through snap at x = 0, with position q0 there. It has the
+/// given position, velocity and acceleration at x = 1.
 Coefficients from_rest(double q0, double q1, double v1, double a1) {
   const double d = q1 - q0;
   const double c5 = 21 * d - 6 * v1 + a1 / 2;
@@ -23,12 +24,12 @@ Coefficients from_rest(double q0, double q1, double v1, double a1) {
   return {q0, 0, 0, 0, 0, c5, c6, c7};
 }
 
-/// The last of several pieces is the first one in mirrored time.
+/// Returns whether piece `i` is the last of several; that piece is a first piece in mirrored time.
 bool is_mirrored(std::size_t i, std::size_t num_pieces) { return i > 0 && i + 1 == num_pieces; }
 
-/// Piece `i`. `v` and `a` are scaled by T and T^2. The first piece is at rest at its beginning, the
-/// last, which runs in mirrored time, at its end; an only one at both; those between are quintic
-/// Hermite polynomials.
+/// Returns piece `i`. `v` and `a` are scaled by T and T^2. The first piece is at rest at its start.
+/// The last piece runs in mirrored time and is at rest at its end. A single piece is at rest at
+/// both ends. The pieces between are quintic Hermite polynomials.
 Coefficients piece(std::size_t i, std::size_t num_pieces, double q0, double v0, double a0,
                    double q1, double v1, double a1) {
   if (num_pieces == 1) {
@@ -43,7 +44,7 @@ Coefficients piece(std::size_t i, std::size_t num_pieces, double q0, double v0, 
   return {q0, v0, a0 / 2, 10 * d - 4 * e + f / 2, -15 * d + 7 * e - f, 6 * d - 3 * e + f / 2};
 }
 
-/// The `order`-th derivative with respect to x of sum c_k x^k.
+/// Returns the `order`-th derivative of sum c_k x^k with respect to x.
 double derivative(const Coefficients& c, int order, double x) {
   double sum = 0;
   for (int k = static_cast<int>(c.size()) - 1; k >= order; --k) {
@@ -54,22 +55,23 @@ double derivative(const Coefficients& c, int order, double x) {
   return sum;
 }
 
-/// The equations at an inner point, by the unknowns of the points before, at and after it: row 0
-/// for velocity and row 1 for acceleration there, a column of `right` for each joint.
+/// Equations at an inner point in the unknowns of the points before, at and after it. Row 0 is for
+/// the velocity and row 1 for the acceleration at the point. `right` has a column for each joint.
 struct Block {
   Eigen::Matrix2d before = Eigen::Matrix2d::Zero(), own = before, after = before;
   Eigen::Matrix2Xd right;
 };
 
-/// The linear equations for velocity and acceleration at the inner points (scaled by `scale`, the
-/// mean duration, so that they are of one size): jerk and snap agree from both sides there. A piece
-/// is linear in its end values, so its part of the equations is read off from unit values.
+/// Returns the linear equations for velocity and acceleration at the inner points: jerk and snap
+/// are continuous there. The unknowns are scaled by `scale`, the mean duration, which makes them
+/// similar in size. A piece is linear in its end values, so unit values give its coefficients.
 std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::MatrixXd& position,
                              double scale) {
   const std::size_t num_pieces = time_s.size() - 1;
   std::vector<Block> blocks(num_pieces - 1);
   for (Block& block : blocks) block.right = Eigen::Matrix2Xd::Zero(2, position.rows());
-  // What piece `i` says about jerk and snap at its beginning or at its end, of block `k`.
+  // Adds to block `k` the contribution of piece `i` to jerk and snap at the piece's beginning or
+  // end.
   const auto add_end = [&](std::size_t i, std::size_t k, bool at_end) {
     Block& block = blocks[k];
     const double ratio = (time_s[i + 1] - time_s[i]) / scale;
@@ -78,9 +80,10 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
     Eigen::Matrix2d& of_begin = at_end ? block.before : block.own;
     Eigen::Matrix2d& of_end = at_end ? block.own : block.after;
     for (const int order : {3, 4}) {
-      // The difference "from the left minus from the right" must vanish.
+      // The equation is: value from the left minus value from the right equals zero.
       const double sign = (at_end ? 1 : -1) * (mirrored && order == 3 ? -1 : 1);
-      const double weight = sign / std::pow(ratio, order);
+      const double cubed = ratio * ratio * ratio;
+      const double weight = sign / (order == 3 ? cubed : cubed * ratio);
       const auto response = [&](double q0, double v0, double a0, double q1, double v1, double a1) {
         return weight * derivative(piece(i, num_pieces, q0, v0 * ratio, a0 * ratio * ratio, q1,
                                          v1 * ratio, a1 * ratio * ratio),
@@ -90,7 +93,7 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
           Eigen::RowVector2d(response(0, 1, 0, 0, 0, 0), response(0, 0, 1, 0, 0, 0));
       of_end.row(order - 3) +=
           Eigen::RowVector2d(response(0, 0, 0, 0, 1, 0), response(0, 0, 0, 0, 0, 1));
-      // A constant has no jerk, so only the difference of the positions counts.
+      // A constant has no jerk, so only the difference of the positions matters.
       const auto column = static_cast<Eigen::Index>(i);
       block.right.row(order - 3) -= response(0, 0, 0, 1, 0, 0) *
                                     (position.col(column + 1) - position.col(column)).transpose();
@@ -103,8 +106,8 @@ std::vector<Block> equations(const std::vector<double>& time_s, const Eigen::Mat
   return blocks;
 }
 
-/// Row 2 k: velocity at point k + 1, row 2 k + 1: acceleration there; one column per joint. By
-/// elimination from block to block: each has only its neighbours' unknowns beside its own.
+/// Returns velocity (row 2 k) and acceleration (row 2 k + 1) at point k + 1, one column per joint.
+/// It eliminates block by block, because a block has only its own unknowns and its neighbours'.
 Eigen::MatrixXd solution(std::vector<Block> blocks, Eigen::Index num_joints) {
   for (std::size_t k = 1; k < blocks.size(); ++k) {
     const Eigen::Matrix2d factor = blocks[k].before * blocks[k - 1].own.inverse();
@@ -121,7 +124,8 @@ Eigen::MatrixXd solution(std::vector<Block> blocks, Eigen::Index num_joints) {
   return all;
 }
 
-/// A column for each point.
+/// Returns the positions with a column for each point.
+/// @throw std::invalid_argument with `Waypoints::refusal`
 Eigen::MatrixXd positions_of(const Waypoints& points) {
   if (const auto refused = points.refusal()) {
     throw std::invalid_argument(refused->key + ": " + refused->problem);
@@ -195,8 +199,8 @@ messages::ReferencePoint WaypointSpline::at(double t_s) const {
         piece(index, num_pieces, position_(joint, i), unknown(i, 0, joint) * ratio,
               unknown(i, 1, joint) * ratio * ratio, position_(joint, i + 1),
               unknown(i + 1, 0, joint) * ratio, unknown(i + 1, 1, joint) * ratio * ratio);
-    // Horner's scheme for the polynomial and its first four derivatives divided by their
-    // factorials.
+    // Horner's scheme for the polynomial and its first four derivatives, each divided by its
+    // order's factorial.
     int degree = static_cast<int>(c.size()) - 1;
     while (degree > 0 && c[degree] == 0) --degree;
     for (int k = degree; k >= 0; --k) {

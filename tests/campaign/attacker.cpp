@@ -57,7 +57,7 @@ void Attacker::listen() {
   }
 }
 
-/// A tick is over when its TRUTH is out.
+/// Acknowledges the newest tick if its TRUTH, the tick's last message, was received.
 void Attacker::acknowledge() {
   if (received_.back().channel != "ARM_TRUTH") return;
   const messages::Stamp stamp = messages::stamp_of(received_.back().payload);
@@ -65,7 +65,7 @@ void Attacker::acknowledge() {
   ++num_sent_;
 }
 
-/// Mostly what was sent last.
+/// Returns mostly the newest message, else an earlier one or a recorded one.
 const Sent& Attacker::pick() {
   const auto draw = below(10);
   if (draw == 0 && !recording_.empty()) return recording_[below(recording_.size())];
@@ -78,7 +78,7 @@ void Attacker::act() {
     for (auto copies = 1 + below(3); copies > 0; --copies) send(old.channel, old.payload);
   }
   if (plan_->recordings && !recording_.empty()) {
-    // Now in the order of the earlier run, now any.
+    // Half of the copies come in the order of the earlier run, the others in any order.
     for (int i = 0; i < 4; ++i) {
       const std::size_t next = below(2) == 0 ? replayed_++ : below(recording_.size());
       const Sent& old = recording_[next % recording_.size()];
@@ -104,8 +104,8 @@ void Attacker::lie(const Sent& honest, const std::vector<std::byte>& payload) {
   send(honest.channel, payload);
 }
 
-/// The newest announcement, and one of an earlier session: as they were, and newer with other
-/// contents.
+/// Sends the newest announcement and one of an earlier session: unchanged copies, and newer ones
+/// with other contents.
 void Attacker::announce() {
   const auto is_announcement = [](const Sent& each) { return each.channel == "ARM_PARTICIPANT"; };
   const auto newest = std::find_if(received_.rbegin(), received_.rend(), is_announcement);

@@ -20,8 +20,8 @@
 
 namespace tachless::campaign {
 
-/// Ticks (-1: RUN_INFO) for which something false was sent: from there on the log of a run without
-/// a key may differ. May be used from several threads.
+/// Ticks (-1: RUN_INFO) for which a false message was sent. From such a tick on, the log of a run
+/// without a key may differ. Several threads may use it.
 class Lies {
  public:
   void note(std::span<const std::byte> payload);
@@ -32,13 +32,14 @@ class Lies {
   std::set<std::int64_t> ticks_;
 };
 
-/// The attacker: receives everything on the network and, at random moments, does the deeds that are
-/// planned, in a thread of its own. Without hostility it only records. Has no key.
+/// The attacker, in a thread of its own. It receives everything on the network and carries out the
+/// planned attacks at random moments. Without hostility it only records. It has no key.
 class Attacker {
  public:
-  /// `recording` and `lies` outlive it.
-  /// @param endpoint does not hear what it sends itself
-  /// @param on_received called in its thread after each datagram, with how many it has received
+  /// `recording` and `lies` must outlive the attacker.
+  /// @param endpoint does not receive its own messages
+  /// @param on_received is called in the attacker's thread after each datagram, with the number of
+  /// received ones
   Attacker(std::unique_ptr<bus::Transport> endpoint, const std::optional<Hostility>& plan,
            std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies,
            std::function<void(std::size_t)> on_received = {});
@@ -47,7 +48,7 @@ class Attacker {
   Attacker& operator=(const Attacker&) = delete;
 
   void stop();
-  /// Everything it has received; after `stop`.
+  /// Returns all received messages; call it after `stop`.
   [[nodiscard]] const std::vector<Sent>& received() const { return received_; }
   [[nodiscard]] std::int64_t num_sent() const { return num_sent_; }
 
@@ -74,15 +75,15 @@ class Attacker {
   std::function<void(std::size_t)> on_received_;
   messages::Codec<messages::LogAck> acks_{messages::Layout{}};
   std::vector<Sent> received_;
-  std::size_t replayed_ = 0;  ///< of the recording, in order
+  std::size_t replayed_ = 0;  ///< number of replayed messages of the recording, in order
   std::size_t flooded_ = 0;   ///< bytes
   std::int64_t num_sent_ = 0;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };
 
-/// In front of an honest sender: whatever it answers, a false answer may come first, and the
-/// honest one may be lost then.
+/// Transport of an honest sender with a rival. A false message may come before the sender's
+/// message, which may then be lost.
 class Raced : public system_test::Wrapped {
  public:
   Raced(std::unique_ptr<bus::Transport> inner, std::unique_ptr<bus::Transport> rival,
@@ -103,11 +104,12 @@ class Raced : public system_test::Wrapped {
   Lies& lies_;
 };
 
-/// A member to which something happens at a certain datagram: its transport falls silent or throws
-/// from then on, or it stands still for a while, or its user interrupts it.
+/// Transport of a member with a mishap at a certain datagram. From then on it falls silent or
+/// throws, or the member pauses for a while, or the member's user interrupts it.
 class Afflicted : public system_test::Wrapped {
  public:
-  /// @param happened set when it has  @param interrupt what a user's Ctrl-C does
+  /// @param happened is set when the mishap has happened  @param interrupt does the same as a
+  /// user's Ctrl-C
   Afflicted(std::unique_ptr<bus::Transport> inner, const Mishap& mishap,
             std::atomic<bool>& happened, std::function<void()> interrupt)
       : Wrapped(std::move(inner)),

@@ -19,13 +19,13 @@
 
 namespace tachless::campaign {
 
-/// Rounds of the campaign: TACHLESS_CAMPAIGN_ROUNDS of them from seed TACHLESS_CAMPAIGN_SEED (1)
-/// on, each judged by the invariants; a table by kind of round on stdout.
+/// Plays TACHLESS_CAMPAIGN_ROUNDS rounds from seed TACHLESS_CAMPAIGN_SEED (1) on and checks the
+/// invariants of each. It prints a table of the kinds of rounds to stdout.
 class Campaign {
  public:
   using Play = std::function<Evidence(std::uint64_t seed)>;
 
-  /// @param rounds unless the variable says otherwise  @param workers rounds at the same time
+  /// @param rounds default of the variable  @param workers number of rounds at the same time
   static void run(const Play& play, std::uint64_t rounds, int workers) {
     Campaign campaign;
     std::atomic<std::uint64_t> next = number("TACHLESS_CAMPAIGN_SEED", 1);

@@ -132,7 +132,8 @@ std::vector<std::byte> Forger::forge(const Sent& honest) {
   const auto bytes_of = [&](const FieldAt& field) {
     return std::span(forged).subspan(field.offset, field.size);
   };
-  // An announcement that is not newer than its sender's last is a copy: mostly it is newer.
+  // An announcement that is not newer than its sender's last counts as a copy, so most forged ones
+  // are newer.
   const auto counter = std::ranges::find(fields, "counter", &FieldAt::name);
   if (counter != fields.end() && below(4) != 0) {
     put(get(bytes_of(*counter)) + (below(8) == 0 ? 1'000'000 : 1), bytes_of(*counter));
@@ -189,7 +190,8 @@ std::vector<std::byte> Forger::name(const Sent& honest) {
   named.erase(begin, begin + static_cast<std::ptrdiff_t>(at.size));
   const auto bytes = std::as_bytes(std::span(weapon));
   named.insert(named.begin() + static_cast<std::ptrdiff_t>(at.offset), bytes.begin(), bytes.end());
-  constexpr std::size_t length = sizeof(std::int32_t);  // counts the NUL, and stands before
+  // The length counts the NUL and stands before the text.
+  constexpr std::size_t length = sizeof(std::int32_t);
   put(weapon.size() + 1, std::span(named).subspan(at.offset - length, length));
   return named;
 }

@@ -10,16 +10,16 @@
 
 #include "messages/field.h"
 
-/// The fault campaign: docs/security.md.
+/// The fault campaign; docs/security.md describes it.
 namespace tachless::campaign {
 
-/// A datagram as it was sent.
+/// A sent datagram.
 struct Sent {
   std::string channel;
   std::vector<std::byte> payload;
 };
 
-/// Where a value is in a message.
+/// Position of a value in a message.
 struct FieldAt {
   std::string_view name;
   std::size_t offset = 0;
@@ -27,26 +27,27 @@ struct FieldAt {
   messages::Kind kind = messages::Kind::int64;
 };
 
-/// Every number and text of a message of robot ARM with two rigid joints and two signals, the
-/// fingerprint, the stamp, counts and lengths of texts too. Stops where the payload ends.
+/// Returns every number and text of a message of robot ARM with two rigid joints and two signals.
+/// The fingerprint, the stamp, counts and lengths of texts are included. The list stops at the end
+/// of the payload.
 std::vector<FieldAt> fields_of(std::string_view channel, std::span<const std::byte> payload);
 
-/// Makes false messages of true ones. Knows the message types, and neither network nor run.
+/// Maker of false messages from true ones. It knows the message types, but no network and no run.
 class Forger {
  public:
   explicit Forger(std::uint64_t seed) : random_(seed) {}
 
-  /// One to three fields have other values: extremes of their kind, or near to what they were.
+  /// Changes one to three fields to extremes of their kind, or to values near the true ones.
   std::vector<std::byte> forge(const Sent& honest);
-  /// Passes all checks: the last number of it is another (PARTICIPANT: its state), no more.
+  /// Changes only the last number (PARTICIPANT: its state), so that the message passes all checks.
   std::vector<std::byte> contradict(const Sent& honest);
-  /// Bits flipped, cut off, or made longer.
+  /// Flips bits, cuts the message off, or makes it longer.
   std::vector<std::byte> damage(const Sent& honest);
-  /// PARTICIPANT or RUN_INFO with one text (a law, its signals, a host, a fault) that would be a
-  /// command, markup or a path in another program; an announcement is newer than `honest`. Other
-  /// messages have no text: unchanged.
+  /// Changes one text (a law, its signals, a host, a fault) of PARTICIPANT or RUN_INFO into a
+  /// command, markup or path for another program. An announcement becomes newer than `honest`.
+  /// Other messages have no text and stay unchanged.
   std::vector<std::byte> name(const Sent& honest);
-  /// Random bytes, mostly short, at most 60,000.
+  /// Returns random bytes, mostly few, at most 60,000.
   std::vector<std::byte> garbage();
 
  private:

@@ -19,7 +19,7 @@
 namespace tachless::campaign {
 namespace {
 
-// Sequence numbers by which it recognises its own datagrams; no other sender gets so far.
+// Sequence numbers that mark the impostor's own datagrams; no other sender reaches them.
 constexpr std::uint32_t first_own = 0x80000000;
 
 base::FileDescriptor raw_socket() {
@@ -81,13 +81,14 @@ void Impostor::publish(std::string_view channel, std::span<const std::byte> payl
   sockaddr_in to{};
   to.sin_family = AF_INET;
   inet_pton(AF_INET, url.group.c_str(), &to.sin_addr);
-  iphdr ip{};  // the kernel adds length, identity, checksum, and the address that all have here
+  iphdr ip{};  // the kernel adds length, identity, checksum, and the address, which is the same for
+               // all here
   ip.version = 4;
   ip.ihl = sizeof ip / 4;
   ip.ttl = 1;
   ip.protocol = IPPROTO_UDP;
   ip.daddr = to.sin_addr.s_addr;
-  udphdr udp{};  // without a checksum, which IPv4 allows
+  udphdr udp{};  // without a checksum, which IPv4 permits
   udp.source = htons(port_);
   udp.dest = htons(url.port);
   udp.len = htons(size);

@@ -11,16 +11,16 @@
 
 namespace tachless::campaign {
 
-/// An outsider's endpoint on the real bus, or, once a member's announcement has been received, that
-/// member's address: datagrams then have it as their source, as the administrator of a host can
-/// make them. It does not receive what it sends. Precondition: the process is in a network
+/// An outsider's endpoint on the real bus. After it has received an announcement of the chosen
+/// member, its datagrams have that member's address as source, as a host's administrator can
+/// arrange. It does not receive its own messages. Precondition: the process is in a network
 /// namespace of its own, where all have one host.
 class Impostor final : public bus::Transport {
  public:
-  /// @param whom "controller's endpoint", or anything else: an outsider
+  /// @param whom "controller's endpoint"; any other text means an outsider
   explicit Impostor(std::string_view whom);
 
-  void subscribe(const std::string& channel) override { bus_.subscribe(channel); }
+  int subscribe(const std::string& channel) override { return bus_.subscribe(channel); }
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
   std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override;
 
@@ -31,7 +31,7 @@ class Impostor final : public bus::Transport {
   std::optional<messages::Role> whom_;
   messages::Codec<messages::Participant> codec_{messages::Layout{}};
   base::FileDescriptor raw_;
-  std::uint16_t port_ = 0;  ///< the member's, once it is known
+  std::uint16_t port_ = 0;  ///< the member's port, once it is known
   std::uint32_t sequence_;
 };
 

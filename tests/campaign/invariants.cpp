@@ -16,11 +16,12 @@ using messages::Role;
 using system_test::all_roles;
 
 constexpr std::size_t per_tick = 6;
-// Waiting for each other 10 s, then noticing a loss 3 s, leaving 1 s; the rest for a busy machine.
+// Longest normal round: 10 s of waiting, 3 s to notice a lost peer, 1 s to leave; the rest is for a
+// busy machine.
 constexpr double longest_round_s = 25;
 constexpr double braking_s = 0.5;
 
-/// The log without the fault at its end.
+/// Returns the log without the fault at its end.
 std::span<const Event> run_of(const Evidence& evidence) {
   std::span<const Event> log = evidence.log;
   if (!log.empty() && log.back().is_fault()) log = log.first(log.size() - 1);
@@ -28,11 +29,12 @@ std::span<const Event> run_of(const Evidence& evidence) {
 }
 
 bool lied_about(const Evidence& evidence, std::int64_t tick) {
-  // What is commanded in a tick shows in the next.
+  // A tick's command affects the messages of the next tick.
   return !evidence.plan.keyed && (evidence.lies.contains(tick) || evidence.lies.contains(tick - 1));
 }
 
-/// Where the log is no beginning of the clean one, which no lie explains; "" if it is one.
+/// Returns the first place at which the log differs from the clean one without a lie as reason; ""
+/// if there is none.
 std::string deviation(const Evidence& evidence) {
   const auto log = run_of(evidence);
   bool deceived = false;
@@ -57,7 +59,8 @@ std::string missing_in_lockstep(const Evidence& evidence) {
   return fmt::format("the log has {} of {} events", size, evidence.clean_log.size());
 }
 
-/// Realtime repeats nothing: what the logger has no room for, because it stands still, is missing.
+/// Returns the first missing message of a realtime run. Realtime repeats nothing, so a paused
+/// logger may miss messages.
 std::string missing_in_realtime(const Evidence& evidence) {
   if (evidence.num_overflowed > 0) return "";
   std::set<std::pair<std::string_view, std::int64_t>> there;
@@ -70,8 +73,9 @@ std::string missing_in_realtime(const Evidence& evidence) {
   return "";
 }
 
-/// To the plant of a run without a key an outsider is the logger that acknowledges from the
-/// logger's address and announces its end; the logger itself then does not end well.
+/// Returns whether an outsider has replaced the logger. In a run without a key the plant takes a
+/// process for the logger if it acknowledges from the logger's address and announces its end. The
+/// real logger then does not end with 0.
 bool logger_is_impersonated(const Evidence& evidence) {
   const auto& hostility = evidence.plan.hostility;
   return !evidence.plan.keyed && hostility && hostility->acknowledges &&
@@ -115,7 +119,8 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence) {
   constexpr std::array documented = {ExitCode::check_said_no,   ExitCode::bad_usage,
                                      ExitCode::peer_lost,       ExitCode::protocol_violated,
                                      ExitCode::protective_stop, ExitCode::interrupted};
-  // Longer than the description of a process with its host and address, which may come twice.
+  // This is longer than the description of a process with its host and address, which may occur
+  // twice.
   constexpr std::size_t a_sentence = 100;
   for (const Role role : all_roles) {
     const auto& [code, fault, statistics] = evidence.of(role);
@@ -166,7 +171,7 @@ std::string the_log_is_bounded(const Evidence& evidence) {
 }
 
 std::string the_log_has_sound_names(const Evidence& evidence) {
-  // By bytes, not by the codec, which may be what is wrong.
+  // The check reads the bytes without the codec, because the codec itself may be wrong.
   for (const Event& event : evidence.log) {
     if (event.channel != "ARM_RUN_INFO" && event.channel != "ARM_PARTICIPANT") continue;
     for (const FieldAt& field : fields_of(event.channel, std::as_bytes(std::span(event.data)))) {

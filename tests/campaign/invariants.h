@@ -5,43 +5,46 @@
 
 #include "tests/campaign/round.h"
 
-/// What must hold of every round, each as a function: "" when it does, else what does not.
+/// The invariants of every round. Each function returns "" if its invariant holds, else a
+/// description of the violation.
 namespace tachless::campaign {
 
-/// A 0 of plant or logger is a promise that the log has the run: in lockstep every message of every
-/// tick, equal to the clean run's up to a tick for which an outsider without a key has said
-/// something else; in realtime what the plant says of every tick.
+/// Checks that exit code 0 of plant or logger implies a complete log. In lockstep the log has every
+/// message of every tick. These equal the clean run's up to a tick for which an outsider without a
+/// key has sent a false message. In realtime the log has all the plant's messages of every tick.
 std::string a_good_end_has_a_whole_log(const Evidence& evidence);
 
-/// Also of a run that fails: in lockstep the log is whole ticks of the clean run, then the fault.
+/// Checks, also for a failed run in lockstep, that the log is whole ticks of the clean run and then
+/// the fault.
 std::string the_log_is_a_beginning_of_the_clean_one(const Evidence& evidence);
 
-/// With a key no attacker without it changes a run; nor do copies, loss, or a pause of less than
-/// `give_up_s`.
+/// Checks that no attacker without the key changes a run with a key. Copies, losses and a pause
+/// shorter than `give_up_s` do not change it either.
 std::string what_cannot_end_a_run_does_not(const Evidence& evidence);
 
-/// A process that fails prints why, once, and has a documented exit code.
+/// Checks that a failing process prints the reason once and has a documented exit code.
 std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence);
 
-/// The log of a run that failed contains the reason.
+/// Checks that the log of a failed run contains the reason.
 std::string the_log_ends_with_the_fault(const Evidence& evidence);
 
-/// A robot whose motion is not recorded stops: `give_up_s` until the logger's loss is noticed, and
-/// 0.5 s to brake.
+/// Checks that a robot stops when its motion is not recorded: `give_up_s` until the logger's loss
+/// is noticed, and 0.5 s to brake.
 std::string nothing_moves_unrecorded(const Evidence& evidence);
 
-/// An outsider cannot fill the disk: the log is not longer than the clean one by more than
+/// Checks that an outsider cannot fill the disk: the log exceeds the clean one by at most
 /// `most_foreign_log_bytes`.
 std::string the_log_is_bounded(const Evidence& evidence);
 inline constexpr std::uintmax_t most_foreign_log_bytes = 1 << 20;
 
-/// What a law and its signals are called in a log could be no command and no markup elsewhere.
+/// Checks that the names of a law and its signals in a log are no command and no markup for other
+/// programs.
 std::string the_log_has_sound_names(const Evidence& evidence);
 
-/// Everything ends.
+/// Checks that all processes end.
 std::string the_round_is_bounded(const Evidence& evidence);
 
-/// All of them.
+/// Checks all invariants.
 std::vector<std::string> violations(const Evidence& evidence);
 
 }  // namespace tachless::campaign

@@ -1,4 +1,4 @@
-// Each invariant says no to a round that breaks it, and to nothing else.
+// Each invariant must reject a round that violates it, and no other round.
 #include "tests/campaign/invariants.h"
 
 #include <gmock/gmock.h>
@@ -26,7 +26,7 @@ Event fault_event() {
   return {"ARM_PARTICIPANT", 1, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}};
 }
 
-/// Two ticks in lockstep that ended well.
+/// Returns two ticks in lockstep that ended well.
 Evidence good() {
   Evidence evidence;
   evidence.num_ticks = 2;
@@ -44,7 +44,8 @@ Evidence good() {
   return evidence;
 }
 
-/// The same without a key and with an outsider, in which all fail after the first tick.
+/// Returns the same round without a key and with an outsider, in which all processes fail after the
+/// first tick.
 Evidence failed() {
   Evidence evidence = good();
   evidence.plan.hostility = Hostility();
@@ -70,7 +71,8 @@ TEST(Invariants, SayThatSomebodyEndsWellWithoutAWholeLog) {
               ElementsAre("the plant ends with 0: the log has 7 of 13 events"));
   evidence.plan.pace = Pace::realtime;
   EXPECT_THAT(a_good_end_has_a_whole_log(evidence), HasSubstr("lacks ARM_TICK of 1"));
-  evidence.num_overflowed = 3;  // the logger was suspended and lost what is not repeated
+  // The logger was suspended and missed messages that are not repeated.
+  evidence.num_overflowed = 3;
   EXPECT_EQ(a_good_end_has_a_whole_log(evidence), "");
 }
 
@@ -131,10 +133,10 @@ TEST(Invariants, SayThatAFaultHasNoCodeOrNoCauseOrTwo) {
   EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the logger tells more than one cause")));
   evidence = failed();
   const std::string sentence =
-      "lost is the controller (process 4123 on host arm-1, 10.0.0.2:4123)"
+      "no answer from the controller (process 4123 on host arm-1, 10.0.0.2:4123)"
       ", silent for 3 s; see its output (loop.give_up_s)";
   evidence.result.of[Role::plant].fault = sentence + ": " + sentence;
-  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the plant says twice 'lost is")));
+  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the plant says twice 'no answer from")));
 }
 
 TEST(Invariants, SayThatTheLogDoesNotEndWithTheFaultThoughTheLoggerLives) {
@@ -155,7 +157,7 @@ TEST(Invariants, SayThatAnOutsiderFillsTheDiskOrNamesSomethingInTheLog) {
   ++evidence.log_bytes;
   EXPECT_THAT(violations(evidence), ElementsAre("the log has 1049577 bytes, the clean one 1000"));
   evidence = failed();
-  // No codec encodes such a name: a space in its place becomes an escape afterwards.
+  // No codec encodes such a name, so an escape replaces a space of the encoded name.
   messages::Codec<messages::Participant> codec(messages::Layout{});
   messages::Participant who;
   who.law = "a law";

@@ -13,7 +13,7 @@ namespace {
 constexpr std::array<std::string_view, 4> mishaps = {"kill", "stop", "interrupt", "failing bus"};
 constexpr std::array<std::string_view, 3> paces = {"lockstep", "realtime", "long realtime"};
 
-/// A step of the plan's seed. Not std::…_distribution: the same on every machine.
+/// Returns the next step of the plan's seed. std::…_distribution would differ between machines.
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : random_(seed) {}
@@ -49,8 +49,8 @@ Hostility hostility_of(Draw& draw) {
 bool Plan::must_end_well() const {
   if (mishap && mishap->kind != Mishap::Kind::stop) return false;
   if (keyed || !hostility) return true;
-  // Without a key, copies of what was said in this run change nothing, unless the address is false
-  // or, the original being lost, is taken for the member's.
+  // Without a key, copies of this run's messages change nothing, with two exceptions: the address
+  // is false, or the original was lost and the copy counts as the member's.
   return network.loss == 0 && !hostility->lies() && !hostility->recordings &&
          hostility->sender == "an outsider";
 }
@@ -70,7 +70,7 @@ Plan plan_of(std::uint64_t seed) {
       plan.pace = Pace::realtime_long;
     }
   }
-  // In realtime nothing is repeated: the log says what was lost.
+  // Realtime repeats nothing, so a lost message is missing in the log.
   if (!plan.lockstep() && plan.hostility) plan.hostility->drops = 0;
   if (plan.lockstep() && draw.chance(0.5)) {
     plan.network = {.loss = 0.3 * draw.share(),
@@ -78,7 +78,7 @@ Plan plan_of(std::uint64_t seed) {
                     .reordering = 0.2 * draw.share(),
                     .seed = seed};
   }
-  // Drawn last, so that the rest of a round is what its seed has always meant.
+  // These are drawn last, so that the other parts of a round stay the same for a given seed.
   if (plan.hostility) {
     plan.hostility->announces = draw.chance(0.15);
     plan.hostility->names = draw.chance(0.1);

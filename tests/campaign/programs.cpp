@@ -37,7 +37,7 @@ using system_test::all_roles;
 
 constexpr auto hung_after = 30s;
 
-/// The causes of its end that it printed, a line each, without mark and name.
+/// Returns the printed causes of the program's end, one per line, without mark and name.
 std::string causes_in(const std::string& output) {
   std::istringstream lines(output);
   std::string causes;
@@ -50,7 +50,7 @@ std::string causes_in(const std::string& output) {
   return causes;
 }
 
-/// The four programs of a round, and what happens to one of them.
+/// The four programs of a round, with the round's mishap.
 class Programs {
  public:
   Programs(const Plan& plan, const fs::path& directory) : plan_(plan), directory_(directory) {
@@ -59,7 +59,7 @@ class Programs {
 
   [[nodiscard]] fs::path log_path() const { return directory_ / "lcmlog"; }
 
-  /// @param received so many datagrams have been on the bus
+  /// @param received number of datagrams that have been on the bus
   void on_received(std::size_t received) {
     if (!plan_.mishap || happened_ || received <= static_cast<std::size_t>(plan_.mishap->at))
       return;
@@ -81,7 +81,7 @@ class Programs {
     }
   }
 
-  /// Waits for all. A run that does not end is interrupted.
+  /// Waits for all programs and interrupts a run that does not end.
   void wait(Evidence& into) {
     if (!all_ended()) {
       into.hung = true;
@@ -97,14 +97,14 @@ class Programs {
         outcome.statistics =
             session::statistics_from_json({std::istreambuf_iterator<char>(file), {}});
       } catch (const std::invalid_argument&) {  // killed, or refused its command line
-        // Before it catches signals a process ends by them, as any other does, without a word.
+        // A process that does not yet catch signals ends by them without a message.
         if (outcome.code == ExitCode::interrupted && outcome.fault.empty()) {
           outcome.fault = "interrupted before it was up";
         }
       }
     }
   }
-  /// After the attacker has stopped.
+  /// Returns whether the mishap has happened; call it after the attacker has stopped.
   [[nodiscard]] bool happened() const { return happened_; }
 
  private:

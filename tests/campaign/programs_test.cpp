@@ -1,5 +1,5 @@
-// The campaign with the four programs on the real bus: 20 rounds, or TACHLESS_CAMPAIGN_ROUNDS. One
-// after the other: the loss of packets is the whole network's.
+// The campaign with the four programs on the real bus: 20 rounds, or TACHLESS_CAMPAIGN_ROUNDS. The
+// rounds run one after the other, because the packet loss affects the whole network.
 #include "tests/campaign/programs.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,8 @@ TEST(TheCampaign, BreaksNoInvariantWithTheRealPrograms) {
       20, 1);
 }
 
-/// A run of 20,000 ticks. Nobody gives up: a flood can delay announcements on a busy machine.
+/// A run of 20,000 ticks. No process gives up, because a flood can delay announcements on a busy
+/// machine.
 struct LongRun : system_test::FourPrograms {
   LongRun() : FourPrograms("practical_rigid.yaml") {
     settings = {"--set", "loop.duration_s=20", "--set", "loop.give_up_s=60"};
@@ -52,7 +53,7 @@ TEST(AFlood, OfGarbageAndCopiesChangesNeitherTheLogNorTheMemory) {
   Hostility plan;
   plan.replays = plan.floods = true;
   plan.rate = 0.5;
-  plan.from = 3'000;  // datagrams, then all have touched the memory that they need
+  plan.from = 3'000;  // in datagrams; by then all processes have touched the memory that they need
   std::map<std::string, std::int64_t> before, after;
   Lies lies;
   const std::vector<Sent> nothing;
@@ -77,7 +78,7 @@ TEST(AFlood, OfGarbageAndCopiesChangesNeitherTheLogNorTheMemory) {
   }
   EXPECT_TRUE(contents(run.log_path()) == contents(clean.log_path()));
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  // (A sanitizer holds back what is freed.)
+  // A sanitizer delays the release of freed memory.
   for (const char* role : system_test::roles) {
     EXPECT_GT(before[role], 0) << role;
     EXPECT_LE(after[role] - before[role], 1024) << role << ": growth [KiB]";

@@ -25,10 +25,10 @@ using base::Clock;
 using messages::Role;
 using system_test::FourThreads;
 
-// No round needs longer: waiting for members, then noticing that one is lost.
+// No round needs longer to wait for members and then to notice a lost one.
 constexpr auto hung_after = 30s;
 
-/// The run of this experiment that nothing happens to, and everything that is said in it.
+/// The undisturbed run of this experiment, with all its messages.
 struct Clean {
   scenario::Scenario scenario;
   std::vector<Event> log;
@@ -36,8 +36,8 @@ struct Clean {
   std::vector<Sent> recording;
 };
 
-/// Starts and waits for all. A run that does not end is interrupted; if that does not help, nothing
-/// will.
+/// Starts the processes and waits for them. It interrupts a run that does not end, and aborts if
+/// the run still does not end.
 void finish(FourThreads& threads, Evidence& into) {
   auto result = std::async(std::launch::async, [&] { return threads.finish(); });
   if (result.wait_for(hung_after) != std::future_status::ready) {
@@ -135,7 +135,7 @@ bool Evidence::lives(Role role) const {
 }
 
 Evidence expected(const Plan& plan) {
-  // Without a key, so that a log with one is compared with one without.
+  // The clean run has no key, so logs with a key are compared with logs without one.
   const Clean& plain = clean(plan.pace, false);
   Evidence evidence;
   evidence.plan = plan;

@@ -5,7 +5,7 @@ namespace tachless::campaign {
 namespace {
 
 TEST(TheCampaign, BreaksNoInvariant) {
-  // A round mostly waits: for its threads to join, for its end, for a silent member.
+  // A round mostly waits: for its threads to join, for its end, or for a silent member.
   Campaign::run([](std::uint64_t seed) { return play(plan_of(seed)); }, 200, 8);
 }
 

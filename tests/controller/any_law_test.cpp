@@ -27,7 +27,7 @@ messages::ReferencePoint at_zero() {
   return {zero, zero, zero, zero, zero};
 }
 
-/// An error that is a ramp in time: what a first-order hold takes every error for.
+/// Returns a measurement whose error is linear in time, as a first-order hold assumes.
 messages::PositionMeasurement ramp(std::int64_t tick) {
   messages::PositionMeasurement measurement;
   measurement.q.resize(2);
@@ -41,7 +41,7 @@ Stepper stepper_of(const scenario::Scenario& scenario) {
   return {make_law<LoriaOrtegaRigid>(scenario), scenario.loop};
 }
 
-/// An outcome that outlives the next step.
+/// A copy of an outcome that stays valid after the next step.
 struct Taken {
   Vector tau, nu;
   std::int64_t skipped;
@@ -54,7 +54,8 @@ Taken take(Stepper& stepper, std::int64_t tick) {
 }
 
 TEST(AnyLaw, AGapDoesNotCheatTheFilter) {
-  // Exact for the first-order hold, so to rounding: nu is of order 1, and takes at most 20 steps.
+  // The result is exact for the first-order hold up to rounding: nu is of order 1 and takes at most
+  // 20 steps.
   const scenario::Scenario s = scenario({"controller.filter=first_order_hold"});
   for (const std::int64_t gap : {2, 3, 7, 21}) {
     Stepper every = stepper_of(s);
@@ -87,7 +88,7 @@ TEST(AnyLaw, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
   auto memory = usual.start(ramp(0), at_zero());
   for (std::int64_t k = 0; k <= 20; ++k) memory = usual.step(memory, ramp(k), at_zero()).memory;
   const auto cheated = usual.step(memory, ramp(22), at_zero());
-  // a = b, so nu is the ramp's slope once settled (exp(-20) from it).
+  // a = b, so nu equals the ramp's slope after it has settled (exp(-20) from it).
   EXPECT_NEAR(settled.nu[0], 1, 1e-8);
   EXPECT_NEAR(leap.nu[0], 1, 1e-8);
   EXPECT_GT(cheated.memory.nu[0], 1.5);
@@ -137,7 +138,7 @@ TEST(AnyLaw, FeedsFrictionForwardFromTheReference) {
   reference.v_ref << 0.25, -0.5;
   const Vector tau = with->step(0, ramp(0), reference).command.tau -
                      without->step(0, ramp(0), reference).command.tau;
-  // Differences of torques of some 300 N m.
+  // These are differences of torques of some 300 N m.
   EXPECT_NEAR(tau[0], 3 * 0.25, 1e-12);
   EXPECT_NEAR(tau[1], 2 * std::tanh(-1.0), 1e-12);
 }
@@ -149,7 +150,7 @@ TEST(AnyLaw, RefusesToGoBack) {
   EXPECT_THROW(stepper.step(4, ramp(4), at_zero()), std::logic_error);
 }
 
-/// With other gains from its reference of a tick on.
+/// The law has other gains from the tick of their reference on.
 TEST(AnyLaw, TakesTheGainsOfAReferenceFromItsTickOnAndKeepsItsMemory) {
   const scenario::Scenario s = scenario({"controller.gains_may_change=true"});
   const ScenarioLaw changed = scenario_law(s), unchanged = scenario_law(s);
@@ -171,12 +172,14 @@ TEST(AnyLaw, TakesTheGainsOfAReferenceFromItsTickOnAndKeepsItsMemory) {
       memory = step.memory;
     }
   }
-  // And back to the scenario's, whose memory has gone on as the other's: a and b are the same.
+  // The scenario's gains come back. The memory equals that of the unchanged law, because a and b
+  // are the same.
   EXPECT_EQ(changed->step(30, ramp(30), at_zero()).command.tau,
             unchanged->step(30, ramp(30), at_zero()).command.tau);
 }
 
-/// The chain of the Kalman filter, and the positions that a difference is of.
+/// The counts are the length of the Kalman filter's chain and the number of samples of a
+/// difference.
 TEST(AnyLaw, KeepsTheCountsThatItsMemoryHasTheSizeOf) {
   struct Case {
     const char *law, *gains, *softer, *other;

@@ -63,7 +63,7 @@ scenario::Scenario flexible_scenario(const std::string& law) {
   return scenario;
 }
 
-/// The one line with which a scenario is refused.
+/// Returns the line with which a scenario is refused.
 std::string refusal(const scenario::Scenario& scenario) {
   try {
     scenario_law(scenario);

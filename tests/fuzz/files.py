@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Mutated scenarios, URDFs and logs through the commands that read them.
+"""Runs the commands on mutated scenarios, URDFs and logs.
 
 files.py TACHLESS SCENARIOS KIND COUNT [SEED]   KIND: scenario, urdf, log
 
 Each mutant follows from its number. A command may refuse it (documented exit codes) but must not
-end by a signal, say "internal error", use more than 10 s of processor time or 4 GiB of memory, print
-a control character, or carry out a text of it: the texts that are put in would create the file CANARY.
-`certify` and `design` show their progress and may use 200 s: on a slow machine `certify` takes more
-than 10 s for seven flexible joints.
+end by a signal, print "internal error" or a control character, or use more than 10 s of processor time
+or 4 GiB of memory. It must not execute a text of the mutant; the inserted texts would create the file
+CANARY. `certify` and `design` show their progress and may use 200 s, because on a slow machine `certify`
+takes more than 10 s for seven flexible joints.
 """
 import concurrent.futures
 import os
@@ -84,7 +84,7 @@ def events_of(log):
 
 
 def with_other_text(chance, data):
-    """One of the texts in a message (length, characters, 0) becomes another one."""
+    """Replaces one of the texts in a message (length, characters, 0) by another text."""
     found = [at for at in range(len(data) - 5)
              if 2 <= (size := struct.unpack_from(">i", data, at)[0]) <= len(data) - at - 4
              and data[at + 3 + size] == 0 and data[at + 4:at + 3 + size].isascii()
@@ -149,7 +149,7 @@ def limit(command):
 
 
 def complaint(tachless, scenarios, kind, seeds, number):
-    """What is wrong with the commands' reaction to this mutant; empty if nothing is."""
+    """Returns the fault of the commands' reaction to this mutant; empty without a fault."""
     chance = random.Random(f"{kind} {number}")
     seed = chance.choice(seeds)
     mutant = mutated_log(chance, seed) if kind == "log" else mutated_text(chance, seed.decode())
@@ -162,11 +162,11 @@ def complaint(tachless, scenarios, kind, seeds, number):
             ended = subprocess.run(words, cwd=place, preexec_fn=lambda: limit(command), stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             said = ended.stdout.decode("utf-8", "replace")
-            long_run = ended.returncode == -9 and "k ticks/s" in said  # of a tiny period; shows progress
+            long_run = ended.returncode == -9 and "k ticks/s" in said  # a run with a tiny period, which shows progress
             problem = (f"ends with {ended.returncode}" if ended.returncode not in range(0, 6) and not long_run else
                        "internal error" if "internal error" in said else
                        "a text of it was executed" if list(place.rglob("*CANARY*")) else
-                       "a control character is printed" if re.search("[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f]", said) else "")
+                       "a control character is printed" if re.search("[\x00-\x08\x0b\x0c\x0e-\x1f]", said) else "")
             if problem:
                 kept = pathlib.Path(tempfile.gettempdir()) / f"tachless-{kind}-{number}"
                 kept.write_bytes(mutant)

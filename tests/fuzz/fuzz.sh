@@ -1,5 +1,5 @@
 #!/bin/sh
-# fuzz.sh FUZZER SEEDS NAME RUNS LONGEST: fuzzes from fresh seeds, with a fixed seed of chance.
+# fuzz.sh FUZZER SEEDS NAME RUNS LONGEST: fuzzes from fresh seeds, with a fixed random seed.
 set -eu
 corpus=$(mktemp -d)
 trap 'rm -rf "$corpus"' EXIT

@@ -1,4 +1,4 @@
-// Hostile files as logs: as events, and as a run, tick by tick.
+// Reads hostile files as logs: as events, and as a run, tick by tick.
 
 #include <sys/mman.h>
 #include <unistd.h>
@@ -16,7 +16,7 @@ using namespace tachless;
 
 namespace {
 
-/// A file in memory with a name, rewritten for each input.
+/// Returns a named file in memory, which each input rewrites.
 int file() {
   static const int fd = memfd_create("log", 0);
   if (fd < 0) std::abort();
@@ -43,7 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       last = record.tick;
     }
   } catch (const base::Failure&) {
-    // No run in it; said in one line.
+    // The file holds no run. The error is one line.
   }
   return 0;
 }

@@ -5,7 +5,7 @@
 #include "messages/messages.h"
 #include "messages/truth/plant_truth.h"
 
-/// The message types that the fuzzers know, numbered: the first byte of an input chooses one.
+/// The numbered message types that the fuzzers know. The first byte of an input selects one.
 namespace tachless::fuzz {
 
 template <class... Value>

@@ -1,4 +1,4 @@
-// Sound inputs for a fuzzer to start from: fuzz_seeds wire_fuzzer|log_fuzzer DIRECTORY
+// Writes valid inputs from which a fuzzer starts: fuzz_seeds wire_fuzzer|log_fuzzer DIRECTORY
 
 #include <cstdint>
 #include <filesystem>
@@ -21,7 +21,7 @@ constexpr messages::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals
 constexpr std::int64_t num_ticks = 3;
 
 struct Message {
-  int type;  ///< its number in message_list.h
+  int type;  ///< number of the type in message_list.h
   std::string channel;
   std::vector<std::byte> bytes;
   std::int64_t utime;
@@ -43,7 +43,7 @@ std::string contents(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// Of one run; those of the log first, in its order.
+/// Returns the messages of one run. The log's messages come first, in its order.
 std::vector<Message> sample_messages() {
   std::vector<Message> all;
   messages::RunInfo info;
@@ -81,7 +81,13 @@ std::vector<Message> sample_messages() {
   participant.signals = "error:rad,nu:rad/s";
   participant.fault = "fault";
   add(all, participant, 2);
+  participant.role = messages::Role::controller;
+  participant.law = "a law";
+  participant.roster = {5, 6, 7, 8};
+  add(all, participant, 3);
   add(all, messages::LogAck{5}, 2);
+  add(all, messages::GainChange{"kp=1,2", "kp=3", 6, 7}, 2);
+  add(all, messages::GainAck{7}, 3);
   return all;
 }
 

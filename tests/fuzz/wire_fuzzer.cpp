@@ -1,6 +1,6 @@
-// Hostile payloads at every codec: no crash, no allocation beyond reason, and what is accepted says
-// the same again when it is encoded.
-// Input: one byte chooses type and layout, the rest is the payload.
+// Decodes hostile payloads with every codec. There is no crash and no unreasonable allocation. An
+// accepted payload encodes to the same content again.
+// Input: one byte selects type and layout, the rest is the payload.
 
 #include <cstddef>
 #include <cstdint>

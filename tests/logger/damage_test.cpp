@@ -15,8 +15,8 @@
 namespace tachless::logger {
 namespace {
 
-/// Everything that reads logs, on damaged ones: nothing crashes or loops, and what is intact comes
-/// through.
+/// Tests everything that reads logs with damaged logs. Nothing crashes or loops, and intact data is
+/// read.
 class Damage : public testing::Test {
  protected:
   TemporaryDirectory directory_{quick_place()};
@@ -27,7 +27,7 @@ class Damage : public testing::Test {
 TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
   const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.0005"}, "POSITION");
   auto messages = run.messages;
-  messages.push_back(messages[0]);  // a second RUN_INFO, so that most logs stay readable
+  messages.push_back(messages[0]);  // a second RUN_INFO keeps most logs readable
   messages.push_back(fault_message(run, "encoder lost"));
   const SampleLog log = index_of(log_of(messages));
   const DamagePlan plan = damage_plan();
@@ -40,7 +40,7 @@ TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
     const auto info = read_info(path_);
     ASSERT_FALSE(to_text(info).empty());
     ASSERT_NO_THROW(info.dump());
-    // Every intact tick's every message is an event of one channel or the other.
+    // Every message of an intact tick is an event on some channel.
     ASSERT_GE(info["messages"], damaged.intact.size());
 
     try {
@@ -56,7 +56,7 @@ TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
       }
       const auto& summary = run_log.summary();
       for (const auto& [offset, index] : damaged.intact) {
-        if (run_log.run() != run.run) break;  // the only RUN_INFO left has lost its number
+        if (run_log.run() != run.run) break;  // the only RUN_INFO left has a damaged run number
         if (log.events[index].channel != "ARM_COMMAND") continue;
         const auto tick = static_cast<std::int64_t>(index - 1) / 6;
         ASSERT_TRUE(commands.contains(tick)) << "COMMAND of tick " << tick << " was lost";

@@ -45,7 +45,7 @@ std::vector<std::string> split(const std::string& line, char separator) {
   return cells;
 }
 
-/// The same run of a robot whose URDF has `after` wherever it had `before`.
+/// Changes the robot's URDF: each `before` becomes `after`.
 void change_urdf(RecordedRun& recorded, const std::string& before, const std::string& after) {
   std::string urdf = recorded.scenario.robot.urdf_text;
   std::size_t at = urdf.find(before);
@@ -136,7 +136,7 @@ TEST_F(Export, CsvHoldsEveryNumberInFull) {
   const auto expect_column = [&](const std::string& name, auto value) {
     const auto cells = csv.column(name);
     for (std::size_t i = 0; i < cells.size(); ++i) {
-      // %.17g reads back as the same double.
+      // A number in %.17g reads back as the same double.
       EXPECT_EQ(std::strtod(cells[i].c_str(), nullptr), value(recorded.ticks[i])) << name << i;
     }
   };
@@ -182,7 +182,7 @@ TEST_F(Export, AMissingPieceIsAnEmptyCellAndIsCounted) {
 
 TEST_F(Export, PrismaticJointsAreInMetresAndNewtons) {
   auto recorded = short_rigid_run();
-  // The same numbers, of a robot whose second joint slides.
+  // The numbers are the same, but the robot's second joint slides.
   change_urdf(recorded, R"(<joint name="elbow" type="continuous">)",
               R"(<joint name="elbow" type="prismatic">
     <limit lower="-1" upper="1" effort="0" velocity="0"/>)");

@@ -36,7 +36,7 @@ TEST_F(FindLog, AFileIsMeantItselfAndARunsDirectoryTheLogInIt) {
 TEST_F(FindLog, ADirectoryOfRunsMeansTheLinkedOneElseTheNewest) {
   const fs::path first = run("arm/2026-01-01-120000");
   const fs::path second = run("arm/2026-01-02-110000");
-  fs::create_directories(runs() / "2026-01-03-110000");  // of a run that did not begin
+  fs::create_directories(runs() / "2026-01-03-110000");  // directory of a run that did not begin
   EXPECT_EQ(find_log(runs()), second);
   fs::create_directory_symlink("2026-01-01-120000", runs() / "latest");
   EXPECT_EQ(find_log(runs()), first);

@@ -36,7 +36,7 @@ TEST_F(Info, NeedsNoMoreMemoryForALongLog) {
     LogReader run(run_path);
     LogWriter log(path_);
     while (const auto event = run.next()) log.append(event->utime, event->channel, event->data);
-    const std::vector<std::byte> data(1 << 12);  // so that every page is looked at
+    const std::vector<std::byte> data(1 << 12);  // every page must be read
     for (int i = 0; i < 256 * megabytes; ++i) log.append(0, "CAMERA", data);
     log.close();
   }
@@ -49,7 +49,8 @@ TEST_F(Info, NeedsNoMoreMemoryForALongLog) {
   const auto info = read_info(path_);
   EXPECT_FALSE(info["run"].is_null());
   EXPECT_EQ(info["channels"].back()["channel"], "CAMERA");
-  // Two stretches of 4 MB and the window of ticks; 105 MB where no page is given back.
+  // Limit for two blocks of 4 MB and the window of ticks. Without returned pages it would be 105
+  // MB.
   EXPECT_LT(most_kB() - before_kB, 40'000);
 }
 
@@ -61,7 +62,7 @@ TEST_F(Info, TellsRunAndChannelsOfOurLog) {
   EXPECT_EQ(command["channel"], "ARM_COMMAND");
   EXPECT_EQ(command["type"], "tachless.torque_command_t");
   EXPECT_EQ(command["messages"], 40u);
-  // 40 ticks of 10 us, stamped in whole microseconds: exact.
+  // 40 ticks of 10 us, stamped in whole microseconds, are exact.
   EXPECT_DOUBLE_EQ(command["rate_hz"].get<double>(), 1e5);
   EXPECT_EQ(command["longest_silence_us"], 10);
   std::map<std::string, std::string> types;
@@ -100,6 +101,22 @@ TEST_F(Info, TellsGapsAndDamage) {
   EXPECT_EQ(info["damage"]["bytes_skipped"], 7);
 }
 
+TEST_F(Info, TellsHowTheRunEnded) {
+  auto run = short_rigid_run();
+  auto info = info_of(run.bytes());
+  EXPECT_EQ(info["run"]["end"], nlohmann::json({{"how", "planned"}, {"text", nullptr}}));
+  EXPECT_THAT(to_text(info), HasSubstr("\nended     as planned\n"));
+  run.messages.resize(1 + 6 * 20);
+  info = info_of(run.bytes());
+  EXPECT_EQ(info["run"]["end"]["how"], "unknown");
+  EXPECT_THAT(to_text(info),
+              HasSubstr("\nended     the log ends after 20 of 40 ticks and does not say why\n"));
+  run.messages.push_back(fault_message(run, "encoder lost"));
+  info = info_of(run.bytes());
+  EXPECT_EQ(info["run"]["end"], nlohmann::json({{"how", "stopped"}, {"text", "encoder lost"}}));
+  EXPECT_THAT(to_text(info), HasSubstr("\nended     encoder lost\n"));
+}
+
 TEST_F(Info, OfLogsThatWereAppendedGivesNoRateAndNamesTheOtherRun) {
   const auto info = info_of(short_rigid_run().bytes() + short_rigid_run(99).bytes());
   ASSERT_FALSE(info["run"].is_null());
@@ -119,12 +136,6 @@ TEST_F(Info, ReadsLogsThatAreNotOurs) {
   EXPECT_THAT(to_text(info), AllOf(HasSubstr("CAMERA"), HasSubstr("not ours")));
 }
 
-TEST_F(Info, ReadsAnEmptyLog) {
-  const auto info = info_of("");
-  EXPECT_EQ(info["messages"], 0u);
-  EXPECT_THAT(to_text(info), HasSubstr("0 messages"));
-}
-
 TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
   const auto refusal = [&](const std::string& text) -> std::string {
     try {
@@ -135,9 +146,13 @@ TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
     return "accepted";
   };
   EXPECT_THAT(refusal("<?xml version='1.0'?><robot name='a'/>"),
-              HasSubstr("this is a robot description: tachless robot /"));
+              HasSubstr("this is a robot description; type: tachless robot /"));
   EXPECT_THAT(refusal("name: a\nrobot:\n  urdf: b\ncontroller: {}\n"),
-              HasSubstr("this is a scenario: tachless run /"));
+              HasSubstr("this is a scenario; type: tachless run /"));
+  EXPECT_THAT(refusal(""), HasSubstr("the file is empty; name an LCM log"));
+  const std::string log = event_text(0, 0, "ARM_RUN_INFO", "<robot name='a'/>");
+  EXPECT_THAT(refusal(log.substr(0, log.size() - 1)), HasSubstr("ends in its first message"));
+  EXPECT_THAT(refusal("\x01\xDA\xA1\xED<robot name='a'/>"), HasSubstr("byte order"));
   EXPECT_THAT(refusal("something else"), HasSubstr("not one message of an LCM log"));
 }
 

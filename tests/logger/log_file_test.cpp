@@ -38,7 +38,7 @@ class LogFile : public testing::Test {
   TemporaryDirectory directory_;
   std::filesystem::path path_ = directory_.path() / "log";
 
-  /// From here on what is written to `path_` by those who have it open goes to a full disk.
+  /// Redirects all further writes to `path_` through open descriptors to a full disk.
   void fill_disk() {
     const int full = ::open("/dev/full", O_WRONLY | O_CLOEXEC);
     for (const auto& open : std::filesystem::directory_iterator("/proc/self/fd")) {
@@ -142,7 +142,7 @@ TEST_F(LogFile, IsReadByLcmAndReadsLcm) {
 }
 
 TEST_F(LogFile, HoldsEventsOfAnySize) {
-  // Longer than the writer's buffer, empty, and filling it to the last byte.
+  // The sizes: longer than the writer's buffer, empty, and filling it to the last byte.
   const std::vector<std::size_t> sizes = {0, 1, 5'000'000, 3, (1 << 20) - 29, (1 << 20) - 28, 7};
   {
     LogWriter writer(path_);
@@ -185,7 +185,7 @@ TEST_F(LogFile, WriterNamesAMissingDirectory) {
 }
 
 TEST_F(LogFile, WriterNamesAnUnwritablePlace) {
-  // /proc refuses new files even from root, whom permissions do not stop.
+  // /proc refuses new files even from root, who ignores permissions.
   EXPECT_THAT(failure_of([&] { LogWriter writer("/proc/log"); }), HasSubstr("/proc/log"));
 }
 
@@ -242,8 +242,8 @@ TEST_F(LogFile, ReaderRefusesWhatIsNoRegularFile) {
   EXPECT_THAT(failure_of([&] { LogReader reader("/dev/zero"); }), HasSubstr("regular"));
 }
 
-/// Reads the damaged log and checks the promise: each untouched event is delivered as it was.
-/// @param lost counts the logs in which one is not, where garbage may imitate an event
+/// Reads the damaged log and checks that each untouched event is delivered unchanged.
+/// @param lost counts the logs in which one is not, because garbage may imitate an event
 void expect_intact_events_read(const std::filesystem::path& path, const SampleLog& log,
                                const DamagedLog& damaged, const std::string& what,
                                int* lost = nullptr) {
@@ -269,11 +269,11 @@ void expect_intact_events_read(const std::filesystem::path& path, const SampleLo
   std::uint64_t listed = 0;
   for (const auto& stretch : reader.damage().listed) listed += stretch.bytes;
   EXPECT_EQ(listed, reader.damage().bytes_skipped) << what;
-  // Each byte is part of an event or counted.
+  // Each byte is part of an event or counted as skipped.
   std::uint64_t read = 0;
   for (const auto& [offset, bytes] : delivered) read += bytes.size();
   EXPECT_EQ(read + reader.damage().bytes_skipped, damaged.bytes.size()) << what;
-  // A length that was damaged so that it ends with a file cut short cannot be told.
+  // A damaged length that ends at the end of a truncated file cannot be detected.
   const bool ends_damaged = last_end == damaged.bytes.size() && !delivered.empty() &&
                             !damaged.intact.contains(delivered.rbegin()->first);
   if (delivered.size() < log.events.size() && !damaged.cut_between_events && !ends_damaged) {
@@ -323,7 +323,8 @@ TEST_F(LogFile, HostileLengthsSwallowNothing) {
     const std::size_t own = log.events[victim].bytes;
     std::vector<std::uint32_t> lengths = {0,          1,          0x7fffffff, 0x80000000,
                                           0xffffffff, 0x20000000, 0x00ffffff};
-    // Lengths that end anywhere in the rest of the log: on events' borders, the end of the file.
+    // The lengths end anywhere in the rest of the log, on events' borders and at the end of the
+    // file.
     for (std::size_t more = 0; more < rest(victim) + 2; more += 7) {
       lengths.push_back(static_cast<std::uint32_t>(more));
     }
@@ -333,7 +334,8 @@ TEST_F(LogFile, HostileLengthsSwallowNothing) {
           log.events[later].offset + log.events[later].bytes - log.events[victim].offset - head));
     }
     for (const auto length : lengths) {
-      if (head + length == rest(victim) && length != own - head) continue;  // is taken for the last
+      // Such a length is taken for the last event.
+      if (head + length == rest(victim) && length != own - head) continue;
       auto damaged = undamaged(log);
       set_data_length(damaged, log.events[victim].offset, length);
       if (length != own - head) {
@@ -354,8 +356,7 @@ TEST_F(LogFile, TenThousandDamagedLogsLoseOnlyWhatIsDamaged) {
                               "seed " + std::to_string(seed), &lost);
     if (HasFatalFailure()) return;
   }
-  // Garbage that imitates an event, up to the sync word that follows it, takes an intact one with
-  // it.
+  // Garbage that imitates an event up to the following sync word makes an intact event unreadable.
   EXPECT_LE(lost, 5) << "seen: 1 of 10,000 logs; which one depends on the compiler";
 }
 
@@ -402,7 +403,7 @@ TEST_F(LogFile, AHoleOfGigabytesTakesNoMemory) {
 TEST_F(LogFile, CountsMissingAndRestartedNumbers) {
   const auto log = sample_log(10, 10);
   const auto& e = log.events;
-  // Events 3 to 5 are cut out cleanly; then the same log again, as lcm-logger appends it.
+  // Events 3 to 5 are cut out cleanly. The same log follows, as lcm-logger appends it.
   write_file(path_, log.bytes.substr(0, e[3].offset) + log.bytes.substr(e[6].offset) + log.bytes);
   LogReader reader(path_);
   EXPECT_EQ(read_all(reader).size(), 17u);
@@ -422,7 +423,7 @@ TEST_F(LogFile, RewindReadsTheSameAgain) {
   EXPECT_EQ(reader.damage().bytes_skipped, skipped);
 }
 
-/// Headers, each of which claims the rest of the file, numbers falling.
+/// Returns headers with falling numbers, each of which claims the rest of the file.
 std::string claims_upon_claims(std::uint32_t size) {
   std::string hostile;
   for (std::uint32_t n = 0; hostile.size() + 29 < size; ++n) {
@@ -436,11 +437,11 @@ std::string claims_upon_claims(std::uint32_t size) {
 
 TEST_F(LogFile, StaysLinearOnALogMadeToBeSlow) {
   write_file(path_, claims_upon_claims(2'000'000));
-  const std::clock_t begin = std::clock();  // this process's time: other work does not count
+  const std::clock_t begin = std::clock();  // this process's time, without other processes
   LogReader reader(path_);
   read_all(reader);
-  // Measured: 0.002 s, some seconds under the thread sanitizer. Quadratic, it would look at some
-  // 7e10 bytes, which takes minutes under any build.
+  // Measured: 0.002 s, some seconds under the thread sanitizer. A quadratic algorithm would read
+  // some 7e10 bytes, which takes minutes in any build.
   EXPECT_LT((std::clock() - begin) / CLOCKS_PER_SEC, 30);
 }
 

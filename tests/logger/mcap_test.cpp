@@ -1,5 +1,5 @@
-// MCAP, read back by a reader that shares nothing with the writer: record by record as the
-// specification has them, and every message again through the summary and the indexes.
+// Reads MCAP files with a reader that shares nothing with the writer. It reads record by record as
+// specified, then every message again through the summary and the indexes.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ struct Bytes {
     return taken;
   }
   std::string text() { return std::string(take(number<std::uint32_t>())); }
-  /// The next record's content; `op` is its kind.
+  /// Returns the next record's content; `op` receives its kind.
   Bytes record(int& op) {
     op = number<std::uint8_t>();
     return {take(number<std::uint64_t>())};
@@ -56,9 +56,10 @@ struct Message {
 };
 
 struct McapFile {
-  std::map<std::uint16_t, std::string> topics, schemas;  ///< by channel: its name, its schema's
+  /// By channel: its name; its schema's name.
+  std::map<std::uint16_t, std::string> topics, schemas;
   std::vector<Message> in_order, by_index;
-  std::uint64_t counted = 0;  ///< by the statistics
+  std::uint64_t counted = 0;  ///< message count in the statistics
 
   explicit McapFile(const std::string& file) {
     const std::string_view magic("\x89MCAP0\r\n", 8);

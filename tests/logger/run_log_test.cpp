@@ -18,7 +18,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// Bit for bit: what is compared went through encoder and decoder, which do not compute.
+/// Compares bit for bit, because encoder and decoder do not compute.
 void expect_equal(const Vector& a, const Vector& b) {
   ASSERT_EQ(a.size(), b.size());
   for (Eigen::Index i = 0; i < a.size(); ++i) EXPECT_EQ(a(i), b(i));
@@ -80,8 +80,13 @@ class RunLogTest : public testing::Test {
   }
 
   std::string failure_of(const std::vector<Recorded>& messages) {
+    write_file(path_, log_of(messages));
+    return failure_of_file();
+  }
+
+  std::string failure_of_file() {
     try {
-      open(messages);
+      RunLog::open(path_);
     } catch (const base::Failure& failure) {
       EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
       return failure.what();
@@ -121,8 +126,8 @@ TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
       recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION");  // 2000 ticks
   auto messages = run.messages;
   std::mt19937_64 random(2);
-  // RUN_INFO at the end, everything else up to 300 messages (50 ticks) from its place, a tenth of
-  // it twice, heartbeats between.
+  // RUN_INFO is last. Other messages are up to 300 messages (50 ticks) from their place. A tenth of
+  // them is doubled, and heartbeats lie between them.
   std::rotate(messages.begin(), messages.begin() + 1, messages.end());
   std::vector<std::pair<std::size_t, Recorded>> places;
   std::uint64_t copies = 0;
@@ -155,7 +160,7 @@ TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
 TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
   const auto run = short_rigid_run();
   auto messages = run.messages;
-  // COMMAND of ticks 5, 6 and 20; everything of 30 to 34; TRUTH of the last tick.
+  // Removes COMMAND of ticks 5, 6 and 20, everything of ticks 30 to 34, and TRUTH of the last tick.
   std::erase_if(messages, [&](const Recorded& message) {
     if (message.channel == "ARM_RUN_INFO") return false;
     const auto tick = message.utime / 50;
@@ -181,7 +186,7 @@ TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
 TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
   const auto run = short_rigid_run();
   auto messages = run.messages;
-  // Cut short after tick 19, when the reference had sent that of 20, as it is a tick ahead.
+  // The log ends after tick 19. The reference had already sent tick 20, because it is a tick ahead.
   std::erase_if(messages, [&](const Recorded& message) {
     if (message.channel == "ARM_RUN_INFO") return false;
     const auto tick = message.utime / 50;
@@ -193,7 +198,7 @@ TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
     EXPECT_EQ(log.summary().last_tick, 19);
     EXPECT_EQ(log.summary().gaps(), 0u);
   }
-  // What lacks pieces in the middle does, also when all that is left of it is a reference.
+  // A tick with missing messages in the middle is a gap, even when only its reference is left.
   std::erase_if(messages, [&](const Recorded& message) {
     return message.utime / 50 == 10 && message.channel != "ARM_RUN_INFO" &&
            message.channel != "ARM_REFERENCE";
@@ -201,6 +206,80 @@ TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
   auto holed = open(messages);
   EXPECT_EQ(read_all(holed).size(), 20u);
   EXPECT_EQ(holed.summary().gaps(), 5u);
+}
+
+TEST_F(RunLogTest, TicksOfARealtimeRunsStopAreNoGaps) {
+  auto run =
+      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1", "loop.mode=realtime"}, "POSITION");
+  auto messages = run.messages;
+  messages.resize(1 + 6 * 600);
+  // From tick 500 on the plant alone goes on. The command of tick 300 was lost.
+  std::erase_if(messages, [](const Recorded& message) {
+    const auto tick = message.utime / 50;
+    const bool of_others = message.channel == "ARM_COMMAND" || message.channel == "ARM_REFERENCE";
+    return (of_others && tick >= 500) || (message.channel == "ARM_COMMAND" && tick == 300);
+  });
+  auto silent = open(messages);
+  read_all(silent);
+  EXPECT_GT(silent.summary().gaps(), 100U);
+  run.stop_tick = 499;
+  messages.insert(messages.begin() + 1 + 6 * 500, fault_message(run, "interrupted"));
+  auto log = open(messages);
+  read_all(log);
+  EXPECT_EQ(log.summary().gaps(), 1U);
+  EXPECT_EQ(log.summary().last_tick, 599);
+  EXPECT_EQ(log.summary().stop_reason(2000), "interrupted");
+}
+
+TEST_F(RunLogTest, SaysHowTheRunEnded) {
+  const auto run = short_rigid_run();
+  const auto reason_of = [&](const std::vector<Recorded>& messages) {
+    auto log = open(messages);
+    read_all(log);
+    return log.summary().stop_reason(40);
+  };
+  auto cut = run.messages;
+  cut.resize(1 + 6 * 30);
+  EXPECT_EQ(reason_of(run.messages), "");
+  EXPECT_EQ(reason_of(cut), "the log ends after 30 of 40 ticks and does not say why");
+  auto finished = cut;
+  finished.push_back(finished_message(run));
+  EXPECT_EQ(reason_of(finished), "") << "a realtime log may lack its last ticks";
+  auto stopped = cut;
+  stopped.push_back(fault_message(run, "encoder lost"));
+  stopped.push_back(fault_message(run, "interrupted"));
+  EXPECT_EQ(reason_of(stopped), "encoder lost");
+  stopped.push_back(finished_message(run));
+  EXPECT_EQ(reason_of(stopped), "encoder lost");
+  // A fault of a process that another has replaced before the run.
+  auto replaced = run;
+  replaced.stop_tick = -1;
+  finished.insert(finished.begin() + 1, fault_message(replaced, "no such law"));
+  EXPECT_EQ(reason_of(finished), "");
+  // A fault of a process that has joined no run.
+  replaced.run = 0;
+  cut.push_back(fault_message(replaced, "there is already a controller"));
+  EXPECT_EQ(reason_of(cut), "the log ends after 30 of 40 ticks and does not say why");
+}
+
+TEST_F(RunLogTest, TheLaunchersWordIsTheCause) {
+  auto run = short_rigid_run();
+  run.messages.resize(1 + 6 * 30);
+  run.messages.push_back(fault_message(run, "interrupted"));
+  write_file(path_, run.bytes());
+  append_cause(path_, run.scenario, run.run,
+               {messages::Role::controller, 29, "controller was killed\nby signal 9"},
+               base::ExitCode::peer_lost);
+  auto log = RunLog::open(path_);
+  std::vector<LogEvent> events;
+  log.watch([&](const LogEvent& event) { events.push_back(event); });
+  read_all(log);
+  EXPECT_FALSE(log.damage().any());
+  EXPECT_EQ(log.damage().numbers_restarted, 0U);
+  EXPECT_EQ(events.back().number, 1 + 6 * 30 + 1);
+  EXPECT_EQ(events.back().utime, events[events.size() - 2].utime);
+  EXPECT_EQ(log.summary().stop_reason(40), "controller was killed?by signal 9");
+  EXPECT_EQ(log.summary().faults.size(), 2U);
 }
 
 TEST_F(RunLogTest, SaysWhichPieceWasNeverRecorded) {
@@ -230,7 +309,7 @@ TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
     auto overrides = std::vector<std::string>{"loop.duration_s=0.1"};
     if (realtime) overrides.push_back("loop.mode=realtime");
     auto damaged = recorded_run("paper_rigid.yaml", overrides, "POSITION");
-    // The position of tick 100 (second of its tick) says 1892: its second lowest byte is flipped.
+    // The position of tick 100 (second of its tick) states tick 1892, because a byte is flipped.
     auto& data = damaged.messages[1 + 6 * 100 + 1].data;
     data[8 + 8 + 8 + 6] = static_cast<char>(data[8 + 8 + 8 + 6] ^ 0x07);
     auto log = open(damaged.messages);
@@ -298,7 +377,11 @@ TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstIsDamaged) {
 
 TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   EXPECT_THAT(failure_of({}), testing::AllOf(HasSubstr(path_.string()),
-                                             HasSubstr("not one message of an LCM log")));
+                                             HasSubstr("the file is empty; name an LCM log")));
+  write_file(path_, "robot.urdf\n");
+  EXPECT_THAT(failure_of_file(), HasSubstr("not one message of an LCM log"));
+  write_file(path_, "<robot name=\"arm\">");
+  EXPECT_THAT(failure_of_file(), HasSubstr("this is a robot description; type: tachless robot /"));
   EXPECT_THAT(failure_of({{0, "CAMERA", "x"}}), HasSubstr("none of its 1 messages"));
   auto messages = short_rigid_run().messages;
   messages[0].data.pop_back();
@@ -316,7 +399,7 @@ TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   EXPECT_THAT(failure_of(messages), HasSubstr("contradicts"));
 }
 
-/// Whole, of 8 ticks of paper_rigid, recorded by tachless 0.1.0.
+/// A complete log of 8 ticks of paper_rigid, recorded by tachless 0.1.0.
 constexpr const char* old_log = TACHLESS_SOURCE_DIR "/tests/logger/lcmlog_0.1.0";
 
 TEST(LogOf_0_1_0, IsRefusedWithTheVersionThatReadsIt) {

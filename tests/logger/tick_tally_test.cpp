@@ -23,8 +23,8 @@ TEST(TickTally, CountsWholeTicks) {
   TickTally tally(5000);
   for (std::int64_t k = 0; k < 5000; ++k) record_all(tally, k);
   tally.finish(4999);
-  EXPECT_EQ(tally.complete(), 5000);
-  EXPECT_EQ(tally.incomplete(), 0);
+  EXPECT_EQ(tally.num_complete(), 5000);
+  EXPECT_EQ(tally.num_incomplete(), 0);
   EXPECT_EQ(tally.newest(), 4999);
 }
 
@@ -42,8 +42,8 @@ TEST(TickTally, NamesWhatIsMissing) {
   EXPECT_EQ(tally.missing(Slot::command).text(), "12, 40-55");
   EXPECT_EQ(tally.missing(Slot::truth).text(), "2999");
   EXPECT_EQ(tally.missing(Slot::tick).count, 0U);
-  EXPECT_EQ(tally.incomplete(), 18);
-  EXPECT_EQ(tally.complete(), 3000 - 18);
+  EXPECT_EQ(tally.num_incomplete(), 18);
+  EXPECT_EQ(tally.num_complete(), 3000 - 18);
 }
 
 TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
@@ -51,9 +51,43 @@ TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
   record_all(tally, 0);
   record_all(tally, 5000);
   tally.finish(9999);
-  EXPECT_EQ(tally.complete(), 2);
-  EXPECT_EQ(tally.incomplete(), 9998);
+  EXPECT_EQ(tally.num_complete(), 2);
+  EXPECT_EQ(tally.num_incomplete(), 9998);
   EXPECT_EQ(tally.missing(Slot::tick).text(), "1-4999, 5001-9999");
+}
+
+TEST(TickTally, MissesNoAnswersInAProtectiveStop) {
+  TickTally tally(3000);
+  for (std::int64_t k = 0; k < 2500; ++k) {
+    for (const Slot slot : messages::all_slots) {
+      if (!is_due_while_stopped(slot) && k >= 1990) continue;
+      tally.on_message(slot, k, BytesOf(1));
+    }
+    if (k >= 2000) tally.on_stop(k);
+  }
+  tally.finish(tally.newest());
+  EXPECT_EQ(tally.missing(Slot::command).text(), "1990-1999");
+  EXPECT_EQ(tally.missing(Slot::reference).text(), "1990-1999");
+  EXPECT_EQ(tally.num_incomplete(), 10);
+  EXPECT_EQ(tally.num_complete(), 2490);
+}
+
+TEST(TickTally, CountsNoTickAfterTheStopAsIncomplete) {
+  TickTally tally(3000);
+  for (std::int64_t k = 0; k < 2000; ++k) {
+    if (k == 700) continue;
+    if (k < 1500) {
+      record_all(tally, k);
+    } else {  // the controller has ended; the plant brings the robot to rest
+      tally.on_message(Slot::tick, k, BytesOf(1));
+    }
+    if (k == 1501) tally.stop_after(1500);
+    if (k == 1800) tally.stop_after(1800);  // another one ends
+  }
+  tally.finish(tally.newest());
+  EXPECT_EQ(tally.num_complete(), 1499);
+  EXPECT_EQ(tally.num_incomplete(), 2);
+  EXPECT_EQ(tally.missing(Slot::command).text(), "700, 1500");
 }
 
 TEST(TickTally, ListsTheFirstRangesAndCountsTheRest) {

@@ -15,7 +15,7 @@ import tempfile
 import unittest
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-# Of the memory [MB] and depth that a search may take: the largest takes 0.3 GB and 3000 steps.
+# Bounds on memory [MB] and depth of a search; the largest search takes 0.3 GB and 3000 steps.
 BOUNDS = {"memory": 2000, "depth": 200000}
 
 
@@ -92,10 +92,11 @@ class Traces(unittest.TestCase):
     def test_a_changed_trace_is_refused(self):
         trace = self.traces()[0]
         middle = len(trace) // 2
-        self.assertFalse(self.accepted([*trace[:middle], trace[middle] + 1, *trace[middle + 1:]]))  # another count
+        self.assertFalse(self.accepted([*trace[:middle], trace[middle] + 1, *trace[middle + 1:]]))  # another
+                                                                                                    # count
         command = next(i for i, event in enumerate(trace) if event // 4096 == 8)
         self.assertFalse(self.accepted(trace[:command] + trace[command + 1:]))  # tick 1 without command 0
-        self.assertFalse(self.accepted([trace[command], *trace]))  # a command that nobody has sent
+        self.assertFalse(self.accepted([trace[command], *trace]))  # a command that no process has sent
 
 
 if __name__ == "__main__":

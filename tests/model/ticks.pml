@@ -1,5 +1,5 @@
 /* The tick machines of a lock-step run and its end (core/session/tick_master.h, responders.h, log_window.h,
- * core/session/link.cpp: leave), over a network that loses, repeats and reorders; docs/protocol.md, "The model",
+ * core/session/session.cpp: leave), over a network that loses, repeats and reorders; docs/protocol.md, "The model",
  * says what is left out. N ticks are played with rings of DEPTH ticks, a window of W and an acknowledgement
  * every INTERVAL ticks.
  *
@@ -47,7 +47,7 @@ byte stepped, law;           /* controller: computed; how often its law has step
 byte written, newest, ack_newest, ack_written; /* logger: in the log, seen; both at its last ACK */
 bool filled_late;
 
-/* How the process is: its part, its end (node::Link::leave), ended well, ended with a fault. */
+/* How the process is: its part, its end (session::Session::leave), ended well, ended with a fault. */
 #define PLANT 0
 #define REFERENCE 1
 #define CONTROLLER 2

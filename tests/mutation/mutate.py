@@ -33,7 +33,8 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 ARGUED = pathlib.Path(__file__).with_name("argued.txt")
 
-# Area: files, and the test programs that are to notice. Not fuzzers, whole runs or compile-fail tests.
+# Area: files, and the test programs that should notice a fault. Fuzzers, whole runs and compile-fail tests
+# are left out.
 AREAS = {
     "law": ("controller/law/*", r"test_controller_(laws|registry|any_law)|test_lyapunov"),
     "membership": ("core/session/membership* core/session/peers.h", r"test_session_membership"),
@@ -44,8 +45,8 @@ AREAS = {
     "robot": ("core/robot/*", r"test_robot_\w+|test_lyapunov_(error_system|norm_conditions)"),
 }
 
-# What is found, and what it becomes. Operators stand between spaces (clang-format sees to that), so
-# that templates, pointers, references and #include are left alone.
+# Patterns and their replacements. clang-format puts operators between spaces, so that templates, pointers,
+# references and #include do not match.
 FLIPS = [
     (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " / "), (r" / ", " * "),
     (r" \+= ", " -= "), (r" -= ", " += "),
@@ -83,7 +84,7 @@ def mutants_of(area, path):
         for before, after in FLIPS:
             for match in re.finditer(before, code):
                 mutated = line[:match.start()] + after + line[match.end():]
-                # By the line's text, not its number: stays when lines above come and go.
+                # The id uses the line's text instead of its number, so it stays when other lines come and go.
                 text = hashlib.sha256((line.strip() + "\n" + mutated.strip()).encode()).hexdigest()[:8]
                 seen[text] = seen.get(text, 0) + 1
                 found.append({"id": f"{name}:{text}:{seen[text]}", "area": area, "file": name,
@@ -120,7 +121,7 @@ class Worker:
             subprocess.run(["git", "-C", ROOT, "worktree", "add", "-q", "--detach", self.tree, commit],
                            check=True)
         subprocess.run(["git", "-C", self.tree, "checkout", "-q", "--force", commit], check=True)
-        # An object that takes a header from a precompiled one does not name it among its own.
+        # An object with a precompiled header does not list that header among its dependencies.
         subprocess.run(["cmake", "-S", self.tree, "--preset", "release", "-DTACHLESS_TESTS=ON",
                         "-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON", "-DCMAKE_CXX_FLAGS_RELEASE=-O0"],
                        check=True, stdout=subprocess.DEVNULL)

@@ -1,5 +1,5 @@
-// An arm that adds gravity by itself and turns the other way: told so, it is the emulator's loop
-// again; not told, it ends in a protective stop before it has moved far.
+// An arm adds gravity by itself and turns the other way. A scenario that tells this gives the
+// emulator's loop. Any other scenario ends in a protective stop before the arm has moved far.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -39,7 +39,8 @@ scenario::Scenario scenario(std::vector<std::string> overrides) {
 /// elsewhere and turns the other way.
 class MakersArm final : public RobotDriver {
  public:
-  explicit MakersArm(const scenario::Scenario& s) : model_(plant_model(s)), robot_(s, model_) {}
+  explicit MakersArm(const scenario::Scenario& s)
+      : model_(plant_model(s)), robot_(s.plant, s.robot.flexible, s.loop.period_s, model_) {}
   [[nodiscard]] bool measures_velocity() const override { return false; }
   void start() override { robot_.start(); }
   ArmState read() override {
@@ -59,7 +60,7 @@ class MakersArm final : public RobotDriver {
   void stop() override { robot_.stop(); }
 
   static constexpr double zero = 1.25;
-  double moved = 0;  ///< furthest from where it started [rad]
+  double moved = 0;  ///< largest distance from its start [rad]
 
  private:
   robot::Model model_;
@@ -67,7 +68,7 @@ class MakersArm final : public RobotDriver {
   Vector first_ = robot_.read().q, q_ = first_;
 };
 
-/// Where the loop ends, with a driver or in emulation.
+/// Returns the position at the end of the loop, with a driver or in emulation.
 Vector end_of_run(const scenario::Scenario& scenario, RobotDriver* driver) {
   const controller::ScenarioLaw law = controller::scenario_law(scenario);
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
@@ -93,14 +94,14 @@ std::vector<std::string> and_also(std::vector<std::string> settings, std::string
 }
 
 TEST(ArmConventions, MakeAnArmThatAddsGravityTheLoopOfTheEmulator) {
-  // Away from its reference, so that it moves.
+  // The arm begins away from its reference, so that it moves.
   const std::string away = "plant.initial.position_rad=[0.25, -0.1]";
   const auto told = scenario(and_also(and_also(elbow, "robot.compensates=gravity"), away));
   MakersArm arm(told);
   const Vector q = end_of_run(told, &arm);
   EXPECT_GT(arm.moved, 0.01);
-  // g at the last reading is taken away one tick after the law's own g was computed: of 40 N m/rad
-  // times the 1e-3 rad or so that it moves in a tick, held against by 100 N m/rad.
+  // The plant takes g away one tick after the law's own g. The error is 40 N m/rad times the 1e-3
+  // rad or so of a tick's motion. The law's 100 N m/rad act against it.
   const Vector emulated = end_of_run(scenario({away}), nullptr);
   EXPECT_LT((q - emulated).norm(), 2e-3) << q << "\n" << emulated;
 }
@@ -117,7 +118,7 @@ TEST(ArmConventions, NotToldOfDoubleGravityAndStopTheArmWithinAFewHundredthsOfAR
                                    HasSubstr("plant.following_error_rad: 0.05"),
                                    HasSubstr("robot.compensates")));
   }
-  // The limit and the way of one tick.
+  // The bound is the limit and the way of one tick.
   EXPECT_LT(arm.moved, 0.055);
 }
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <stdexcept>
@@ -15,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "plant/step_error.h"
 #include "robot/dynamics.h"
 #include "tests/core/robot/energy.h"
 #include "tests/plant/arms.h"
@@ -428,6 +430,19 @@ double largest_distance(const robot::Model& model, const FlexibleDrive* flexible
 // Two implementations of the mechanics: 100 ticks at a local error of 1e-13 each, which the motion
 // (rates of at most some 10 1/s) lets grow by less than 10.
 constexpr double agreement = 1e-10;
+
+TEST(StepError, OfAnEntryThatIsNoNumberIsNoNumberWhereverItStands) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const Vector x = Eigen::Vector3d(10, 0, -2), sound = Eigen::Vector3d(1e-3, 1e-5, 1e-3);
+  EXPECT_EQ(step_error(sound, x, 0), 5e-4);
+  EXPECT_EQ(step_error(sound, x, 1), 1);
+  EXPECT_TRUE(std::isnan(step_error(sound, x, nan)));
+  for (int i = 0; i < 3; ++i) {
+    Vector error = sound;
+    error[i] = nan;
+    EXPECT_TRUE(std::isnan(step_error(error, x, 0))) << i;
+  }
+}
 
 TEST(BothMechanics, MoveRandomRobotsAlike) {
   for (unsigned seed = 1; seed <= 20; ++seed) {

@@ -17,10 +17,44 @@ using messages::TorqueCommand;
 
 TorqueCommand command(double first, double second) { return {Eigen::Vector2d(first, second)}; }
 
-Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
+/// @param change that is possible from one tick to the next; empty: any
+Drive drive(const Vector& limit, int delay, const Vector& change = {},
+            const Vector& initial = Eigen::Vector2d(0, 0), int jitter = 0, std::uint64_t seed = 1) {
+  DriveSpec spec;
+  spec.torque_limit_Nm = limit;
+  if (change.size() > 0) spec.torque_rate_limit_Nm_per_s = change;
+  spec.command_age_jitter_ticks = jitter;
+  spec.seed = seed;
+  return Drive(spec, delay, 1, initial);
+}
+Drive drive(int delay) { return drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
+
+TEST(Drive, LimitsTheChangeOfTheTorqueThatIsSentWhereTheArmAddsOne) {
+  const Vector ten = Vector::Constant(1, 10);
+  Drive d = drive(10 * ten, 0, ten / 10, ten);
+  d.set_added(ten);  // the arm holds itself: nothing is sent at first
+  d.accept({ten});
+  EXPECT_EQ(d.sent()[0], 0);
+  d.end_tick();
+  // Gravity and the command rise by 5 alike: nothing changes in what is sent.
+  d.set_added(Vector::Constant(1, 15));
+  d.accept({Vector::Constant(1, 15)});
+  EXPECT_EQ(d.applied().tau[0], 15);
+  EXPECT_FALSE(d.applied().saturated[0]);
+  d.end_tick();
+  // The command stays, gravity rises: what is sent would fall by 5, and falls by 1.
+  d.set_added(Vector::Constant(1, 20));
+  d.accept({Vector::Constant(1, 15)});
+  EXPECT_EQ(d.sent()[0], -1);
+  EXPECT_EQ(d.applied().tau[0], 19);
+  EXPECT_TRUE(d.applied().saturated[0]);
+  d.stop();
+  d.set_added(ten);
+  EXPECT_EQ(d.applied().tau[0], 0);
+}
 
 TEST(Drive, HoldsTheInitialTorqueUntilTheFirstCommandActs) {
-  Drive held(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
+  Drive held = drive(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
   for (int tick = 0; tick < 2; ++tick) {
     held.accept({Eigen::Vector2d(1, 2)});
     EXPECT_EQ(held.applied().tau, Eigen::Vector2d(4, -3)) << "limited as any torque";
@@ -49,7 +83,7 @@ TEST(Drive, AppliesEachCommandAfterItsDelayAndHoldsTheLastWhenOneIsMissed) {
 
 TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
   for (const int delay : {0, 1, 3}) {
-    Drive d(Eigen::Vector2d(10, robot::Model::unlimited), delay, Eigen::Vector2d(2, 1e9));
+    Drive d = drive(Eigen::Vector2d(10, robot::Model::unlimited), delay, Eigen::Vector2d(2, 1e9));
     for (int k = 0; k < 20; ++k) {
       d.accept(command(k < 10 ? 7 : -12, 5));
       const int since = k - delay;
@@ -71,7 +105,7 @@ TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
 TEST(Drive, TakesCommandsOfAnyAgeUpToTheJitterEachAsOftenBySeed) {
   constexpr int delay = 2, jitter = 3, ticks = 4000;
   const auto ages = [](std::uint64_t seed) {
-    Drive d(Eigen::Vector2d(1e9, 1e9), delay, {}, {}, jitter, seed);
+    Drive d = drive(Eigen::Vector2d(1e9, 1e9), delay, {}, Eigen::Vector2d(0, 0), jitter, seed);
     std::vector<int> all;
     for (int k = 0; k < ticks; ++k) {
       const double before = d.applied().tau[0];
@@ -128,10 +162,10 @@ TEST(Drive, GivesNoTorqueOnceStopped) {
 }
 
 TEST(Drive, RefusesWhatMakesNoSense) {
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 0), 0), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 17), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), -1), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 0, Eigen::Vector2d(1, 0)), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 0), 0), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 1), 17), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 1), -1), std::logic_error);
+  EXPECT_THROW(drive(Eigen::Vector2d(1, 1), 0, Eigen::Vector2d(1, 0)), std::logic_error);
   Drive d = drive(0);
   EXPECT_THROW(d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
 }

@@ -156,19 +156,18 @@ TEST_P(DryFriction, LetsALinkGoInTheMiddleOfATickWhenItsSpringPullsHardEnough) {
   with.flexible = &drive;
   ArmState start = at(0, 0);
   start.theta = start.thetadot = Vector::Zero(1);
-  // With the link held: theta = tau/K (1 - cos w t).
+  // The held link gives theta = tau/K (1 - cos w t).
   const double w = std::sqrt(K / J), lets_go_s = std::acos(1 - Fs / tau) / w;
   Arm held(turntable(0.5), with, start), gone(turntable(0.5), with, start);
   held.advance(torque(tau), lets_go_s - 1e-7);
   EXPECT_EQ(held.state().q[0], 0);
   gone.advance(torque(tau), lets_go_s + 1e-2);
-  // From then on I vdot = K thetadot t, to leading order.
+  // The released link has I vdot = K thetadot t, to leading order.
   const double rate = tau * w * std::sin(w * lets_go_s) / 0.5;
   EXPECT_NEAR(gone.state().v[0], rate * 1e-4 / 2, 0.1 * rate * 1e-4 / 2);  // higher orders: w t/3
 }
 
-/// The accelerations by trying all 3^n choices of what sticks and what slides, and in which
-/// direction.
+/// Returns the accelerations. Tries all 3^n choices of joints that stick or slide either way.
 Vector by_trial(const Matrix& M, const Vector& r, double held) {
   const auto n = static_cast<int>(r.size());
   int choices = 1;
@@ -211,21 +210,21 @@ TEST_P(DryFriction, StartsThoseJointsOfAnArmAtRestThatTryingEveryChoiceStarts) {
   for (int k = 0; k < 200; ++k) {
     const Vector q = random.vector(5, 3),
                  tau = random.vector(5, 5) + robot::gravity_torque(model, q);
-    // So short that from rest the acceleration stays the same to a part in 1e10.
+    // In this short step from rest, the acceleration changes by at most a part in 1e10.
     constexpr double h = 1e-7;
     Arm arm(model, with, rigid_state(q, zero));
     arm.advance(tau, h);
     const Vector a = arm.state().v / h;
     const Vector expected =
         by_trial(robot::mass_matrix(model, q), tau - robot::gravity_torque(model, q), 3);
-    // Two solutions of one system: cond(M) is some hundreds.
+    // The two results solve one system with a condition number of some hundreds.
     EXPECT_LT((a - expected).norm(), 1e-9 * (1 + expected.norm())) << k;
-    // Held to the last bit; the other solution rounds.
+    // A held joint has exactly 0; the other solution rounds.
     EXPECT_TRUE(((a.array() == 0) == (expected.array().abs() < 1e-12)).all()) << k;
     const auto at_rest = (expected.array() == 0).count();
     some += at_rest > 0 && at_rest < 5 ? 1 : 0;
   }
-  EXPECT_GT(some, 100);  // that is, some stick and some slide
+  EXPECT_GT(some, 100);  // some joints stick and some slide
 }
 
 TEST_P(DryFriction, TakesEnergyAndGivesNoneUntilTheArmHangsStill) {
@@ -246,7 +245,7 @@ TEST_P(DryFriction, TakesEnergyAndGivesNoneUntilTheArmHangsStill) {
   }
   EXPECT_LT(k, 40000);
   EXPECT_LT(before, begin - 5);
-  // Off its equilibrium, where friction holds it.
+  // Friction holds the arm away from its equilibrium.
   const Vector q = arm.state().q;
   EXPECT_GT(robot::gravity_torque(model, q).norm(), 0.1);
   arm.advance(Vector::Zero(7), k * 1e-3 + 10);

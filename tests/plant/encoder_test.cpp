@@ -7,6 +7,7 @@
 #include <numbers>
 #include <string>
 
+#include "base/elementary.h"
 #include "tests/plant/arms.h"
 
 namespace tachless::plant {
@@ -42,8 +43,12 @@ ArmState state(double first, double second) {
   return s;
 }
 
+Encoder encoder_of(const scenario::Scenario& scenario, const robot::Model& model) {
+  return {scenario.plant.encoder, scenario::encoder_count(scenario, model), model};
+}
+
 TEST(Encoder, IsExactByDefault) {
-  const Encoder encoder(scenario(true), revolute_and_prismatic());
+  const Encoder encoder = encoder_of(scenario(true), revolute_and_prismatic());
   const ArmState s = state(1.234567890123, -0.2);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(s, 5).q, s.q);
   EXPECT_EQ(encoder.measure<messages::MotorPositionMeasurement>(s, 5).theta, s.theta);
@@ -61,7 +66,7 @@ TEST(Encoder, IsExactByDefault) {
 TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
   scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Eigen::Vector2d(10, 4);
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const double turn = 2 * std::numbers::pi / 1024, slide = 2.0 / 16;
   EXPECT_EQ(scenario::encoder_count(s, revolute_and_prismatic())[0], turn);
   EXPECT_EQ(scenario::encoder_count(s, revolute_and_prismatic())[1], slide);
@@ -78,7 +83,7 @@ TEST(Encoder, OfALinkThatTurnsIsEccentric) {
   s.plant.encoder.eccentricity_phase_rad = Eigen::Vector2d(0.4, 0.4);
   const ArmState at = state(0.7, 0.3);
   const auto read =
-      Encoder(s, revolute_and_prismatic()).measure<messages::LinkStateMeasurement>(at, 0);
+      encoder_of(s, revolute_and_prismatic()).measure<messages::LinkStateMeasurement>(at, 0);
   EXPECT_EQ(read.q, Vector(at.q + Eigen::Vector2d(1e-3 * std::sin(1.1), 0)));
   EXPECT_EQ(read.theta, at.theta);
 }
@@ -86,7 +91,7 @@ TEST(Encoder, OfALinkThatTurnsIsEccentric) {
 TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
   scenario::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Vector::Constant(2, 12);
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const double count = scenario::encoder_count(s, revolute_and_prismatic())[0];
   testing::Random random(3);
   double sum_of_squares = 0, largest = 0;
@@ -98,7 +103,7 @@ TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
     largest = std::max(largest, std::abs(error));
   }
   EXPECT_LE(largest, count / 2 * (1 + 1e-9));  // rounding at half a count
-  // count^2 / 12; the sample's standard deviation is 0.9 / sqrt(n) = 0.6 %: five of them.
+  // The variance is count^2 / 12. The bound is five standard deviations of 0.9 / sqrt(n) = 0.6 %.
   EXPECT_NEAR(sum_of_squares / n / (count * count / 12), 1, 0.032);
 }
 
@@ -106,7 +111,7 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
   scenario::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
   s.plant.encoder.velocity_noise_std_rad_per_s = 0.3;
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
   constexpr int n = 40000;
   double mean[4] = {}, square[4] = {}, fourth = 0, product = 0, beside = 0, last = 0;
@@ -123,7 +128,7 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
     beside += x[0] * last / n;
     last = x[0];
   }
-  // Five standard deviations of each sample statistic: 1, sqrt 2 and sqrt 96 over sqrt n.
+  // The bounds are five standard deviations: 1, sqrt 2 and sqrt 96 over sqrt n.
   for (int i = 0; i < 4; ++i) {
     EXPECT_NEAR(mean[i], 0, 5 / std::sqrt(n));
     EXPECT_NEAR(square[i], 1, 5 * std::sqrt(2.0 / n));
@@ -136,20 +141,21 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
 TEST(Encoder, RepeatsTheNoiseOfARepeatedTick) {
   scenario::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
   const Vector first = encoder.measure<messages::PositionMeasurement>(exact, 7).q;
   EXPECT_NE(encoder.measure<messages::PositionMeasurement>(exact, 8).q, first);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(exact, 7).q, first);
   s.plant.encoder.seed = 2;
-  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<messages::PositionMeasurement>(exact, 7).q,
-            first);
+  EXPECT_NE(
+      encoder_of(s, revolute_and_prismatic()).measure<messages::PositionMeasurement>(exact, 7).q,
+      first);
 }
 
 TEST(Encoder, GivesTheSameNoiseToEveryKindOfMeasurement) {
   scenario::Scenario s = scenario(true);
   s.plant.encoder.noise_std_rad = 0.01;
-  const Encoder encoder(s, revolute_and_prismatic());
+  const Encoder encoder = encoder_of(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
   const auto all = encoder.measure<messages::StateMeasurement>(exact, 3);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(exact, 3).q, all.q);
@@ -161,11 +167,11 @@ TEST(Encoder, GivesTheSameNoiseToEveryKindOfMeasurement) {
 // words make one uniform number, the last two the other.
 TEST(StandardNormal, ComesFromTheKnownAnswerOfPhilox) {
   const auto uniform = [](std::uint64_t high, std::uint64_t low) {
-    return (static_cast<double>((high << 32 | low) >> 11) + 0.5) * 0x1p-53;
+    return (static_cast<double>((high << 32 | low) >> 12) + 0.5) * 0x1p-52;
   };
-  const double radius = std::sqrt(-2 * std::log(uniform(0x6627e8d5, 0xe169c58d)));
+  const double radius = std::sqrt(-2 * base::log(uniform(0x6627e8d5, 0xe169c58d)));
   const double angle = 2 * std::numbers::pi * uniform(0xbc57ac4c, 0x9b00dbd8);
-  EXPECT_EQ(standard_normal(0, 0, 0, 0), radius * std::cos(angle));
+  EXPECT_EQ(standard_normal(0, 0, 0, 0), radius * base::cos(angle));
 }
 
 TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
@@ -174,7 +180,7 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   robot::Model model = revolute_and_prismatic();
   model.upper[1] = robot::Model::unlimited;
   try {
-    const Encoder encoder(s, model);
+    static_cast<void>(encoder_of(s, model));
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
@@ -183,7 +189,8 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   }
 }
 
-/// Of POSITION, MOTOR_POSITION, LINK_STATE and STATE, those whose encoders the robot has: 1.
+/// Returns a digit each for POSITION, MOTOR_POSITION, LINK_STATE and STATE. A 1 means that the
+/// robot has the encoders.
 std::string measurable(bool flexible, EncoderSide side) {
   scenario::Scenario s = scenario(flexible);
   s.plant.encoder.side = side;

@@ -15,11 +15,12 @@
 #include <utility>
 #include <vector>
 
+#include "bus/subscriptions.h"
 #include "messages/truth/truth_wire.h"
 #include "messages/wire.h"
 #include "plant/node.h"
-#include "session/link.h"
 #include "session/membership.h"
+#include "session/session.h"
 
 namespace tachless::plant {
 
@@ -33,7 +34,7 @@ inline scenario::Scenario scenario(std::vector<std::string> overrides) {
       std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
-/// A torque that tells its tick.
+/// Returns a torque that tells its tick.
 inline Vector torque_of(std::int64_t tick) {
   Vector tau(2);
   tau << 1 + 0.5 * static_cast<double>(tick), -0.25 * static_cast<double>(tick);
@@ -52,8 +53,8 @@ class Peers : public bus::Transport {
   std::function<void()> on_run_info = [] {};
   std::function<void()> on_first_announcement = [] {};
 
-  std::string law = "loria_ortega_rigid";  ///< what the controller announces
-  std::string measurement = "POSITION";    ///< what it asks for
+  std::string law = "loria_ortega_rigid";  ///< law that the controller announces
+  std::string measurement = "POSITION";    ///< measurement that it asks for
 
   std::vector<messages::truth::PlantTruth> truths;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
@@ -64,7 +65,7 @@ class Peers : public bus::Transport {
     messages::Codec<messages::TorqueCommand> codec(layout_);
     queue("ARM_COMMAND", codec.encode({0, run != 0 ? run : run_, tick}, {tau}), std::move(sender));
   }
-  /// The same with NaN for the last torque.
+  /// Sends a command with NaN for the last torque.
   void non_finite_command(std::int64_t tick, std::string sender) {
     messages::Codec<messages::TorqueCommand> codec(layout_);
     const auto sound = codec.encode({0, run_, tick}, {torque_of(tick)});
@@ -72,7 +73,7 @@ class Peers : public bus::Transport {
     std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
     queue("ARM_COMMAND", bytes, std::move(sender));
   }
-  /// Torques come this long after their measurements, however long the plant sleeps.
+  /// Time from a measurement to its torque, even while the plant sleeps.
   std::chrono::microseconds answering_time{0};
 
   void queue(std::string channel, std::span<const std::byte> bytes, std::string sender) {
@@ -81,9 +82,9 @@ class Peers : public bus::Transport {
     messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender), at});
   }
 
-  void subscribe(const std::string& /*channel*/) override {}
+  int subscribe(const std::string& channel) override { return channels_.add(channel); }
 
-  /// What the bus does to the plant's announcement of a fault.
+  /// Action of the bus at the plant's announcement of a fault.
   std::function<void()> on_fault = [] {};
 
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
@@ -101,7 +102,7 @@ class Peers : public bus::Transport {
       const auto now = base::Clock::now();
       for (session::Membership& each : members_) {
         each.handle(stamp, plant, "plant's address", now);
-        if (each.plant_finished()) each.finished(now);
+        if (each.has_plant_finished()) each.on_finished(now);
         const auto& own = each.announce(now);
         const std::string address =
             std::string(messages::name(own.participant.role)) + "'s address";
@@ -134,7 +135,10 @@ class Peers : public bus::Transport {
     if (!any || messages_.front().at > base::Clock::now()) return std::nullopt;
     current_ = std::move(messages_.front());
     messages_.pop_front();
-    return bus::Datagram{current_.channel, current_.payload, current_.sender};
+    return bus::Datagram{.channel = current_.channel,
+                         .payload = current_.payload,
+                         .sender = current_.sender,
+                         .channel_number = channels_.find(current_.channel)};
   }
 
  private:
@@ -142,7 +146,7 @@ class Peers : public bus::Transport {
     std::string channel;
     std::vector<std::byte> payload;
     std::string sender;
-    base::Clock::time_point at;  ///< it arrives then
+    base::Clock::time_point at;  ///< time of its arrival
   };
 
   void start_members() {
@@ -157,7 +161,7 @@ class Peers : public bus::Transport {
         self.who.law = law;
         self.who.measurement = measurement;
       }
-      members_.emplace_back(self, base::Clock::now()).complete();
+      members_.emplace_back(self, base::Clock::now()).on_all_ticks_done();
     }
   }
 
@@ -170,6 +174,7 @@ class Peers : public bus::Transport {
   messages::Codec<messages::truth::PlantTruth> truths_{layout_};
   std::list<session::Membership> members_;
   std::list<Message> messages_;
+  bus::Subscriptions channels_;
   Message current_;
 };
 
@@ -179,29 +184,29 @@ struct Outcome {
   session::Statistics statistics;
 };
 
-/// The plant's part; `driver`: of the robot in the emulator's place.
+/// Runs the plant. A `driver` replaces the emulator.
 inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
                    const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
-  session::Link link(scenario, peers,
-                     {.role = messages::Role::plant,
-                      .run_id = 7,
-                      .wait_s = 10,
-                      .interrupted = interrupted,
-                      .instance = 1});
+  session::Session session(scenario, peers,
+                           {.role = messages::Role::plant,
+                            .run_id = 7,
+                            .wait_s = 10,
+                            .interrupted = interrupted,
+                            .instance = 1});
   Outcome outcome;
   try {
-    link.guard([&] {
+    session.guard([&] {
       if (driver != nullptr) {
-        run_driver(scenario, link, *driver);
+        run_driver(scenario, session, *driver);
       } else {
-        run_node(scenario, link);
+        run_node(scenario, session);
       }
     });
   } catch (const base::Failure& failure) {
     outcome.code = failure.code();
     outcome.fault = failure.what();
   }
-  outcome.statistics = link.statistics();
+  outcome.statistics = session.statistics();
   return outcome;
 }
 

@@ -51,7 +51,8 @@ TEST(InitialState, PutsMotorsInStaticBalance) {
   const scenario::Scenario s = scenario(
       "paper_flexible", {"plant.initial.position_rad=[0.8, -0.3]", "plant.payload.mass_kg=0.5"});
   const robot::Model model = plant_model(s);
-  Arm arm = make_arm(s, model, initial_state(s, model));
+  Arm arm =
+      make_arm(s.plant, s.robot.flexible, model, initial_state(s.plant, s.robot.flexible, model));
   EXPECT_EQ(arm.state().thetadot, Vector(Vector::Zero(2)));
   // Held by its own gravity torque, nothing moves.
   arm.advance(robot::gravity_torque(model, arm.state().q), 0.01);
@@ -63,7 +64,7 @@ TEST(InitialState, TakesMotorsAsGiven) {
   const scenario::Scenario s =
       scenario("paper_flexible", {"plant.initial.motor_position_rad=[0.1, 0.2]",
                                   "plant.initial.motor_velocity_rad_per_s=[3, 4]"});
-  const ArmState state = initial_state(s, plant_model(s));
+  const ArmState state = initial_state(s.plant, s.robot.flexible, plant_model(s));
   EXPECT_EQ(state.theta, Vector(Eigen::Vector2d(0.1, 0.2)));
   EXPECT_EQ(state.thetadot, Vector(Eigen::Vector2d(3, 4)));
 }
@@ -71,7 +72,7 @@ TEST(InitialState, TakesMotorsAsGiven) {
 TEST(MakeDrive, LimitsAsTheScenarioSays) {
   const auto applied = [](const std::vector<std::string>& overrides) {
     const scenario::Scenario s = scenario("paper_rigid", overrides);
-    Drive drive = make_drive(s, plant_model(s));
+    Drive drive = make_drive(s.plant, s.loop, plant_model(s));
     drive.accept({Eigen::Vector2d(1e5, -1e5)});
     return drive.applied().tau;
   };
@@ -84,8 +85,9 @@ TEST(MakeDrive, HoldsTheInitialPostureUntilTheFirstCommand) {
       scenario("practical_rigid", {"plant.initial={position_rad: [0.5, 1], torque: hold}",
                                    "reference={hold: {position_rad: [0.5, 1]}}"});
   const robot::Model model = plant_model(s);
-  Arm arm = make_arm(s, model, initial_state(s, model));
-  arm.advance(make_drive(s, model).applied().tau, s.loop.period_s);
+  Arm arm =
+      make_arm(s.plant, s.robot.flexible, model, initial_state(s.plant, s.robot.flexible, model));
+  arm.advance(make_drive(s.plant, s.loop, model).applied().tau, s.loop.period_s);
   EXPECT_LT(arm.state().v.norm(), 1e-9) << "of 5e-2 rad/s without it";
 }
 
@@ -94,8 +96,9 @@ TEST(ProtectiveStop, BringsARobotToRest) {
     const scenario::Scenario s =
         scenario(name, {"plant.initial.velocity_rad_per_s=[2, -3]", "robot.gravity_m_per_s2=0"});
     const robot::Model model = plant_model(s);
-    Arm arm = make_arm(s, model, initial_state(s, model));
-    arm.brake(protective_stop_damping(s, model, arm.state().q));
+    Arm arm =
+        make_arm(s.plant, s.robot.flexible, model, initial_state(s.plant, s.robot.flexible, model));
+    arm.brake(protective_stop_damping(s.robot.flexible, model, arm.state().q));
     arm.advance(Vector::Zero(2), 2);
     EXPECT_LT(arm.state().v.norm(), 0.01) << name;  // twenty time constants of 0.1 s
   }

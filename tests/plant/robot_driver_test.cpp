@@ -38,6 +38,10 @@ class Recording : public RobotDriver {
   void start() override { calls += 's'; }
   ArmState read() override {
     calls += 'r';
+    told_s = state.time_s;
+    if (tells_time) {
+      state.time_s = unit * base::seconds_of(base::Clock::now().time_since_epoch());
+    }
     const int present = static_cast<int>(torques.size());
     if (present == at) fault();
     return state;
@@ -54,11 +58,14 @@ class Recording : public RobotDriver {
   }
   int failing_stops = 0;
 
-  /// Of the run, as soon as it has seen so many torques.
+  /// Number of torques after which `fault` is called.
   int at = -1;
   std::function<void()> fault = [] {};
 
   bool velocity = false;
+  bool tells_time = false;
+  double unit = 1;    ///< of its time [s]
+  double told_s = 0;  ///< its time at the reading before
   ArmState state{Vector::Zero(2), Vector::Zero(2), {}, {}};
   std::string calls;
   std::vector<Vector> torques;
@@ -67,9 +74,9 @@ class Recording : public RobotDriver {
 
 scenario::Scenario limited(std::vector<std::string> overrides = {}) {
   overrides.insert(overrides.begin(), {"plant.drive.torque_limit_Nm=[4, 1000]",
-                                       // What belongs to the emulator changes nothing.
+                                       // The emulator's keys change nothing.
                                        "plant.encoder.noise_std_rad=1", "plant.payload.mass_kg=3",
-                                       // Longer than a busy machine stands still.
+                                       // A busy machine misses fewer ticks in a row.
                                        "loop.max_missed=1000"});
   return scenario(std::move(overrides));
 }
@@ -93,7 +100,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   robot.state.q << 0.004, -0.003;
   const Outcome outcome = run(s, peers, nullptr, &robot);
   ASSERT_EQ(outcome.fault, "");
-  std::string expected = "rs";  // where it stands is looked at before it may move
+  std::string expected = "rrs";  // the plant reads its position before it may move
   for (int k = 0; k < 30; ++k) expected += "rh";
   EXPECT_EQ(robot.calls, expected + 'x');
   ASSERT_EQ(robot.torques.size(), 30U);
@@ -102,7 +109,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   EXPECT_EQ(robot.torques[20][0], 4) << "within the limit";
   EXPECT_EQ(robot.torques[20][1], torque_of(19)[1]);
   EXPECT_DOUBLE_EQ(robot.ends[29], 0.03);
-  // TRUTH is what the driver knows, bit for bit.
+  // TRUTH equals the driver's state, bit for bit.
   EXPECT_EQ(peers.truths[12].q, robot.state.q);
   EXPECT_TRUE(peers.truths[20].saturated[0]);
 }
@@ -122,12 +129,13 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   EXPECT_EQ(truth.tau, torque_of(4)) << "the log has the whole torque";
   const Vector sent = torque_of(4) - robot::gravity_torque(*s.model, truth.q);
   EXPECT_EQ(robot.torques[5], Vector(Eigen::Vector2d(-sent[0], sent[1])));
-  // Before the first command: what holds it at rest is what it adds itself, but for the 4 mrad
-  // between where it is and where the scenario begins.
+  // Before the first command, the arm's own torque holds it, except for the 4 mrad between its
+  // position and the scenario's start.
   EXPECT_LT(robot.torques[0].norm(), 1);
 }
 
-/// Is the clock, and goes on as soon as it is answered.
+/// Robot that is the clock. Its ticks last `period_s`, and `unit` times that by its own time. A
+/// robot that tells no time goes on at each answer.
 class Ticking : public ClockDriver {
  public:
   [[nodiscard]] bool measures_velocity() const override { return false; }
@@ -135,14 +143,23 @@ class Ticking : public ClockDriver {
   void stop() override { stopped = true; }
   ArmState exchange(const Vector& tau) override {
     if (tau.size() > 0) torques.push_back(tau);
-    state.time_s += torques.size() == 10 ? tenth_s : period_s;
+    const double tick_s = torques.size() == 10 ? tenth_s : period_s;
+    if (std::isfinite(state.time_s)) {
+      next_ += base::nanoseconds_of(std::max(tick_s, 0.0));
+      std::this_thread::sleep_until(next_);
+    }
+    state.time_s += unit * tick_s;
     return state;
   }
 
   double period_s = 1e-3, tenth_s = 2e-3;  // it misses one
+  double unit = 1;
   ArmState state{Vector::Zero(2), Vector::Zero(2), {}, {}, {}, {}, 5};
   std::vector<Vector> torques;
   bool stopped = false;
+
+ private:
+  base::Clock::time_point next_ = base::Clock::now();
 };
 
 TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
@@ -171,8 +188,7 @@ TEST(RobotDriver, ThatIsTheClockComesToRestInItsOwnTime) {
     peers.command(k, torque_of(k));
   };
   Ticking robot;
-  robot.period_s = 0.01;
-  robot.tenth_s = 0.02;
+  robot.state.time_s = NAN;
   const auto begin = base::Clock::now();
   EXPECT_EQ(run(s, peers, nullptr, &robot).code, ExitCode::protective_stop);
   EXPECT_EQ(peers.truths.back().fault, DriveFault::protective_stop);
@@ -208,8 +224,8 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   ASSERT_EQ(outcome.fault, "");
   EXPECT_FALSE(outcome.statistics.plant().robot_is_clock);
   EXPECT_EQ(robot.calls.find_first_not_of("r-"), std::string::npos) << robot.calls;
-  EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 31);
-  // The log has what it would have been sent, within its limits.
+  EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 32);
+  // The log has the torques within the limits, although the robot got none.
   ASSERT_EQ(peers.truths.size(), 30U);
   EXPECT_EQ(peers.truths[5].tau, torque_of(4));
   EXPECT_EQ(peers.truths[20].tau[0], 4);
@@ -221,21 +237,21 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   EXPECT_FALSE(clock.stopped);
 }
 
-/// In 2 of each 20 ticks, for `commission`.
+/// Torques are withheld in 2 of each 20 ticks, as in `commission`.
 TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
   const scenario::Scenario s = limited({"plant.withheld_ticks=2"});
   Peers peers(s);
   Recording robot;
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
-  std::string expected = "rs";
+  std::string expected = "rrs";
   for (int tick = 0; tick < 30; ++tick) expected += tick == 18 || tick == 19 ? "r-" : "rh";
   EXPECT_EQ(robot.calls, expected + "x");
   EXPECT_THROW(GuardedRobot{s}, base::Failure);  // emulated
 }
 
 TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
-  /// Its elbow moves on by `step` in each of its ticks. An exchange takes 50 us, so that the run
-  /// lasts longer than the time over which speed is measured however fast the machine is.
+  /// Robot whose elbow moves by `step` in each tick. An exchange takes 50 us, so that the run lasts
+  /// longer than the window of the speed on any machine.
   class Moving final : public Ticking {
    public:
     ArmState exchange(const Vector& tau) override {
@@ -248,7 +264,8 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
   };
   const auto fault = [](double step, bool tells_time) {
     const scenario::Scenario s =
-        with_limited_elbow(limited({"plant.following_error_rad=1e9", "loop.duration_s=3"}),
+        with_limited_elbow(limited({"plant.following_error_rad=1e9",
+                                    fmt::format("loop.duration_s={}", tells_time ? 0.3 : 3)}),
                            R"(lower="-1e9" upper="1e9" effort="100" velocity="1.5")");
     Peers peers(s);
     Moving robot;
@@ -260,7 +277,7 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
   EXPECT_THAT(fault(1.6e-3, true),
               AllOf(HasSubstr("joint 2 (elbow) moves at 1."),
                     HasSubstr("faster than its limit of 1.5 rad/s"), Not(HasSubstr("on_limit"))));
-  // By this process's time: a tick of 1 rad lasts less than 0.6 s however busy the machine is.
+  // The speed is by this process's time. A tick of 1 rad lasts less than 0.6 s on a busy machine.
   EXPECT_THAT(fault(1, false), HasSubstr("faster than its limit of 1.5 rad/s"));
   EXPECT_EQ(fault(0, false), "");
 }
@@ -289,16 +306,76 @@ TEST(RobotDriver, IsStoppedWhenItsTimeGoesBackOrStandsStillWhileItMoves) {
 
     Recording robot;
     robot.at = 10;
-    robot.state.time_s = 5;
+    robot.tells_time = true;
     robot.fault = [&] {
       robot.state.q[0] += 1e-6;
-      robot.state.time_s += step_s;
+      robot.state.time_s = robot.told_s + step_s;
     };
     const Outcome other = drive(s, robot);
     EXPECT_EQ(other.code, ExitCode::protective_stop);
     EXPECT_THAT(other.fault, HasSubstr("s before that: speeds cannot be watched"));
     expect_stopped(robot);
   }
+}
+
+TEST(RobotDriver, IsRefusedWhenItsTimeIsNotInSeconds) {
+  const scenario::Scenario s = limited();
+  for (const double unit : {1e3, 1e-9}) {
+    Ticking clock;
+    Recording robot;
+    clock.unit = robot.unit = unit;
+    robot.tells_time = true;
+    Peers peers(s);
+    const Outcome outcomes[] = {run(s, peers, nullptr, &clock), drive(s, robot)};
+    for (const Outcome& outcome : outcomes) {
+      EXPECT_EQ(outcome.code, ExitCode::bad_usage);
+      EXPECT_THAT(outcome.fault, HasSubstr("times as fast as this computer's clock; give "
+                                           "ArmState::time_s in seconds"));
+    }
+    EXPECT_TRUE(clock.torques.empty());
+    EXPECT_THAT(robot.calls, Not(HasSubstr("s")));
+  }
+}
+
+TEST(RobotDriver, IsStoppedWhenItsTimeBeginsToRunAtAnotherSpeed) {
+  const scenario::Scenario s = limited({"plant.drive.torque_limit_Nm=1000", "loop.duration_s=10"});
+  for (const double unit : {1e3, 0.0}) {
+    Ticking clock;
+    Peers peers(s);
+    peers.on_measurement = [&](std::int64_t k) {
+      if (k == 30) clock.unit = unit == 0 ? 1e-3 : unit;
+      peers.command(k, torque_of(0));
+    };
+    const Outcome outcome = run(s, peers, nullptr, &clock);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+    EXPECT_THAT(outcome.fault, HasSubstr("times as fast as this computer's clock: speeds cannot"));
+    EXPECT_TRUE(clock.stopped);
+
+    Recording robot;  // its time and its position stand still
+    robot.tells_time = true;
+    robot.at = 30;
+    robot.fault = [&] {
+      robot.at = -1;
+      robot.unit = unit;
+      if (unit == 0) robot.tells_time = false;
+    };
+    const Outcome other = drive(s, robot);
+    EXPECT_EQ(other.code, ExitCode::protective_stop);
+    EXPECT_THAT(other.fault, HasSubstr("times as fast as this computer's clock: speeds cannot"));
+    expect_stopped(robot);
+  }
+}
+
+TEST(RobotDriver, IsStoppedWhenItTellsItsTimeInSomeReadingsAlone) {
+  const scenario::Scenario s = limited({"loop.duration_s=1"});
+  Recording robot;
+  robot.tells_time = true;
+  robot.at = 10;
+  robot.fault = [&] { robot.state.time_s = NAN; };
+  const Outcome outcome = drive(s, robot);
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("gave the time nan s at tick 10"));
+  expect_stopped(robot);
 }
 
 class AFailingRobot : public testing::Test {
@@ -321,16 +398,27 @@ TEST_F(AFailingRobot, IsStoppedAndSaysWhy) {
 
 TEST_F(AFailingRobot, IsStoppedWhateverItThrows) {
   robot_.fault = [] { throw std::runtime_error("cable"); };
-  EXPECT_THROW(run_it(), std::runtime_error);
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_EQ(outcome.fault, "the driver threw: cable");
   expect_stopped(robot_);
-  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("cable"));
+  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("the driver threw: cable"));
 }
 
 TEST_F(AFailingRobot, IsStoppedWhenWhatItThrowsIsNoException) {
   robot_.fault = [] { throw 42; };
   const Outcome outcome = run_it();
-  EXPECT_EQ(outcome.code, ExitCode::protocol_violated);
-  EXPECT_THAT(outcome.fault, HasSubstr("an exception was thrown that is no std::exception"));
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver threw an exception that is no std::exception"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenItReadsAnotherNumberOfJoints) {
+  robot_.fault = [this] { robot_.state.q = Vector::Zero(7); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver read 7 positions and 2 velocities of links, 0 "
+                                       "and 0 of motors at tick 10; the scenario has 2 links"));
   expect_stopped(robot_);
 }
 
@@ -425,7 +513,7 @@ TEST_F(AFailingRobot, SaysThatCommandsWereMissingWhenItsTorqueWasHeldForTooLongB
   EXPECT_THAT(outcome.fault, HasSubstr("torque has been held for "));
   EXPECT_THAT(outcome.fault,
               HasSubstr("commands in a row did not come in time from the controller"));
-  EXPECT_THAT(outcome.fault, HasSubstr(", and this process, or the driver's read, did not get on"));
+  EXPECT_THAT(outcome.fault, HasSubstr(", and this process, or the driver's read, made no progress"));
   expect_stopped(robot_);
 }
 
@@ -439,7 +527,7 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
   expect_stopped(robot_);
   EXPECT_EQ(peers_.truths.back().fault, DriveFault::protective_stop);
   EXPECT_EQ(peers_.truths.back().tau, Vector::Zero(2));
-  // It never comes to rest, so for as long as that may take.
+  // The robot never comes to rest, so the plant reads it for the longest stop.
   EXPECT_EQ(std::ranges::count(robot_.calls.substr(robot_.calls.find('x')), 'r'), 500);
 }
 
@@ -460,7 +548,7 @@ TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
 }
 
 TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
-  /// Counts what is allocated from the beginning of `read` to that of `hold`, after some ticks.
+  /// Driver that counts allocations from the beginning of `read` to that of `hold`.
   class Counting : public RobotDriver {
    public:
     [[nodiscard]] bool measures_velocity() const override { return false; }
@@ -502,7 +590,7 @@ TEST(RobotDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
   EXPECT_THAT(outcome.fault,
               HasSubstr("plant.initial.position_rad: 0 for joint 2 (elbow), which is at "
                         "0.02; move the robot to within 0.01"));
-  EXPECT_EQ(robot.calls, "r") << "neither started nor stopped";
+  EXPECT_EQ(robot.calls, "rr") << "neither started nor stopped";
 }
 
 TEST(RobotDriver, IsRefusedInLockstepAndWithoutTorqueLimits) {

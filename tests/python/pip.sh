@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The Python package installed by pip in a virtual environment, without network: it simulates, finds the
-# program by TACHLESS or PATH, and says what to do where there is none.
+# Installs the Python package by pip in a virtual environment, without network. The package simulates, finds the
+# program by TACHLESS or PATH, and states the remedy if there is no program.
 set -euo pipefail
 tree=${1:?usage: pip.sh SOURCE_DIR BUILD_DIR}
 build=${2:?usage: pip.sh SOURCE_DIR BUILD_DIR}
@@ -27,7 +27,7 @@ except tachless.Error as error:
 END
 scenario=$tree/scenarios/paper_rigid.yaml
 venv/bin/python simulate.py "$scenario"
-# expect WORDS VARIABLE=VALUE…: what certify.py prints in that environment has the words.
+# expect WORDS VARIABLE=VALUE…: fails unless certify.py prints the words in that environment.
 expect() {
   local words=$1 said
   shift

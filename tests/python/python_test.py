@@ -1,4 +1,4 @@
-"""The Python package against the C++ programs. Called with the directory of the programs and that of the scenarios."""
+"""Compares the Python package with the C++ programs. Arguments: the directory of the programs, that of the scenarios."""
 
 import ast
 import inspect
@@ -25,7 +25,7 @@ short = {"loop.duration_s": 0.1}
 
 
 def tachless_command(*words, code=0):
-    """stdout and stderr of the program, which has to end with `code`."""
+    """Returns stdout and stderr of the program, which has to end with `code`."""
     done = subprocess.run([programs / "tachless", *map(str, words)], capture_output=True, text=True, check=False)
     assert done.returncode == code, f"{words}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout + done.stderr
@@ -48,6 +48,18 @@ class Folder(unittest.TestCase):
                                 "--controller", controller, *more, code=code)
 
 
+class AnObjectWithoutAValue(unittest.TestCase):
+    def test_raises_where_it_is_used(self):
+        module = tachless._tachless
+        for kind, use in ((module.Run, repr), (module.Run, lambda run: run["q"]), (module.Run, lambda run: run.joints),
+                          (module.Measurement, lambda measurement: measurement.q), (module.Reference, lambda reference: reference.q),
+                          (module.Robot, lambda robot: robot.M([0, 0])), (tachless.Robot, lambda robot: robot.joints),
+                          (module.Listener, lambda listener: listener.take(0))):
+            for maker in kind, module.Run.__base__:
+                with self.subTest(kind=kind, maker=maker), self.assertRaisesRegex(TypeError, "has no value"):
+                    use(maker.__new__(kind))
+
+
 class TheRobot(unittest.TestCase):
     def setUp(self):
         self.robot = tachless.Robot(arm)
@@ -56,7 +68,7 @@ class TheRobot(unittest.TestCase):
     def test_mechanics_are_consistent(self):
         robot, q, v, a = self.robot, self.q, self.v, self.a
         tau = robot.M(q) @ a + robot.C(q, v) @ v + robot.g(q)
-        # Two orders of the same sums of terms up to 100 N m.
+        # Both sum the same terms, up to 100 N m, in different orders.
         np.testing.assert_allclose(robot.ID(q, v, a), tau, rtol=0, atol=1e-12)
         np.testing.assert_allclose(robot.FD(q, v, tau), a, rtol=0, atol=1e-12)
         np.testing.assert_allclose(tachless.Robot(arm, gravity=0).g(q), 0, atol=0)
@@ -116,7 +128,7 @@ class Runs(Folder):
         soft = tachless.simulate(paper, **short, **{"controller.gains.kp": np.array([400, 300])})
         stiff = tachless.simulate(paper, **short)
         np.testing.assert_array_equal(soft["error"][0], stiff["error"][0])
-        # Kp e, of the first error that is not zero, is smaller as the gain is.
+        # Kp e of the first nonzero error is smaller, because the gain is.
         self.assertLess(np.abs((soft["tau"] - stiff["tau"])[:, 0]).max(), 5000 * np.abs(stiff["error"]).max())
         self.assertTrue(np.any(soft["tau"] != stiff["tau"]))
         self.assertRegex(soft.text, r"kp:\s*\n?.*400")
@@ -158,7 +170,7 @@ class Runs(Folder):
                 tachless.simulate(paper, controller=law, name=name, **short)
 
     def test_ctrl_c_ends_a_simulation(self):
-        # An hour of simulated time: the timer can only run, and end it, while Python is unlocked.
+        # Simulates an hour. The timer can run and end the simulation only while Python is unlocked.
         with self.assertRaises(KeyboardInterrupt):
             threading.Timer(0.5, signal.raise_signal, [signal.SIGINT]).start()
             tachless.simulate(paper, **{"loop.duration_s": 3600})
@@ -178,7 +190,7 @@ class Controllers(Folder):
         said = self.run_paper(law)
         self.assertIn("paper_rigid: loria_ortega (external)", said)
         own, inside = tachless.read(self.folder / "run"), tachless.simulate(paper, **short)
-        # exp and expm1 of numpy and of C may differ in the last bit, and the gains are 1e4 per radian.
+        # exp and expm1 of numpy and C may differ in the last bit. The gains are 1e4 per radian.
         np.testing.assert_allclose(own["tau"], inside["tau"], rtol=0, atol=1e-9 * np.abs(inside["tau"]).max())
         self.assertIn("the same: 2000 commands, bit for bit",
                       tachless_command("replay", self.folder / "run", "--controller", law))
@@ -187,11 +199,11 @@ class Controllers(Folder):
 
     def test_certify_asks_it(self):
         text = (examples / "loria_ortega.py").read_text().replace("__file__", repr(str(examples / "loria_ortega.py")))
-        # The period that it is asked at, in place of one of its own.
+        # The law takes the period at which it is asked in place of its own.
         text = text.replace("    if k > 0:", "    h = t / k if k else 0\n    if k > 0:")
         own = tachless.certify(paper, controller=self.script(text)).sampled
         inside = tachless.certify(paper).sampled
-        # Margins: its compensation of gravity is not known apart.
+        # The margins differ a little, because the law's compensation of gravity is not known separately.
         for key, part in {"limit_s": 1e-5, "spectral_radius": 1e-7, "settling_s": 1e-4, "margins": 1e-5}.items():
             is_, expected = (np.array(list(x[key].values()) if key == "margins" else x[key]) for x in (own, inside))
             np.testing.assert_allclose(is_, expected, rtol=part, err_msg=key)
@@ -231,7 +243,7 @@ class Controllers(Folder):
     def test_a_replay_slower_than_the_run_has_a_speed(self):
         law = "tachless.run_controller(lambda k, t, m, r: 0 * m.q, name='still')\n"
         self.run_paper(self.script(law), "--any-outcome", "--force")
-        # 0.1 s of the robot's time takes 0.5 s and more: less than half as fast, which was printed as 0.
+        # 0.1 s of the robot's time takes at least 0.5 s. A speed below one half was once printed as 0.
         slow = self.script("import time\n" + law.replace("0 * m.q", "(time.sleep(0.5 * (k == 0)), 0 * m.q)[1]"))
         said = tachless_command("replay", self.folder / "run", "--controller", slow)
         self.assertRegex(said, r"s: 0\.[0-9]+ times as fast")
@@ -251,7 +263,7 @@ class Controllers(Folder):
         np.testing.assert_array_equal(run["tau"][:, 0], 1e-6 * np.arange(1, 2001))
 
     def test_gaps_in_realtime_are_stepped_over_along_a_straight_line(self):
-        # A run in which the controller acts on no tick from 100 to 110, as far as its log says.
+        # According to its log, the controller acts on no tick from 100 to 110.
         tachless_command("run", scenarios / "practical_rigid.yaml", "--mode", "realtime", "--isolate", "--any-outcome",
                          "--duration", 0.2, "--out", self.folder / "run", "--set", "loop.max_missed=100",
                          "--set", "loop.max_missed_share=1")
@@ -278,7 +290,7 @@ tachless.run_controller(law)
         np.testing.assert_allclose(calls[:, 1], 1e-3 * calls[:, 0], rtol=1e-15)
         before, *gap, after = calls[calls[:, 0] >= 99][:13, 2:]
         shares = np.arange(1, 12)[:, None] / 12
-        # Some roundings of positions below 0.1 rad; the reference itself, of 5 Hz, is up to 5e-4 rad beside the line.
+        # Some roundings of positions below 0.1 rad. The reference of 5 Hz deviates from the line by up to 5e-4 rad.
         np.testing.assert_allclose(gap, before + shares * (after - before), rtol=0, atol=1e-15)
 
 
@@ -292,7 +304,7 @@ class Documentation(unittest.TestCase):
                 continue
             for name, member in inspect.getmembers(thing):
                 if not name.startswith("_") and not hasattr(dict, name):
-                    # Below the line with the signature, which pybind11 writes.
+                    # The text follows the line with the signature, which pybind11 writes.
                     self.assertTrue(member.__doc__.split("\n\n", 1)[callable(member)], name)
 
     def test_the_examples_run(self):
@@ -320,10 +332,10 @@ class TheLinearLoop(unittest.TestCase):
     def test_its_modes_are_those_of_certify(self):
         loop, found = tachless.linear(self.still, **self.late), tachless.certify(self.still, **self.late).sampled
         radius = np.abs(np.linalg.eigvals(loop.A)).max()
-        # Two eigenvalue solvers, of a matrix with torques of 1e4 N m beside radians.
+        # Two eigenvalue solvers, for a matrix with torques of 1e4 N m and angles.
         self.assertAlmostEqual(radius, found["spectral_radius"], delta=1e-9)
         self.assertAlmostEqual(-np.log(radius) / loop.h, found["decay_per_s"], delta=1e-6 * found["decay_per_s"])
-        # From one joint beside the posture, at rest, the filter as after long there.
+        # One joint starts beside the posture, at rest, with a settled filter.
         n, m = 2, len(loop.A) - 2
         memory = slice(4, m)
         settled = 0
@@ -356,11 +368,11 @@ class TheLinearLoop(unittest.TestCase):
         self.assertEqual(loop.outputs, loop.states[:2])
         run = tachless.simulate(self.still, **self.late, **{"plant.initial.position_rad": rest + beside, "loop.duration_s": 0.2,
                                                             "plant.integrator.accuracy": 1e-12})
-        # nu, e and tau of the tick before are the memory and what is under way.
+        # nu, e and tau of the previous tick are the memory and the delayed torques.
         states = np.hstack([run["q"][1:] - rest, run["v"][1:], run["nu"][:-1], run["error"][:-1],
                             run["tau"][:-1] - tachless.Robot(arm).g(rest)])
         for column, name in enumerate(loop.states):
-            # Of errors of 1e-6 the squares are 1e-6 of them; rounding of q = 0.5 is 1e-10 of them.
+            # The squares of errors of 1e-6 are 1e-6 of the errors. Rounding of q = 0.5 is 1e-10 of them.
             tolerance = 1e-5 * np.abs(states[:, column]).max()
             np.testing.assert_allclose(states[:-1] @ loop.A[column], states[1:, column], rtol=0, atol=tolerance, err_msg=name)
 
@@ -387,7 +399,7 @@ class TheLinearLoop(unittest.TestCase):
 
 class TheBus(Folder):
     def in_a_network_of_its_own(self, text):
-        """stdout of a script, line by line."""
+        """Runs a script and returns its stdout, line by line."""
         (self.folder / "script.py").write_text("import os, signal, subprocess, threading\nimport tachless\n" + text)
         network = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "
         alone = pathlib.Path(__file__).parents[1] / "support/private_network.sh"
@@ -512,7 +524,7 @@ class TheCommands(Folder):
             tachless.sweep(scenario, out=self.folder / "none")
 
     def test_identify_finds_the_friction_of_the_emulated_arm(self):
-        # The motion of tests/analysis/identify/verb_test.cpp, shorter.
+        # A shorter motion than that of tests/analysis/identify/verb_test.cpp.
         tachless_command(
             "run", scenarios / "practical_rigid.yaml", "--in-process", "--any-outcome", "--duration", 3, "--out",
             self.folder / "run", "--set", "plant.mechanics=native", "--set",
@@ -527,14 +539,14 @@ class TheCommands(Folder):
         self.assertEqual(dict(again), dict(found))
         printed = tachless_command("identify", self.folder / "run", "--unknown", "viscous,coulomb", "--json", "--quiet")
         self.assertEqual(dict(found), json.loads(printed))
-        rotor = dict(tachless.identify(self.folder / "run", unknown="rotor"))  # not the letters of the word
+        rotor = dict(tachless.identify(self.folder / "run", unknown="rotor"))  # a string is one name, not a list of letters
         self.assertEqual(rotor, dict(tachless.identify(self.folder / "run", unknown=["rotor"])))
         self.assertEqual((found.method, found.validated, found.objection), ("output error", False, False))
         self.assertEqual([each["name"] for each in found.parameters],
                          ["viscous shoulder", "viscous elbow", "coulomb shoulder", "coulomb elbow"])
         for each, true in zip(found.parameters, [2, 1, 5, 0.5]):
             self.assertTrue(each["identifiable"])
-            # Intervals of 3 s of data at 20 bits are some 1e-3 of the value.
+            # The intervals from 3 s of data at 20 bits are about 1e-3 of the value.
             self.assertAlmostEqual(each["value"], true, delta=0.01 * true, msg=each["name"])
         self.assertEqual([each["name"] for each in found.joints], ["shoulder", "elbow"])
         self.assertTrue((self.folder / "known.yaml").is_file())

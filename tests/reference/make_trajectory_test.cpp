@@ -90,15 +90,15 @@ TEST(Motion, OfSinusoidsIsTheirCommonPeriodWhereTheRunHasIt) {
   const std::string sum =
       "{multi_sine: {terms: [{amplitude_rad: 0.2, frequency_hz: 0.3}, {amplitude_rad: 0.2, "
       "frequency_hz: 0.4}, {amplitude_rad: 0, frequency_hz: 0.01}]}}";
-  EXPECT_NEAR(motion(sum, "1000").end_s, 10, 1e-6);  // frequencies to 1e-9 of them
+  EXPECT_NEAR(motion(sum, "1000").end_s, 10, 1e-6);  // frequencies agree to a billionth
   EXPECT_TRUE(motion(sum, "1000").repeats);
   EXPECT_EQ(motion(sum, "9").end_s, 9);
   EXPECT_FALSE(motion(sum, "9").repeats);
 }
 
 TEST(Motion, MeetsFewInstantsOfManyPeriodsAtDifferentPhases) {
-  // With the sqrt(2) Hz there is no common period, and 33 instants even over 32 s meet the 1 Hz at
-  // its zeros.
+  // With the sqrt(2) Hz there is no common period. 33 evenly spaced instants over 32 s would meet
+  // the 1 Hz at its zeros.
   const Motion found = motion(
       "{multi_sine: {terms: [{amplitude_rad: 0.5, frequency_hz: 1}, {amplitude_rad: 0.001, "
       "frequency_hz: 1.4142135623730951}]}}",
@@ -115,7 +115,7 @@ TEST(Motion, MeetsFewInstantsOfManyPeriodsAtDifferentPhases) {
 }
 
 TEST(Motion, LooksIntoAShortPieceBetweenWaypoints) {
-  // Of 17 instants even over an hour one, at 0, would be in the first second.
+  // If 17 instants were evenly spaced over an hour, only one, at 0, would be in the first second.
   const Motion found =
       motion("{waypoints: {time_s: [0, 1, 3600], position_rad: [0, 0, 0.5]}}", "3600");
   const std::vector<double> all = found.instants(17);
@@ -128,10 +128,10 @@ TEST(MakeTrajectory, RefusesToLeaveTheJointLimits) {
                     HasSubstr("-1.5"), HasSubstr("-1 to 2")));
   EXPECT_THAT(refusal("{sinusoid: {amplitude_rad: 2.5, frequency_hz: 1}}"),
               HasSubstr("reference.sinusoid"));
-  // It starts inside, and leaves later.
+  // The motion starts inside the limits and leaves them later.
   EXPECT_THAT(refusal("{point_to_point: {from_rad: 0, to_rad: 2.5}}"),
               HasSubstr("reference.point_to_point"));
-  // At every half second it is at 0.
+  // The motion is at 0 at every half second.
   EXPECT_THAT(refusal("{sinusoid: {amplitude_rad: 2.5, frequency_hz: 2}}", "1000"),
               HasSubstr("reference.sinusoid"));
 }

@@ -1,4 +1,4 @@
-// The checks of style find what they are there to find.
+// The checks of style must find the faults that they are made for.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ using ::testing::Not;
 
 const std::string root = TACHLESS_SOURCE_DIR;
 
-/// A source tree of two files under this project's rules, and what its build leaves behind.
+/// A source tree of two files under this project's rules, with the files of its build.
 class AFile : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -83,7 +83,7 @@ TEST_F(AFile, MayHaveTheNamesOfAnother) {
   write("plant/b.cpp", "namespace {\nint same = 1, notTheSame = 2;\n}\n");
   const Outcome outcome = clang_tidy();
   EXPECT_NE(outcome.exit_code, 0);
-  EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to robot/b.cpp"));
+  EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to plant/b.cpp"));
   EXPECT_THAT(outcome.output, Not(HasSubstr("plant/a.cpp")));
 }
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every source file is as clang-format writes it.
+# Checks that every source file has clang-format's format.
 set -euo pipefail
 cd "${1:?usage: clang_format.sh SOURCE_DIR}"
 folders=()

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# clang-tidy over every source of the product and examples, in the batches in which the build compiles them.
-# A batch that passed is skipped until a file that it is made of, or the configuration, has changed.
+# Runs clang-tidy over every source of the product and examples, in the batches in which the build compiles
+# them. A batch that passed is skipped until one of its files, or the configuration, has changed.
 set -euo pipefail
 source_dir=$(readlink -f "${1:?usage: clang_tidy.sh SOURCE_DIR BUILD_DIR}")
 build_dir=$(readlink -f "${2:?usage: clang_tidy.sh SOURCE_DIR BUILD_DIR}")
@@ -10,13 +10,13 @@ cd "$source_dir"
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-mkdir -p "$scratch/include/tachless"  # the examples see the headers as installed
+mkdir -p "$scratch/include/tachless"  # the examples include the headers as installed
 for library in "$source_dir"/{plant,reference,controller,logger} "$source_dir"/{core,analysis,tools}/*/; do
   [[ ! -d $library ]] || ln -s "$library" "$scratch/include/tachless/$(basename "$library")"
 done
-# g++'s precompiled headers are not clang's.
+# clang cannot read g++'s precompiled headers.
 sed -E 's/ -Winvalid-pch -include [^ ]*cmake_pch\.hxx//' "$build_dir/compile_commands.json" >"$scratch/compile_commands.json"
-# ninja's own record of what each object was made from: "object: …" and then indented lines.
+# ninja's record of the dependencies of each object: "object: …" and then indented lines.
 ninja -C "$build_dir" -t deps >"$scratch/dependencies"
 
 folders=()
@@ -26,7 +26,8 @@ done
 either=$(IFS='|'; echo "${folders[*]}")
 [[ ! -d examples ]] || folders+=(examples)
 
-# "source<tab>object" of everything that the build compiles of the product; then the sources that it does not.
+# "source<tab>object" of every product file that the build compiles; then the sources that it does not
+# compile.
 sed -nE 's/^  "command": ".* -o ([^ ]+) -c ([^ ]+)",$/\2\t\1/p' "$scratch/compile_commands.json" |
   { grep -E $'\t'"($either)/" || true; } >"$scratch/compiled"
 compiled=$(cut -f1 "$scratch/compiled" | while IFS= read -r file; do

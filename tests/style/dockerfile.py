@@ -23,7 +23,7 @@ image = only("FROM")
 assert f"image: {image}\n" in (root / ".github/workflows/test.yml").read_text(), f"the tests do not run in {image}"
 source, tree = only("COPY").split()
 assert source == "." and only("WORKDIR") == tree, "the tree is not copied to where the image works"
-# What is built outside has other paths in it.
+# A build outside the image contains other paths.
 ignored = (root / ".dockerignore").read_text().split()
 assert {"build", "out"} <= set(ignored), "a build of the host's would be copied"
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# doxygen.sh SOURCE_DIR BUILD_DIR: the headers that the site shows (docs/site/Doxyfile) say what each public
-# name is, and docs/site/cpp.md names them all.
+# doxygen.sh SOURCE_DIR BUILD_DIR: checks that the headers of docs/site/Doxyfile document each public name,
+# and that docs/site/cpp.md names these headers.
 set -euo pipefail
 cd "${1:?usage: doxygen.sh SOURCE_DIR BUILD_DIR}"
 mkdir -p "$2/doxygen"

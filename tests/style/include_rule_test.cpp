@@ -1,6 +1,6 @@
-// Who may include what. A library includes libraries that stand before it in `order`; a program
-// does not include another program. `exceptions` names every other include, and an exception that
-// no file needs fails too.
+// The rule of includes. A library includes libraries that stand before it in `order`. A program
+// does not include another program. `exceptions` names every other include; an exception that no
+// file needs fails too.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -32,21 +32,20 @@ const Names programs = {"plant", "reference", "controller", "logger"};
 
 /// File and header, with the reason beside each.
 const std::set<std::pair<std::string, std::string>> exceptions = {
-    // Declarations of data and keys: a key stays declared once, beside the part that reads it.
+    // These headers declare data and keys. A key is thereby declared once, beside the part that
+    // reads it.
     {"core/scenario/scenario.h", "plant/spec.h"},
     {"core/scenario/scenario.h", "reference/spec.h"},
     {"core/scenario/scenario.h", "controller/spec.h"},
-    // The guard computes the following error against what should have been sent, not what a peer
-    // says.
+    // The guard computes the following error from the true reference, not from a peer's message.
     {"plant/guarded_robot.h", "reference/make_trajectory.h"}};
 
-/// Third-party headers that few may see, by their beginning, and the folders or files that use
-/// them.
+/// Third-party headers with few users, by the beginning of their names, and the folders or files
+/// that may use them.
 const std::map<std::string, Names> users = {
     {"CLI/", {"core/session", "tools/cli"}},
     {"SimTKsimbody.h", {"plant/simbody_multibody.cpp"}},
     {"coin/", {"analysis/numerics"}},
-    {"httplib.h", {"tools/live/live_server.cpp"}},
     {"lcm/", {}},
     {"nlopt.h", {"analysis/numerics/postures.cpp"}},
     {"pybind11/", {"python"}},
@@ -59,7 +58,7 @@ const std::map<std::string, Names> users = {
     {"urdf_model/", {"core/robot/urdf_xml.cpp"}},
     {"yaml-cpp/", {"core/scenario/yaml_tree.cpp"}}};
 
-/// Libraries that may see the ground truth, directly or through other headers.
+/// Libraries that may include the ground truth, directly or through other headers.
 const Names see_truth = {"plant",  "logger", "in_process", "study", "identify", "replay",
                          "report", "live",   "commission", "cli",   "python"};
 

@@ -2,6 +2,6 @@
 
 #include <cstddef>
 
-/// How often this thread called the global allocator. Counted in programs that link
-/// counting_new.cpp, which replaces it.
+/// Returns how often this thread has called the global allocator. The program has to link
+/// counting_new.cpp, which replaces the allocator.
 extern thread_local std::size_t allocations;

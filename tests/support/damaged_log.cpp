@@ -130,7 +130,8 @@ std::string garbage(std::mt19937_64& random, int length, bool with_sync_words) {
     const std::string sync = "\xED\xA1\xDA\x01";
     for (std::size_t at = 0; at + 4 <= bytes.size(); at += 4 + random() % 40) {
       bytes.replace(at, 4, sync);
-      // Some of them with lengths and a channel that pass, and a claim on what follows.
+      // Some of them have lengths and a channel that pass the checks, and claim the bytes that
+      // follow.
       if (random() % 3 == 0 && at + 29 <= bytes.size()) {
         std::string header = event_text(static_cast<std::int64_t>(random() % 50), 0, "Z", "");
         set_data_length(header, 0, static_cast<std::uint32_t>(random() % 3000));
@@ -204,7 +205,7 @@ DamagedLog damaged_at_random(const SampleLog& log, std::uint64_t seed) {
         cut(damaged, log, size - random() % 40);
     }
   }
-  // A stretch cut out may end where events do; the numbers tell, unless it was the end.
+  // A cut may end between events. The event numbers then show the gap, unless it was at the end.
   damaged.cut_between_events = true;
   if (!damaged.intact.empty()) {
     const auto& [offset, index] = *damaged.intact.rbegin();

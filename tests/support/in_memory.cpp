@@ -16,9 +16,9 @@ class InMemoryNetwork::Endpoint : public Transport {
     std::erase(network_.endpoints_, this);
   }
 
-  void subscribe(const std::string& channel) override {
+  int subscribe(const std::string& channel) override {
     const std::lock_guard lock(network_.mutex_);
-    mailbox_.channels.insert(channel);
+    return mailbox_.channels.add(channel);
   }
 
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
@@ -29,14 +29,17 @@ class InMemoryNetwork::Endpoint : public Transport {
     std::unique_lock lock(network_.mutex_);
     const auto there = [this] { return !mailbox_.queue.empty(); };
     if (!mailbox_.arrived.wait_until(lock, deadline, there)) {
-      // Nobody comes to overtake them any more.
+      // No later message will overtake them.
       std::ranges::move(mailbox_.held, std::back_inserter(mailbox_.queue));
       mailbox_.held.clear();
       if (mailbox_.queue.empty()) return std::nullopt;
     }
     current_ = std::move(mailbox_.queue.front());
     mailbox_.queue.pop_front();
-    return Datagram{current_.channel, current_.payload, current_.sender};
+    return Datagram{.channel = current_.channel,
+                    .payload = current_.payload,
+                    .sender = current_.sender,
+                    .channel_number = mailbox_.channels.find(current_.channel)};
   }
 
  private:
@@ -67,7 +70,7 @@ void InMemoryNetwork::deliver(const Endpoint* from, std::string_view sender,
     return probability > 0 && std::uniform_real_distribution<double>()(random_) < probability;
   };
   for (Endpoint* to : endpoints_) {
-    if (to == from || !to->mailbox_.channels.contains(channel)) continue;
+    if (to == from || to->mailbox_.channels.find(channel) < 0) continue;
     if (chance(faults_.loss)) continue;
     const int copies = chance(faults_.duplication) ? 2 : 1;
     for (int copy = 0; copy < copies; ++copy) {

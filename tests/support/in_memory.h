@@ -13,25 +13,26 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/subscriptions.h"
 #include "bus/transport.h"
 
 namespace tachless::bus {
 
-/// What a network does to messages, each copy to each receiver on its own.
+/// Faults of a network, drawn for each copy of a message to each receiver.
 struct NetworkFaults {
   double loss = 0;         ///< probability
-  double duplication = 0;  ///< probability that a message comes twice
+  double duplication = 0;  ///< probability that a message arrives twice
   double reordering = 0;   ///< probability that up to `overtaken_by` later messages come first
   int overtaken_by = 3;
   std::uint64_t seed = 1;
 };
 
-/// A bus inside one process, for tests: endpoints may be used from different threads, each
-/// endpoint from one at a time. Outlives its endpoints.
+/// A bus inside one process, for tests. Different threads may use different endpoints; only one
+/// thread at a time may use an endpoint. The network must outlive its endpoints.
 class InMemoryNetwork {
  public:
-  /// Messages that wait for a receiver; what comes beyond is lost to it, as at a full socket.
-  /// Without a bound, a receiver flooded faster than it reads would fall behind for ever.
+  /// Greatest number of waiting messages of a receiver; further ones are dropped, as at a full
+  /// socket. Without a bound, a flooded receiver would fall ever further behind.
   static constexpr std::size_t receive_buffer = 2048;
 
   explicit InMemoryNetwork(const NetworkFaults& faults = {});
@@ -39,10 +40,10 @@ class InMemoryNetwork {
   InMemoryNetwork& operator=(const InMemoryNetwork&) = delete;
   ~InMemoryNetwork();
 
-  /// A new participant; receivers see `name` as the sender of its messages.
+  /// Adds a participant; receivers see `name` as the sender of its messages.
   std::unique_ptr<Transport> connect(std::string name);
 
-  /// Messages that this participant has lost because its receive buffer was full.
+  /// Returns the number of messages that this participant lost because its receive buffer was full.
   std::int64_t num_overflowed(const std::string& name);
 
  private:
@@ -50,11 +51,11 @@ class InMemoryNetwork {
     std::string channel;
     std::vector<std::byte> payload;
     std::string sender;
-    int held_back = 0;  ///< messages that still overtake it
+    int held_back = 0;  ///< number of messages that still overtake it
   };
   struct Mailbox {
     std::condition_variable arrived;
-    std::set<std::string, std::less<>> channels;
+    Subscriptions channels;
     std::deque<Message> queue;
     std::vector<Message> held;
   };

@@ -15,9 +15,9 @@ namespace tachless::support {
 /// there.
 struct LawExample {
   std::string law, scenario;
-  std::vector<std::string> gains;  ///< as given to --set
+  std::vector<std::string> gains;  ///< in the form of --set
 
-  /// With the law itself.
+  /// Returns the overrides with the law itself.
   [[nodiscard]] std::vector<std::string> overrides() const {
     std::vector<std::string> all = gains;
     all.push_back("controller.law=" + law);
@@ -25,7 +25,7 @@ struct LawExample {
   }
 };
 
-/// By the law's rule of thumb.
+/// Returns gains by the law's rule of thumb.
 inline std::string ruled_gains(const controller::LawFacts& law) {
   controller::law::Tuning tuning;
   tuning.w = 20;
@@ -46,7 +46,7 @@ inline std::string ruled_gains(const controller::LawFacts& law) {
   return fmt::format("controller.gains={{{}}}", all);
 }
 
-/// Every law there is. Those without a row here have the gains of their rule of thumb.
+/// Returns an example of every law. A law without a row here has the gains of its rule of thumb.
 inline const std::vector<LawExample>& law_examples() {
   static const std::vector<LawExample> all = [] {
     std::vector<LawExample> examples = {

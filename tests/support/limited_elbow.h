@@ -8,8 +8,8 @@
 
 namespace tachless {
 
-/// A scenario of the two-link arm, which has no limits, with these attributes of <limit> for its
-/// elbow: `lower="-1" upper="2" effort="100" velocity="10"`.
+/// Returns a scenario of the two-link arm with these attributes of <limit> for its elbow; the arm
+/// itself has no limits: `lower="-1" upper="2" effort="100" velocity="10"`.
 inline scenario::Scenario with_limited_elbow(const scenario::Scenario& scenario,
                                              const std::string& attributes) {
   constexpr std::string_view elbow = R"(<joint name="elbow" type="continuous">)";

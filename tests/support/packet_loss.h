@@ -6,12 +6,13 @@
 
 namespace tachless::support {
 
-/// Makes this network namespace lose packets of the bus while it lives, by a rule of nftables.
+/// Guard that makes this network namespace lose packets of the bus while it exists, by a rule of
+/// nftables.
 class PacketLoss {
  public:
   explicit PacketLoss(int percent)
       : PacketLoss("numgen random mod 100 '<' " + std::to_string(percent)) {}
-  /// @param which packets, an expression of nft's
+  /// @param which selects the packets, as an expression of nft
   explicit PacketLoss(const std::string& which) {
     nft("add table ip lossy");
     nft("add chain ip lossy in '{ type filter hook input priority 0; }'");

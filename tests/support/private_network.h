@@ -4,8 +4,9 @@
 
 #include "base/this_process.h"
 
-/// A test program that includes this runs in a network namespace of its own from its first test
-/// on, with a loopback interface and a multicast route: its traffic meets no other.
+/// A test program that includes this header runs in its own network namespace from its first test
+/// on. The namespace has a loopback interface and a multicast route; its traffic meets no other
+/// traffic.
 class PrivateNetwork : public testing::Environment {
  public:
   void SetUp() override { tachless::base::enter_private_network(); }

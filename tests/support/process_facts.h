@@ -10,17 +10,19 @@
 #include <system_error>
 #include <vector>
 
-/// What /proc tells of a process, beyond what the programs themselves want to know.
+/// Facts of a process from /proc, beyond those that the programs themselves read.
 namespace tachless::support {
 
-/// File name of the program that it runs ("tachless-plant"); empty when it is gone.
+/// Returns the file name of the program of the process ("tachless-plant"); empty if the process has
+/// ended.
 inline std::string program_of(pid_t pid) {
   std::error_code gone;
   const std::filesystem::path link = "/proc/" + std::to_string(pid) + "/exe";
   return std::filesystem::read_symlink(link, gone).filename().string();
 }
 
-/// Processes that its main thread has started and not yet waited for; none when it is gone.
+/// Returns the processes that its main thread has started and not yet waited for; empty if the
+/// process has ended.
 inline std::vector<pid_t> children_of(pid_t pid) {
   const std::string directory = "/proc/" + std::to_string(pid);
   std::ifstream file(directory + "/task/" + std::to_string(pid) + "/children");
@@ -29,7 +31,7 @@ inline std::vector<pid_t> children_of(pid_t pid) {
   return children;
 }
 
-/// Memory that it occupies [KiB]; nothing when it has ended.
+/// Returns the resident memory of the process [KiB]; nullopt if the process has ended.
 inline std::optional<std::int64_t> resident_kib(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/status");
   for (std::string word; file >> word;) {

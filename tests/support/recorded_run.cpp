@@ -125,10 +125,18 @@ RecordedRun short_flexible_run() {
 Recorded fault_message(const RecordedRun& run, const std::string& text) {
   messages::Participant who;
   who.role = messages::Role::controller;
+  who.instance = 4;  // of a process
   who.state = messages::ParticipantState::fault;
   who.fault_code = 5;
   who.fault = text;
-  return message({1, 0, 0}, run.info.robot + "_PARTICIPANT", messages::Stamp{123, run.run, 17},
+  return message({1, 0, 0}, run.info.robot + "_PARTICIPANT",
+                 messages::Stamp{123, run.run, run.stop_tick}, who);
+}
+
+Recorded finished_message(const RecordedRun& run) {
+  messages::Participant who;
+  who.state = messages::ParticipantState::finished;
+  return message({1, 0, 0}, run.info.robot + "_PARTICIPANT", messages::Stamp{123, run.run, 39},
                  who);
 }
 

@@ -10,8 +10,8 @@
 #include "messages/wire.h"
 #include "scenario/scenario.h"
 
-/// Logs as our logger writes them, of made-up numbers: value c of joint j of quantity i at tick k
-/// is any double, the same for the same seed.
+/// Logs in the form of the logger, with random numbers: every value of every quantity is any
+/// double, the same for the same seed.
 namespace tachless::logger {
 
 struct Recorded {
@@ -24,28 +24,32 @@ struct RecordedRun {
   scenario::Scenario scenario;
   messages::RunInfo info;
   std::int64_t run = 0;
+  std::int64_t stop_tick = 17;  ///< of `fault_message`
   std::vector<TickRecord> ticks;
   std::vector<Recorded> messages;  ///< RUN_INFO, then six per tick in canonical order
 
-  /// The log of `messages`.
+  /// Returns the log of `messages`.
   [[nodiscard]] std::string bytes() const;
 };
 
-/// What the laws of rigid robots log.
+/// Signals that the laws of rigid robots log.
 inline constexpr const char* rigid_signals = "error:rad,nu:rad/s";
 
-/// `scenario`: a file of scenarios/; `overrides` as for --set. `signals`: of the law, as in
-/// RUN_INFO.
+/// @param scenario a file of scenarios/
+/// @param overrides in the form of --set
+/// @param signals of the law, as in RUN_INFO
 RecordedRun recorded_run(const std::string& scenario, const std::vector<std::string>& overrides,
                          const std::string& measurement, const std::string& signals = rigid_signals,
                          std::int64_t run = 7, std::uint64_t seed = 1);
 
-/// 40 ticks of paper_rigid.
+/// Returns 40 ticks of paper_rigid.
 RecordedRun short_rigid_run(std::int64_t run = 7);
-/// 40 ticks of paper_flexible.
+/// Returns 40 ticks of paper_flexible.
 RecordedRun short_flexible_run();
 
 Recorded fault_message(const RecordedRun& run, const std::string& text);
+/// The plant's announcement that the run has reached its planned end.
+Recorded finished_message(const RecordedRun& run);
 
 std::string log_of(const std::vector<Recorded>& messages);
 

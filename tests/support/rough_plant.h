@@ -5,8 +5,8 @@
 
 namespace tachless::support {
 
-/// Everything that docs/plant.md can do to a two-link arm, at once and within 0.2 s.
-/// @param friction that holds joints, which Simbody's mechanics have not
+/// Returns every disturbance of docs/plant.md for a two-link arm, at once and within 0.2 s.
+/// @param friction of the kind that holds joints, which Simbody's mechanics do not support
 inline std::vector<std::string> rough_plant(bool friction) {
   std::vector<std::string> all = {
       "loop.command_delay=3",

@@ -15,7 +15,7 @@ struct Outcome {
   std::string output;  ///< stdout and stderr
 };
 
-/// Has /bin/sh run the command to its end.
+/// Runs the command in /bin/sh and waits for its end.
 inline Outcome shell(const std::string& command) {
   Outcome outcome;
   FILE* pipe = popen((command + " 2>&1").c_str(), "r");

@@ -1,5 +1,5 @@
-// Preloaded into a program whose disk is to take four seconds to have what was written; later calls
-// find nothing new.
+// Preloaded into a program to make its disk take four seconds to store the written data. Later
+// calls find no new data.
 #include <sys/syscall.h>
 #include <unistd.h>
 

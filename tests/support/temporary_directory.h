@@ -5,7 +5,7 @@
 
 #include "base/file_text.h"
 
-/// With a shorter way to name what is in it.
+/// Temporary directory with a short way to name its files.
 class TemporaryDirectory : public tachless::base::TemporaryDirectory {
  public:
   using tachless::base::TemporaryDirectory::TemporaryDirectory;

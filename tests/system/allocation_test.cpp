@@ -3,6 +3,7 @@
 // every step.
 #include <gtest/gtest.h>
 
+#include "bus/subscriptions.h"
 #include "controller/node.h"
 #include "logger/node.h"
 #include "messages/wire.h"
@@ -26,7 +27,7 @@ class Recorder : public bus::Transport {
  public:
   Recorder(std::unique_ptr<bus::Transport> inner, std::vector<Heard>& heard)
       : inner_(std::move(inner)), heard_(heard) {}
-  void subscribe(const std::string& channel) override { inner_->subscribe(channel); }
+  int subscribe(const std::string& channel) override { return inner_->subscribe(channel); }
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     inner_->publish(channel, payload);
   }
@@ -51,7 +52,7 @@ class Replay : public bus::Transport {
  public:
   Replay(Role role, const std::vector<Heard>& heard)
       : role_(static_cast<std::size_t>(role)), heard_(heard) {}
-  void subscribe(const std::string& /*channel*/) override {}
+  int subscribe(const std::string& channel) override { return channels_.add(channel); }
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     if (!channel.ends_with("_PARTICIPANT")) return;
     const std::size_t so_far = allocations;
@@ -69,7 +70,7 @@ class Replay : public bus::Transport {
     if (next_ >= heard_.size()) throw base::Failure(base::ExitCode::interrupted, "all replayed");
     const Heard& each = heard_[next_++];
     if (!each.channel.ends_with("_PARTICIPANT")) {
-      return bus::Datagram{each.channel, each.payload, each.sender};
+      return datagram(each, each.payload);
     }
     messages::Stamp stamp;
     messages::Participant who;
@@ -77,11 +78,20 @@ class Replay : public bus::Transport {
     who.heard_instance[role_] = own_.instance;
     who.heard_counter[role_] = own_.counter;
     if (who.roster[role_] != 0) who.roster[role_] = own_.instance;
-    return bus::Datagram{each.channel, codec_.encode(stamp, who), each.sender};
+    return datagram(each, codec_.encode(stamp, who));
   }
   [[nodiscard]] std::optional<std::size_t> counted() const { return counted_; }
 
  private:
+  [[nodiscard]] bus::Datagram datagram(const Heard& heard,
+                                       std::span<const std::byte> payload) const {
+    return {.channel = heard.channel,
+            .payload = payload,
+            .sender = heard.sender,
+            .channel_number = channels_.find(heard.channel)};
+  }
+
+  bus::Subscriptions channels_;
   std::size_t role_;
   const std::vector<Heard>& heard_;
   messages::Participant own_;
@@ -108,19 +118,19 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   }
   const FourThreads elsewhere(scenario);  // for its log's path
   Replay replay(role, heard);
-  session::Link link(
+  session::Session session(
       scenario, replay,
       {.role = role, .run_id = {}, .wait_s = 60, .interrupted = nullptr, .instance = 0});
   try {
     switch (role) {
       case Role::reference:
-        reference::run_node(scenario, link);
+        reference::run_node(scenario, session);
         break;
       case Role::controller:
-        controller::run_node(scenario, controller::scenario_law(scenario), link);
+        controller::run_node(scenario, controller::scenario_law(scenario), session);
         break;
       case Role::logger:
-        logger::run_node(scenario, link, elsewhere.log_path());
+        logger::run_node(scenario, session, elsewhere.log_path());
         break;
       case Role::plant:
         FAIL();
@@ -128,7 +138,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   } catch (const base::Failure& failure) {
     EXPECT_EQ(std::string(failure.what()), "all replayed");
   }
-  EXPECT_EQ(link.statistics().ticks, scenario.loop.num_ticks);
+  EXPECT_EQ(session.statistics().ticks, scenario.loop.num_ticks);
   EXPECT_EQ(replay.counted(), std::optional<std::size_t>(0));
 }
 

@@ -1,4 +1,4 @@
-// The four programs as a user starts them, on the real bus in a network of their own.
+// These tests start the four programs as a user does, on the real bus in a network of their own.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -33,7 +33,7 @@ using system_test::FourPrograms;
 using system_test::roles;
 using system_test::scenarios;
 
-/// Waits until a participant of this role is heard: it is up and waits for the others.
+/// Waits for an announcement of this role: the program is up and waits for the others.
 void hear(bus::Transport& bus, const std::string& role) {
   const messages::Codec<messages::Participant> codec(messages::Layout{});
   messages::Stamp stamp;
@@ -56,7 +56,7 @@ TEST(ByHand, AnyOfThe24OrdersOfStartingWorksAndGivesTheSameLog) {
   do {
     FourPrograms run("paper_rigid.yaml");
     for (const std::string& role : order) {
-      // Each is up and waiting before the next one starts: the order is the one meant.
+      // Each program is up and waits before the next one starts, so the order is certain.
       bus::UdpTransport bus;
       bus.subscribe("ARM_PARTICIPANT");
       run.start(role);
@@ -72,7 +72,7 @@ TEST(ByHand, AnyOfThe24OrdersOfStartingWorksAndGivesTheSameLog) {
   EXPECT_EQ(orders, 24);
 }
 
-/// What each program writes to stderr, run with these options.
+/// Runs the programs with these options, and returns the stderr of each.
 std::map<std::string, std::string> errors_with(const std::vector<std::string>& options) {
   FourPrograms run("paper_rigid.yaml");
   run.settings.insert(run.settings.end(), options.begin(), options.end());
@@ -104,7 +104,7 @@ TEST(ByHand, VerboseSaysWhatEachProgramWorksWith) {
       EXPECT_THAT(more, HasSubstr(line)) << role;
       EXPECT_THAT(normal.at(role), Not(HasSubstr(line))) << role;
     }
-    // Once each, not once per tick: of these there are 400.
+    // Each line appears once, and not in each of the 400 ticks.
     EXPECT_LT(std::count(more.begin(), more.end(), '\n'), 25) << role;
   }
 }
@@ -138,7 +138,7 @@ TEST(ByHand, InterruptedControllerEndsTheRunAndTheLogStaysReadable) {
   FourPrograms run("paper_rigid.yaml");
   run.settings = {"--set", "loop.duration_s=200"};
   run.start_all();
-  // Some of the run must be on disk before it is interrupted.
+  // A part of the run must be on disk before it is interrupted.
   while (run.log_size() < 100000) {
     ASSERT_EQ(run["plant"].errors().find("lost"), std::string::npos) << run["plant"].errors();
   }

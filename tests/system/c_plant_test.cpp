@@ -1,12 +1,10 @@
-// The plant in C of docs/real_robot.md, as a stranger would build it: taken from the page, compiled
-// with lcm-gen's C types and LCM's library, and run without a key with the real reference,
-// controller and logger.
+// examples/c_plant, compiled with lcm-gen's C types and LCM's library as its first lines say, runs
+// without a key with the real reference, controller and logger.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <glob.h>
-#include <fstream>
 #include <map>
 #include <string>
 #include <vector>
@@ -23,15 +21,6 @@ using Words = std::vector<std::string>;
 
 const std::string source_directory = TACHLESS_SOURCE_DIR;
 
-/// The only block of C on the page.
-std::string plant_on_the_page() {
-  const std::string page = contents(source_directory + "/docs/real_robot.md");
-  const std::size_t begin = page.find("```c\n");
-  const std::size_t end = page.find("```\n", begin + 5);
-  if (end == std::string::npos) throw std::runtime_error("docs/real_robot.md holds no plant in C");
-  return page.substr(begin + 5, end - begin - 5);
-}
-
 Words files_like(const std::string& pattern) {
   glob_t found{};
   Words result;
@@ -47,16 +36,16 @@ void run(const TemporaryDirectory& directory, const std::string& program, const 
   ASSERT_EQ(each.wait(), 0) << program << ": " << each.errors();
 }
 
-TEST(APlantInC, OfThePageRunsWithTheOtherThreeWithoutAKey) {
+TEST(APlantInC, RunsWithTheOtherThreeWithoutAKey) {
   const TemporaryDirectory directory;
   const std::string folder = directory.path().string();
-  std::ofstream(folder + "/plant.c") << plant_on_the_page();
   Words types = {"-c", "--c-cpath", folder, "--c-hpath", folder};
   for (const std::string& type : files_like(source_directory + "/lcmtypes/*.lcm")) {
     types.push_back(type);
   }
   run(directory, "lcm-gen", types);
-  Words compile = {"-std=gnu99", "-o", folder + "/plant", folder + "/plant.c"};
+  Words compile = {"-std=gnu99", "-I" + folder, "-o", folder + "/plant",
+                   source_directory + "/examples/c_plant/plant.c"};
   for (const std::string& type : files_like(folder + "/tachless_*.c")) compile.push_back(type);
   compile.emplace_back("-llcm");
   run(directory, "cc", compile);

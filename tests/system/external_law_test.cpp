@@ -1,5 +1,5 @@
-// Laws of programs that are not tachless's: tachless-own-law (own_law.cpp) has the law of
-// paper_rigid under another name, so its torques are known to the last bit.
+// These tests run laws of programs that are not part of tachless. tachless-own-law (own_law.cpp)
+// has the law of paper_rigid under another name, so its torques are known to the last bit.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -48,7 +48,7 @@ class ExternalLaw : public ::testing::Test {
     output_ = program.output();
     return code;
   }
-  /// Of paper_rigid, for 0.1 s, into `out`.
+  /// Returns the words that run paper_rigid for 0.1 s into `out`.
   Words run(const std::string& out, const Words& more = {}) {
     Words words = {"run",        scenarios + "paper_rigid.yaml",
                    "--duration", "0.1",
@@ -72,7 +72,7 @@ class ExternalLaw : public ::testing::Test {
     while (recorded.next(record)) all.push_back(record.command.value().tau);
     return all;
   }
-  /// A run under the program, to be replayed.
+  /// Runs the law of the program, for a later replay.
   void record() { ASSERT_EQ(tachless(with_program(run("own"))), 0) << errors_; }
   int replay_misbehaving(const char* how) {
     setenv("OWN_LAW", how, 1);
@@ -124,7 +124,7 @@ TEST_F(ExternalLaw, IsComparedWithTheRecordedOne) {
   EXPECT_THAT(output_, HasSubstr("2000 ticks, 0 of them with another command"));
 }
 
-/// The program is asked for torques and no more, at other periods too, and has no model of them.
+/// The analysis asks the program only for torques, at other periods too. It has no model of them.
 TEST_F(ExternalLaw, IsCertifiedByItsAnswers) {
   const Words certify = {"certify", scenarios + "paper_rigid.yaml", "--json"};
   ASSERT_EQ(tachless(certify), 0) << errors_;
@@ -134,11 +134,12 @@ TEST_F(ExternalLaw, IsCertifiedByItsAnswers) {
   EXPECT_EQ(all["law"], "own_law (external)");
   const auto& own = all["sampled"];
   EXPECT_EQ(own["stable"], true);
-  // Torques of 1e3 N m, rounded, over a deviation of 1e-6 rad: 1e-7 of gains of 1e4 N m/rad.
+  // Rounded torques of 1e3 N m over a deviation of 1e-6 rad give 1e-7 of gains of 1e4 N m/rad.
   for (const char* key : {"limit_s", "spectral_radius", "settling_s", "decay_per_s"}) {
     EXPECT_NEAR(own[key], inside[key], 1e-5 * inside[key].get<double>()) << key;
   }
-  // Its compensation of gravity, 81 N m/rad beside 1e7 at high frequency, is not known apart.
+  // The answers do not separate its compensation of gravity: 81 N m/rad beside 1e7 at high
+  // frequency.
   for (const char* key : {"gain", "phase_deg", "delay_s", "modulus", "modulus_independent"}) {
     const double expected = inside["margins"][key];
     EXPECT_NEAR(own["margins"][key], expected, 1e-5 * expected) << key;
@@ -148,7 +149,7 @@ TEST_F(ExternalLaw, IsCertifiedByItsAnswers) {
   EXPECT_THAT(errors_, HasSubstr("was killed by signal 9 (Killed) at tick 99"));
 }
 
-/// As that of a law in the library; a law that is not linear runs without one.
+/// The program's law has a prediction like a law in the library. A nonlinear law runs without one.
 TEST_F(ExternalLaw, IsPredictedBeforeItRuns) {
   record();
   EXPECT_THAT(errors_, HasSubstr("stable at 20 kHz with 0 ticks of delay: limit 101.9 µs"));
@@ -174,7 +175,7 @@ TEST_F(ExternalLaw, TellsHowTheProgramEnded) {
   EXPECT_EQ(replay_misbehaving("kill"), 3);
   EXPECT_THAT(errors_, AllOf(HasSubstr("was killed by signal 9 (Killed) at tick 99"),
                              Not(HasSubstr("above"))));  // it wrote nothing
-  EXPECT_EQ(replay_misbehaving("not finite"), 1);        // as of a law in the library
+  EXPECT_EQ(replay_misbehaving("not finite"), 1);        // like a law in the library
   EXPECT_THAT(errors_, HasSubstr("the torque of joint 1 of law own_law at tick 99 is not finite"));
   EXPECT_EQ(replay_misbehaving("hang"), 3);
   EXPECT_THAT(errors_, HasSubstr("no answer at tick 99 within 5 s"));
@@ -216,7 +217,7 @@ TEST_F(ExternalLaw, StopsTheRunByATorqueThatIsNotFinite) {
   EXPECT_THAT(errors_, HasSubstr("what it computed at tick 0 is not finite"));
 }
 
-/// Answers to what was asked before are still under way then.
+/// Answers to earlier questions are still under way then.
 TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
   setenv("OWN_LAW", "nan message", 1);
   const scenario::Scenario scenario =
@@ -234,7 +235,7 @@ TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
   }
 }
 
-/// Threads that ask may end: what one of them had started was ended by the kernel with it.
+/// A thread that asks may end. The kernel once ended the program with the thread that started it.
 TEST_F(ExternalLaw, AnswersWithAndWithoutGravityFromAnyThread) {
   const scenario::Scenario scenario = scenario::load_scenario(
       scenarios + "ur5e.yaml", {"controller.law=external", "controller.measurement=POSITION"});
@@ -263,13 +264,13 @@ TEST_F(ExternalLaw, HasToTakePart) {
   EXPECT_THAT(errors_, HasSubstr("--controller 'true': ended at the start; does its main call"));
   EXPECT_EQ(tachless(run("no", {"--in-process", "--controller", "true"})), 3);
   EXPECT_THAT(errors_, HasSubstr("ended at the start; does its main call"));
-  EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 3);
+  EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 2);
   EXPECT_THAT(errors_, HasSubstr("no-such-program: not found"));
   EXPECT_EQ(tachless(run("no", {"--plant", "true", "--mode", "realtime"})), 3);
   EXPECT_THAT(errors_, HasSubstr("--plant 'true': ended without having taken part"));
 }
 
-/// A simulator may wait, as the emulator does: here it is that one.
+/// A simulator may wait, as the emulator does. Here the simulator is the emulator.
 TEST(ExternalPlant, LeavesTheLogOfTheEmulatorInLockstep) {
   const TemporaryDirectory directory;
   const auto log_of = [&](const char* name, const Words& more) {

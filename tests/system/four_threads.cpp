@@ -17,17 +17,17 @@ namespace {
 
 using messages::Role;
 
-void run_role(Role role, const scenario::Scenario& scenario, session::Link& link,
+void run_role(Role role, const scenario::Scenario& scenario, session::Session& session,
               const std::filesystem::path& log_path) {
   switch (role) {
     case Role::plant:
-      return plant::run_node(scenario, link);
+      return plant::run_node(scenario, session);
     case Role::reference:
-      return reference::run_node(scenario, link);
+      return reference::run_node(scenario, session);
     case Role::controller:
-      return controller::run_node(scenario, controller::scenario_law(scenario), link);
+      return controller::run_node(scenario, controller::scenario_law(scenario), session);
     case Role::logger:
-      return logger::run_node(scenario, link, log_path);
+      return logger::run_node(scenario, session, log_path);
   }
 }
 
@@ -68,7 +68,7 @@ void FourThreads::start(Role role) {
   if (wrapper_) transport = wrapper_(role, std::move(transport));
   threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
     Outcome& outcome = outcomes_.at(index);
-    session::Link link(
+    session::Session session(
         scenario, *endpoint,
         {.role = role,
          .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
@@ -76,7 +76,7 @@ void FourThreads::start(Role role) {
          .interrupted = &interrupted_.at(index),
          .key = key_});
     try {
-      link.guard([&] { run_role(role, scenario, link, log_path()); });
+      session.guard([&] { run_role(role, scenario, session, log_path()); });
     } catch (const base::Failure& failure) {
       outcome.code = failure.code();
       outcome.fault = failure.what();
@@ -84,7 +84,7 @@ void FourThreads::start(Role role) {
       outcome.code = base::ExitCode::protocol_violated;
       outcome.fault = std::string("internal error: ") + error.what();
     }
-    outcome.statistics = link.statistics();
+    outcome.statistics = session.statistics();
   });
 }
 

@@ -15,7 +15,7 @@
 #include "bus/key.h"
 #include "messages/wire.h"
 #include "scenario/scenario.h"
-#include "session/link.h"
+#include "session/session.h"
 #include "tests/support/in_memory.h"
 #include "tests/support/temporary_directory.h"
 
@@ -32,11 +32,11 @@ struct RunResult {
   std::map<messages::Role, Outcome> of;
   std::string log;  ///< the log file's bytes
 
-  /// "" when all four ended well, else who did not and why.
+  /// Returns "" if all four ended well, else the nodes that did not, and why.
   [[nodiscard]] std::string complaints() const;
 };
 
-/// Wraps a node's transport; takes the place of the network for that node.
+/// A function that wraps a node's transport. The result replaces the network for that node.
 using Wrapper =
     std::function<std::unique_ptr<bus::Transport>(messages::Role, std::unique_ptr<bus::Transport>)>;
 
@@ -47,19 +47,19 @@ class FourThreads {
 
   bus::InMemoryNetwork& network() { return network_; }
   void wrap(Wrapper wrapper) { wrapper_ = std::move(wrapper); }
-  /// All four have it.
+  /// Gives the key to all four nodes.
   void give_key(const bus::Key& key) { key_ = key; }
-  /// At the start, at most; default: a minute.
+  /// Sets the longest wait at the start; default: a minute.
   void wait_for_others(double wait_s) { wait_s_ = wait_s; }
-  /// The scenario of one role alone.
+  /// Gives one role alone this scenario.
   void give(messages::Role role, const scenario::Scenario& scenario);
-  /// What a user's Ctrl-C in that process does.
+  /// Interrupts the node of `role`, as a user's Ctrl-C interrupts its process.
   void interrupt(messages::Role role) { interrupted_.at(static_cast<std::size_t>(role)) = true; }
 
   void start(messages::Role role);
-  /// Waits for those that were started.
+  /// Waits for the nodes that were started.
   void wait();
-  /// Starts whoever is not running yet, waits for all and reads the log.
+  /// Starts the nodes that do not run yet, waits for all and reads the log.
   RunResult finish();
 
   [[nodiscard]] std::filesystem::path log_path() const;
@@ -80,10 +80,10 @@ class FourThreads {
 inline constexpr std::array all_roles = {messages::Role::plant, messages::Role::reference,
                                          messages::Role::controller, messages::Role::logger};
 
-/// scenarios/NAME.yaml with these overrides.
+/// Returns scenarios/NAME.yaml with these overrides.
 scenario::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides);
 
-/// One run from start to end.
+/// Carries out one run from start to end.
 RunResult run(const scenario::Scenario& scenario, const bus::NetworkFaults& faults = {});
 
 }  // namespace tachless::system_test

@@ -1,4 +1,4 @@
-// Gains changed while the four programs run: `tachless gains`, the log, and its replay.
+// These tests change gains while the four programs run: `tachless gains`, the log, its replay.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,6 +16,8 @@
 
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
@@ -31,14 +33,14 @@ using ::testing::StartsWith;
 
 class GainsInARun : public testing::Test {
  protected:
-  /// Two joints in simulation time, for as long as the test wants.
+  /// Starts a run of two joints in simulation time, for as long as the test wants.
   void play(std::vector<std::string> more = {}) {
     run.settings = {"--set", "loop.duration_s=10000"};
     run.settings.insert(run.settings.end(), more.begin(), more.end());
     run.start_all();
     wait_until("the log grows", [&] { return run.log_size() > 50'000; });
   }
-  /// The verb's exit code; `said` is what it printed.
+  /// Runs the verb and returns its exit code. `said` becomes its output.
   int change(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "gains");
     Program program("tachless", arguments, run.directory().path());
@@ -68,12 +70,12 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   ASSERT_EQ(change({"arm", "kp=[300, 100]", "--json"}), 0) << said;
   const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(first.at("gains").get<std::string>(), HasSubstr("kp=300,100"));
-  // What is not named stays as the first change has left it.
+  // Gains that are not named stay as the first change has left them.
   ASSERT_EQ(change({"ARM", "kd=[40, 12]", "--json"}), 0) << said;
   const auto second = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(second.at("gains").get<std::string>(),
               AllOf(HasSubstr("kp=300,100"), HasSubstr("kd=40,12")));
-  // The plant has begun that tick, but need not have ended it: a run that ends now may lack it.
+  // The plant has begun that tick, but may not have ended it. A run that ends now may lack it.
   wait_until("the log has the tick of the second change, and later ones", [&] {
     const std::string log = contents(run.log_path());
     const std::size_t at = log.find(second.at("gains").get<std::string>());
@@ -88,13 +90,13 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   ASSERT_EQ(changes.size(), 2U);
   EXPECT_EQ(changes[0].tick, first.at("tick"));
   EXPECT_EQ(changes[1].tick, second.at("tick"));
-  EXPECT_EQ(changes[1].gains, second.at("gains"));
+  EXPECT_EQ(changes[1].gains, second.at("gains").get<std::string>());
   EXPECT_GE(log.summary().last_tick, changes[1].tick);  // the run is ended soon after
 
   EXPECT_EQ(tachless({"replay", run.log_path()}), 0) << said;
   EXPECT_EQ(tachless({"info", run.log_path()}), 0) << said;
   EXPECT_THAT(said, HasSubstr("gains     from tick " + std::to_string(changes[0].tick)));
-  // The log without its changes is not what the controller has computed.
+  // The log without its changes differs from the results of the controller.
   std::string bytes = contents(run.log_path());
   const std::string gains = changes[0].gains;
   std::string other = gains;
@@ -128,7 +130,7 @@ TEST_F(GainsInARun, AreRefusedWhereTheyAreUnstableUnknownOrNotAllowed) {
   EXPECT_TRUE(log.summary().gains.empty());
 }
 
-/// Another count would end the run: the law's memory has its size.
+/// Another count would end the run: the law's memory has the size of the first.
 TEST_F(GainsInARun, KeepTheCountsThatTheRunBeganWith) {
   play({"--set",
         "controller={law: kalman_velocity, gains: {kp: [4000, 240], kd: [200, 12], "
@@ -153,6 +155,39 @@ TEST_F(GainsInARun, AreChangedWhateverElseIsSentOnTheRunsChannels) {
   EXPECT_EQ(change({"arm", "kp=[300, 100]"}), 0) << said;
   done = true;
   stranger.join();
+  end();
+}
+
+/// A recorded session may show its sender other gains than those in force.
+TEST_F(GainsInARun, AreNotReplacedByASenderThatHasSeenOthers) {
+  play(may_change);
+  ASSERT_EQ(change({"arm", "kd=[40, 12]", "--json"}), 0) << said;
+  const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  const std::string in_force = first.at("gains");
+  wait_until("later ticks are in the log",
+             [&, size = run.log_size()] { return run.log_size() > size + 50'000; });
+
+  messages::Codec<messages::GainChange> codec{messages::Layout{}};
+  auto acks = messages::port<messages::GainAck>("ARM", {});
+  const std::int64_t digest =
+      scenario::load_scenario(system_test::scenarios + "practical_rigid.yaml",
+                              {"loop.duration_s=10000", "controller.gains_may_change=true"})
+          .digest;
+  const messages::Stamp stamp{0, 7, first.at("tick").get<std::int64_t>() + 1};
+  bus::UdpTransport bus;
+  bus.subscribe(acks.channel);
+  const auto send = [&](const std::string& replaces, std::int64_t number) {
+    bus.publish("ARM_GAINS", codec.encode(stamp, {"kp=300,100", replaces, digest, number}));
+  };
+  send("", 5);
+  send("kd=41,12", 6);
+  send(in_force, 7);
+  const auto ack = bus.receive(base::Clock::now() + std::chrono::seconds(60));
+  ASSERT_TRUE(ack);
+  messages::Stamp changed_at;
+  messages::GainAck acknowledged;
+  ASSERT_EQ(acks.codec.decode(ack->payload, changed_at, acknowledged), messages::Rejection::none);
+  EXPECT_EQ(acknowledged.number, 7);
   end();
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs a build into BUILD/installed, as a user does, and builds the projects of examples/ against
-# that, from outside of the tree, one of them by pkg-config too. package.xml is what REP 149 wants.
+# Installs a build into BUILD/installed, as a user does. Builds the projects of examples/ against it
+# from outside of the tree, one of them by pkg-config too. package.xml agrees with REP 149.
 set -euo pipefail
 tree=${1:?usage: install.sh SOURCE_DIR BUILD_DIR}
 build=${2:?usage: install.sh SOURCE_DIR BUILD_DIR}
@@ -14,7 +14,7 @@ fail=0
 grep -rlF -e "$tree/" -e "$build/" "$prefix" | sed 's/$/: has a path of the build in it/' | grep . && fail=1
 find "$prefix" -type d -empty | sed 's/$/: is empty/' | grep . && fail=1
 
-# They find tachless where packages are missing that it is built with and they do not need.
+# They find tachless without the packages that only the build of tachless needs.
 without=()
 for package in CLI11 NLopt urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
 for example in own_law own_driver iiwa simulate_and_read; do
@@ -26,7 +26,7 @@ for example in own_law own_driver iiwa simulate_and_read; do
 done
 readelf -d "$prefix/work/own_law/build/own_law" | grep SimTK && fail=1  # of a law's program not loaded
 
-# What it simulates is what the log of a run has.
+# The simulation of the example equals the log of a run.
 scenario=$tree/scenarios/regulation.yaml
 "$prefix/bin/tachless" run "$scenario" --in-process --quiet --out "$prefix/work/log"
 "$prefix/work/simulate_and_read/build/simulate_and_read" "$scenario" >"$prefix/work/simulated"

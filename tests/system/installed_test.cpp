@@ -1,4 +1,4 @@
-// The installation that install.sh made, from outside of the tree.
+// These tests use the installation that install.sh made, from outside of the tree.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ const std::string prefix = TACHLESS_BINARY_DIR "/installed/";
 
 class Installed : public testing::Test {
  protected:
-  /// As typed in a shell whose directory is empty at first.
+  /// Runs `command` as if typed in a shell, in a directory that is empty at first.
   Outcome type(const std::string& command) {
     return support::shell(
         "cd " + directory_.path().string() + " && PATH=" + prefix +
@@ -85,7 +85,7 @@ TEST_F(Installed, ANewProjectDoesWhatItsReadmeSaysAsTyped) {
   }
 }
 
-// A line may say the exit code that it is to end with: "… # exit code 2".
+// A line may name its expected exit code: "… # exit code 2".
 TEST_F(Installed, TheTutorialWorksAsTyped) {
   std::ifstream tutorial(prefix + "share/doc/tachless/docs/tutorial.md");
   const std::string expects = " # exit code ";
@@ -142,8 +142,8 @@ TEST_F(Installed, OwnLawOfTheExampleGivesTheTorquesOfTheOneBuiltIn) {
   ASSERT_EQ(expected.size(), 2000U);
   ASSERT_EQ(got.size(), expected.size());
   for (std::size_t k = 0; k < got.size(); ++k) {
-    // Rounding: the filter is written otherwise, and gains of 40000 N m/rad and 1000 N m s/rad
-    // make 1e-10 N m of an eps of e and nu.
+    // The example writes the filter otherwise, so rounding differs. Gains of 40000 N m/rad and
+    // 1000 N m s/rad make 1e-10 N m of an eps of e and nu.
     ASSERT_NEAR((got[k] - expected[k]).norm(), 0, 1e-8) << "tick " << k;
   }
   const Outcome replay = type("tachless replay own" + program);

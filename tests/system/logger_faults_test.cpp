@@ -1,4 +1,4 @@
-// A logger that cannot write, and one that is killed: what is said, what is kept, how the run ends.
+// These tests have a logger that cannot write, or is killed. They check messages, log and run end.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -36,8 +36,8 @@ using ::testing::HasSubstr;
 
 const std::string practical_rigid = scenarios + "practical_rigid.yaml";
 
-/// The last tick whose truth is in the log. Everything before is there, and nothing is damaged but,
-/// of a logger that was killed within a write, the log's last event.
+/// Returns the last tick whose truth is in the log. The log has everything before, undamaged. Only
+/// the last event may be damaged, if the logger was killed within a write.
 std::int64_t last_tick_of(const std::string& path, bool killed = false) {
   logger::RunLog log = logger::RunLog::open(path);
   logger::TickRecord record;
@@ -52,7 +52,7 @@ std::int64_t last_tick_of(const std::string& path, bool killed = false) {
   } else {
     EXPECT_FALSE(damage.any());
   }
-  // The log ends anywhere: within a tick k, after its TICK, perhaps before TRUTH(k) came.
+  // The log may end within a tick k: after its TICK, and before its TRUTH.
   EXPECT_LE(log.summary().last_tick - last, 1);
   EXPECT_LE(log.summary().of(messages::Slot::truth).missing.count, 1U);
   return last;
@@ -63,7 +63,7 @@ void expect_replays(const std::string& log, const TemporaryDirectory& directory)
   EXPECT_EQ(replay.wait(), 0) << replay.errors();
 }
 
-/// No protective stop because this machine is busy: it is the disk that matters here.
+/// A busy machine causes no protective stop with this setting: the tests are about the disk.
 const std::string patient = "loop.max_missed=1000";
 
 class AFullDisk : public ::testing::TestWithParam<std::string> {};
@@ -88,7 +88,7 @@ TEST_P(AFullDisk, EndsTheFourProgramsAndKeepsWhatHasRoom) {
             HasSubstr("the first " + std::to_string(fs::file_size(log)) + " bytes are kept"),
             HasSubstr("free some space on that disk")));
   EXPECT_THAT(run["plant"].errors(), HasSubstr("ended because of the logger"));
-  // All the disk's room but for the last event, which had none.
+  // The log takes all the disk's room. The last event had no room.
   EXPECT_GT(fs::file_size(log), 1'024U * 1'024 - 4'096);
   EXPECT_GT(last_tick_of(log), 1'000);
   expect_replays(log, run.directory());
@@ -103,7 +103,7 @@ TEST_P(AFullDisk, EndsTachlessRunAndKeepsWhatHasRoom) {
               directory.path());
   run.wait_for("cannot write the log");
   const auto told = Clock::now();
-  // The four programs; the log's figures are drawn after them.
+  // The four programs are there. The figures of the log are drawn after them.
   const auto are_there = [&] {
     return std::ranges::any_of(support::children_of(run.pid()), [](pid_t pid) {
       return support::program_of(pid).starts_with("tachless-");
@@ -123,7 +123,7 @@ TEST_P(AFullDisk, EndsTachlessRunAndKeepsWhatHasRoom) {
 INSTANTIATE_TEST_SUITE_P(In, AFullDisk, ::testing::Values("lockstep", "realtime"),
                          [](const auto& mode) { return mode.param; });
 
-/// It takes longer than the time to give up, and the logger is not lost meanwhile.
+/// The disk takes longer than the time to give up, and the logger is not lost meanwhile.
 TEST(ASlowDisk, IsWaitedForAtTheEnd) {
   for (const char* mode : {"lockstep", "realtime"}) {
     const TemporaryDirectory directory;
@@ -194,7 +194,7 @@ TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
   run["plant"].signal(SIGINT);
   for (const char* role : {"plant", "reference", "controller"}) run[role].wait();
 
-  // Where the machine stood still, the logger did too.
+  // The logger stood still whenever the machine did.
   const auto due = killed - promised - oversleep.longest();
   while (!heard.empty() && heard.back().second > due) heard.pop_back();
   ASSERT_FALSE(heard.empty()) << "stood still for "

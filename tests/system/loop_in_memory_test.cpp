@@ -217,25 +217,25 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
   std::map<std::int64_t, std::vector<std::byte>> commands;
   {
     Bystander stand_in([&](const std::atomic<bool>& stop) {
-      session::Link link(scenario, *endpoint,
-                         {.role = Role::logger,
-                          .run_id = {},
-                          .wait_s = 60,
-                          .interrupted = nullptr,
-                          .instance = 0});
+      session::Session session(scenario, *endpoint,
+                               {.role = Role::logger,
+                                .run_id = {},
+                                .wait_s = 60,
+                                .interrupted = nullptr,
+                                .instance = 0});
       for (const auto* channel : {"ARM_RUN_INFO", "ARM_COMMAND", "ARM_TICK"}) {
         endpoint->subscribe(channel);
       }
-      link.guard([&] {
-        link.join({}, {});
+      session.guard([&] {
+        session.join({}, {});
         messages::Codec<messages::LogAck> acks(layout(scenario));
         messages::Codec<messages::TorqueCommand> codec(layout(scenario));
         std::int64_t newest = -1;
-        link.membership().complete();  // it does not mind what it misses
-        while (!link.membership().plant_finished() && !stop) {
-          link.poll(Clock::now());
+        session.membership().on_all_ticks_done();  // it does not mind what it misses
+        while (!session.membership().has_plant_finished() && !stop) {
+          session.poll(Clock::now());
           const auto datagram = endpoint->receive(Clock::now() + 1ms);
-          if (datagram && link.handle(*datagram) != session::Link::Handled::no) continue;
+          if (datagram && session.handle(*datagram) != session::Session::Handled::no) continue;
           if (datagram && datagram->channel == "ARM_COMMAND") {
             messages::Stamp stamp;
             messages::TorqueCommand command;
@@ -245,11 +245,11 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
           }
           const std::int64_t over =
               newest == scenario.loop.num_ticks - 1 && !datagram ? newest : newest - 1;
-          endpoint->publish(
-              "ARM_LOG_ACK",
-              acks.encode({0, link.run(), std::max<std::int64_t>(over, -1)}, messages::LogAck{}));
+          endpoint->publish("ARM_LOG_ACK",
+                            acks.encode({0, session.run(), std::max<std::int64_t>(over, -1)},
+                                        messages::LogAck{}));
         }
-        link.leave();
+        session.leave();
       });
     });
     threads.start(Role::plant);

@@ -1,6 +1,6 @@
-// Whole loops on the wall clock. The robot is at rest and shall stay there, and any number of
-// commands may be missed unless a test says otherwise: what is checked does not depend on how busy
-// the machine is.
+// These tests run whole loops on the wall clock. The robot is at rest and shall stay there. Any
+// number of commands may be missed, unless a test says otherwise. The checks do not depend on the
+// load of the machine.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -76,7 +76,7 @@ TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
         << event->channel << " " << stamp.tick;
   }
   EXPECT_GE(participants, 4);
-  // From the first tick to the last, and not much of what was before.
+  // The time runs from the first tick to the last, and has little of the time before.
   EXPECT_GE(utime, 299'000);
   for (std::int64_t k = 0; k < 300; ++k) {
     for (const auto* channel : {"ARM_TICK", "ARM_POSITION", "ARM_REFERENCE", "ARM_TRUTH"}) {
@@ -86,7 +86,7 @@ TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
   const session::Statistics& logger = result.of.at(Role::logger).statistics;
   const session::Statistics& controller = result.of.at(Role::controller).statistics;
   EXPECT_EQ(logger.logger().log.ticks + logger.logger().log.gaps, 300);
-  // This network loses nothing: only what a busy controller passed over is missing.
+  // This network loses nothing. Only ticks that a busy controller skipped are missing.
   EXPECT_EQ(logger.logger().log.gaps, controller.controller().skipped_ticks);
 }
 
@@ -149,7 +149,7 @@ TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
   ASSERT_NE(last, log.ticks.rend());
   EXPECT_EQ(last->truth->fault, DriveFault::protective_stop);
   EXPECT_EQ(last->truth->tau, Vector::Zero(2));
-  // Braked from when the stop began: some tenths of a second, so a good part is in the log.
+  // The drives brake for some tenths of a second, so a good part is in the log.
   const auto braked = std::ranges::count_if(log.ticks, [](const logger::TickRecord& each) {
     return each.truth && each.truth->fault == DriveFault::protective_stop;
   });
@@ -158,7 +158,7 @@ TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
   EXPECT_THAT(log.summary.faults.front().text, HasSubstr("21 commands in a row"));
 }
 
-/// From the first to the last tick whose drives braked; nothing is missing between.
+/// Expects that the log has all between the first and the last tick whose drives braked.
 void expect_stop_recorded(const Recorded& log, const Outcome& plant) {
   ASSERT_FALSE(log.ticks.empty());
   const auto stops = std::ranges::count_if(log.ticks, [](const logger::TickRecord& each) {
@@ -168,9 +168,14 @@ void expect_stop_recorded(const Recorded& log, const Outcome& plant) {
   ASSERT_TRUE(log.ticks.back().truth);
   EXPECT_EQ(log.ticks.back().truth->fault, DriveFault::protective_stop);
   EXPECT_EQ(log.ticks.back().tick, plant.statistics.ticks - 1) << "the stop is recorded to its end";
+  // Nobody answers while the robot comes to rest. At most a tick at its beginning is incomplete.
+  const std::uint64_t lost = plant.statistics.plant().missed_commands;
+  for (const auto slot : {messages::Slot::command, messages::Slot::controller_state}) {
+    EXPECT_LE(log.summary.of(slot).missing.count, lost + 1);
+  }
 }
 
-/// A stranger answers a message of `channel` with the same, but for its last number.
+/// Answers each message of `channel` with the same, except for its last number, as a stranger.
 void contradict(bus::Transport& bus, const std::string& channel, const std::atomic<bool>& stop) {
   bus.subscribe(channel);
   while (!stop) {
@@ -183,7 +188,7 @@ void contradict(bus::Transport& bus, const std::string& channel, const std::atom
 }
 
 TEST(AProtectiveStop, IsInTheLogWhoeverNoticesFirstThatTwoCommand) {
-  // Of a conflict in TRUTH only the logger knows.
+  // Only the logger knows of a conflict in TRUTH.
   for (const std::string channel : {"ARM_COMMAND", "ARM_TRUTH"}) {
     SCOPED_TRACE(channel);
     FourThreads threads(
@@ -248,7 +253,8 @@ TEST(RealtimeRun, EndsWhenTheLoggerDiesThoughSomebodyRepeatsWhatItHasAnnounced) 
   repeater.join();
   EXPECT_EQ(result.of.at(Role::plant).code, ExitCode::peer_lost);
   EXPECT_THAT(result.of.at(Role::plant).fault, HasSubstr("has been silent for 1 s"));
-  // Half a second to its death, one second, half a second of braking; the rest for a busy machine.
+  // Its death takes half a second, then come one second and half a second of braking. The rest is
+  // for a busy machine.
   EXPECT_LT(result.of.at(Role::plant).statistics.ticks, 5'000);
 }
 
@@ -261,8 +267,8 @@ Wrapper on_the_network(const std::string& url) {
 
 constexpr auto counting_url = "udpm://239.255.76.67:7704?ttl=0";
 
-/// Counts what a node allocates from its fifth message on `channel` to its last, but for what it
-/// does between a message on `not_after` and its next dealing with the bus.
+/// A counter of a node's allocations from its fifth message on `channel` to its last. It leaves out
+/// the time between a message on `not_after` and the next call of the bus.
 class Counting : public Wrapped {
  public:
   struct Count {
@@ -324,7 +330,7 @@ TEST_P(ARealtimeRun, AllocatesNothingAfterTheFirstTicks) {
   for (const auto& [role, channel] : channels) counts[role];
   threads.wrap([&](Role role, std::unique_ptr<bus::Transport> inner) {
     if (!channels.contains(role)) return on_the_network(counting_url)(role, std::move(inner));
-    // Having said what it does the plant integrates, and Simbody's integrators allocate.
+    // The plant integrates after its TRUTH, and Simbody's integrators allocate.
     return std::unique_ptr<bus::Transport>(
         new Counting(channels.at(role), role == Role::plant ? "ARM_TRUTH" : "", counts.at(role)));
   });

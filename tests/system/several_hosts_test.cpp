@@ -1,4 +1,4 @@
-// One program a host, on a switch: what the table in docs/faults.md says of links and hosts.
+// Each program has a host on a switch. These tests check the links and hosts of docs/faults.md.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -43,7 +43,7 @@ nlohmann::json statistics(const FourPrograms& run, const std::string& role) {
   return nlohmann::json::parse(contents(run.statistics_path(role)));
 }
 
-/// Returns when so much of the run is recorded: it is under way.
+/// Waits until the log has `bytes`: the run is under way.
 void wait_for_log(FourPrograms& run, std::uintmax_t bytes) {
   while (run.log_size() < bytes) {
     ASSERT_TRUE(run["plant"].running() && run["logger"].running())
@@ -62,7 +62,7 @@ std::vector<logger::TickRecord> ticks_of(const std::filesystem::path& path) {
   return ticks;
 }
 
-/// How many gaps between commands are longer than the law's memory bridges (docs/realtime.md).
+/// Counts gaps between commands that are too long for the law's memory (docs/realtime.md).
 int too_long_gaps_between_commands(const std::vector<logger::TickRecord>& ticks) {
   constexpr std::int64_t longest_bridged = 64;
   std::optional<std::int64_t> last;
@@ -75,9 +75,9 @@ int too_long_gaps_between_commands(const std::vector<logger::TickRecord>& ticks)
   return too_long;
 }
 
-/// The log of a run that has failed but for its last event, which says why (docs/log.md).
+/// Returns a failed run's log without its last event, which says why (docs/log.md).
 std::string without_the_fault(const std::string& log) {
-  const std::size_t last = log.rfind("\xed\xa1\xda\x01");  // what every event begins with
+  const std::size_t last = log.rfind("\xed\xa1\xda\x01");  // the start of every event
   const bool says_why = log.find("ARM_PARTICIPANT", last) != std::string::npos;
   return says_why ? log.substr(0, last) : log;
 }
@@ -88,7 +88,7 @@ class LockstepOnFourHosts : public testing::Test {
  protected:
   LockstepOnFourHosts() { run.programs.settings = settings; }
 
-  /// The log of the same run on one host, without any fault.
+  /// Returns the log of the same run on one host, without any fault.
   static const std::string& clean() {
     static const std::string log = [] {
       FourPrograms one_host(scenario);
@@ -107,11 +107,11 @@ class LockstepOnFourHosts : public testing::Test {
   }
 
   static constexpr const char* scenario = "practical_rigid.yaml";
-  // Longer than a busy machine gives these programs no time at all: who is starved is not dead.
+  // A busy machine may give these programs no time for less than this. They are not dead then.
   static constexpr const char* impatient = "loop.give_up_s=4";
-  // The kernel tells of a port that is up again within a second, and where other tests hold the
-  // lock of its network devices later: two seconds without a link were three in one of forty, and
-  // once five. That is not what is tested here.
+  // The kernel reports within a second that a port is up again. It takes longer if other tests hold
+  // the lock of its network devices. Two seconds without a link were three in one of forty, and
+  // once five. The tests are not about this delay.
   static inline const std::vector<std::string> settings =
       set({"loop.duration_s=4", "loop.give_up_s=15"});
   FourHostsRun run{scenario};
@@ -162,7 +162,7 @@ TEST_F(LockstepOnFourHosts, EndsOnBothSidesOfALinkThatIsDownForLongerThanTheTime
   EXPECT_THAT(run["plant"].errors(), AllOf(HasSubstr("controller-host"), HasSubstr("4 s")));
   EXPECT_THAT(run["controller"].errors(), AllOf(HasSubstr("plant-host"), HasSubstr("4 s")));
 
-  // What is recorded is whole ticks, and the beginning of the log of the run that ends well.
+  // The log has whole ticks. It is the beginning of the log of the run that ends well.
   const std::string first = without_the_fault(contents(run.programs.log_path()));
   for (const logger::TickRecord& each : ticks_of(run.programs.log_path())) {
     for (const messages::Slot piece : messages::all_slots)
@@ -203,7 +203,7 @@ TEST_P(LockstepWithoutOneHost, EndsNamingItAndItsSuccessorWaitsForTheNextRun) {
   const auto keep_log = [&] { std::filesystem::rename(run.programs.log_path(), first_log); };
   if (lost == "logger") keep_log();  // the next one begins another
 
-  // At once, while the others have not noticed yet.
+  // The successor starts at once, before the others notice.
   run.start(lost);
   for (const char* role : roles) {
     if (role == lost) continue;
@@ -211,7 +211,7 @@ TEST_P(LockstepWithoutOneHost, EndsNamingItAndItsSuccessorWaitsForTheNextRun) {
     EXPECT_THAT(run[role].errors(), HasSubstr(lost + "-host"));
   }
   if (lost != "logger") keep_log();
-  // What there is of the log is the beginning of a whole one: nothing is missing in between.
+  // The log is the beginning of a whole one: nothing is missing in between.
   const std::vector<logger::TickRecord> ticks = ticks_of(first_log);
   EXPECT_GT(ticks.size(), 100U);
 
@@ -242,7 +242,7 @@ class RealtimeOnFourHosts : public testing::Test {
   [[nodiscard]] nlohmann::json of(const std::string& role) const {
     return statistics(run.programs, role);
   }
-  /// After the run has got under way, for this long.
+  /// Cuts the link of `role` for `duration`, once the run is under way.
   void cut(const std::string& role, std::chrono::milliseconds duration) {
     wait_for_log(run.programs, under_way);
     run.hosts.unplug(role);
@@ -255,7 +255,7 @@ class RealtimeOnFourHosts : public testing::Test {
       EXPECT_THAT(run[role].errors(), HasSubstr(message)) << role;
     }
   }
-  /// The last TRUTH that is recorded.
+  /// Returns the last TRUTH that is recorded.
   [[nodiscard]] messages::truth::PlantTruth last_truth() const {
     messages::truth::PlantTruth last;
     for (const logger::TickRecord& each : ticks_of(run.programs.log_path())) {
@@ -264,10 +264,10 @@ class RealtimeOnFourHosts : public testing::Test {
     return last;
   }
 
-  // As many as no busy machine makes a controller miss in a row: where a test counts on the run
-  // going on, only the network may stop it.
+  // No busy machine makes a controller miss so many in a row. Only the network may stop a run that
+  // must go on for its test.
   static constexpr const char* patient = "loop.max_missed=2000";
-  // Less than a link that is down for 200 ms costs.
+  // A link that is down for 200 ms costs more.
   static constexpr const char* impatient = "loop.max_missed=50";
   static constexpr const char* too_many = "51 commands in a row did not come";
   FourHostsRun run{"practical_rigid.yaml"};
@@ -280,7 +280,7 @@ TEST_F(RealtimeOnFourHosts, RunsAtOneKilohertz) {
   EXPECT_EQ(
       of("logger").at("log").at("ticks").get<int>() + of("logger").at("log").at("gaps").get<int>(),
       2000);
-  // This network loses nothing: only what a busy controller passed over is missing.
+  // This network loses nothing. Only ticks that a busy controller skipped are missing.
   EXPECT_EQ(of("logger").at("log").at("gaps"), of("controller").at("skipped_ticks"));
 }
 
@@ -300,13 +300,13 @@ TEST_F(RealtimeOnFourHosts, HoldsTheLastTorqueWhileALinkIsDownForLessThanMaxMiss
   play({"loop.duration_s=4", patient, "reference={hold: {position_rad: [0, 0]}}"});
   cut("controller", 500ms);
   run.programs.expect_all_done();
-  // Late ticks are made up for: a plant that stood still in the cut has fewer of them without a
-  // link.
+  // The plant catches up on late ticks. A plant that stood still in the cut has fewer of them
+  // without a link.
   constexpr int at_least = 200;
   EXPECT_GE(of("plant").at("longest_command_miss"), at_least);
   EXPECT_GE(of("controller").at("skipped_ticks"), at_least);
   const auto ticks = ticks_of(run.programs.log_path());
-  // One, unless the machine stood still as long at another time.
+  // It is one, unless the machine stood still as long at another time.
   EXPECT_GE(of("controller").at("restarts"), 1) << "too long for the law's memory";
   EXPECT_EQ(of("controller").at("restarts"), too_long_gaps_between_commands(ticks));
   EXPECT_THAT(run["controller"].errors(), HasSubstr("the law's memory began anew"));
@@ -364,12 +364,12 @@ TEST_F(RealtimeOnFourHosts, ARecordersLinkThatIsDownForTwoSecondsStopsNobodyAndT
   const auto recorded =
       std::count_if(ticks.begin(), ticks.end(), [](const auto& tick) { return tick.truth; });
   const auto unrecorded = 10'000 - recorded;
-  // Half of the cut at least: a busy machine makes fewer ticks in those two seconds.
+  // It is half of the cut at least: a busy machine makes fewer ticks in those two seconds.
   EXPECT_GE(unrecorded, 1000);
   EXPECT_GE(of("logger").at("log").at("gaps"), unrecorded);
   EXPECT_THAT(run["logger"].errors(),
               HasSubstr(fmt::format("{} of 10000 ticks have no ARM_TRUTH", unrecorded)));
-  // Whoever depended on the recorder would miss some two thousand.
+  // A plant that depended on the recorder would miss some two thousand.
   EXPECT_LT(of("plant").at("longest_command_miss"), 1000);
 }
 

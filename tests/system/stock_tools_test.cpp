@@ -1,5 +1,5 @@
-// The tools that LCM brings, on our bus and our logs: lcm-logger records a run, lcm-logplayer plays
-// one back. In a network of their own.
+// These tests use LCM's own tools on our bus and our logs, in a network of their own. lcm-logger
+// records a run, and lcm-logplayer plays one back.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ using Bytes = std::vector<std::byte>;
 
 const std::string scenario = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
 
-/// The stdout of a tachless command that succeeds.
+/// Returns the stdout of a tachless command that succeeds.
 std::string tachless(const std::vector<std::string>& words, const TemporaryDirectory& directory) {
   return output_of("tachless", words, directory);
 }
@@ -48,7 +48,7 @@ std::string record(const TemporaryDirectory& directory) {
   return directory / "out/lcmlog";
 }
 
-/// Messages by channel and tick, as they were on the bus.
+/// Returns the messages by channel and tick, as they were on the bus.
 std::map<std::string, std::map<std::int64_t, Bytes>> messages_of(const std::string& log) {
   std::map<std::string, std::map<std::int64_t, Bytes>> all;
   logger::LogReader reader(log);
@@ -77,7 +77,7 @@ TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
     const auto size = fs::file_size(stock, error);
     return !error && size > 0;
   });
-  // A busy machine may miss commands: that is not what this is about.
+  // A busy machine may miss commands. The test is not about these.
   tachless({"run", scenario, "--mode", "realtime", "--duration", "1", "--run-id", "8", "--quiet",
             "--set", "loop.max_missed=1000", "--set", "loop.max_missed_share=1", "--out",
             directory / "out"},
@@ -95,7 +95,7 @@ TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
   const auto ticks = info["run"]["ticks"].get<std::size_t>();
   EXPECT_GT(ticks, 0U);
 
-  // What both logs have of a tick is the same, byte for byte.
+  // Both logs have the same messages of a tick, byte for byte.
   const auto by_stock = messages_of(stock);
   const auto by_us = messages_of(directory / "out/lcmlog");
   for (const std::string channel : {"ARM_POSITION", "ARM_REFERENCE", "ARM_COMMAND", "ARM_TRUTH"}) {
@@ -122,13 +122,13 @@ TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
   const TemporaryDirectory directory;
   const std::string log = record(directory);
   Program watch("tachless", {"watch", "--json"}, directory.path());
-  // It prints what it has heard once a second: with the first line it is listening.
+  // It prints its messages once a second. It listens when its first line appears.
   wait_until("watch to listen",
              [&] { return watch.output().find('\n') != std::string::npos || !watch.running(); });
   output_of("lcm-logplayer", {log}, directory);
   std::map<std::string, std::size_t> expected;
   for (const auto& [channel, messages] : messages_of(log)) expected[channel] = messages.size();
-  // The player has ended; what it sent may still be in the socket of `watch`, which reads no more
+  // The player has ended. Its messages may still be in the socket of `watch`, which reads no more
   // once it is interrupted.
   Json heard;
   std::map<std::string, std::size_t> counted;

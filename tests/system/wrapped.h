@@ -15,7 +15,7 @@ namespace tachless::system_test {
 class Wrapped : public bus::Transport {
  public:
   explicit Wrapped(std::unique_ptr<bus::Transport> inner) : inner_(std::move(inner)) {}
-  void subscribe(const std::string& channel) override { inner_->subscribe(channel); }
+  int subscribe(const std::string& channel) override { return inner_->subscribe(channel); }
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     inner_->publish(channel, payload);
   }

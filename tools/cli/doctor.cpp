@@ -27,7 +27,7 @@ namespace {
 constexpr std::chrono::milliseconds listening_time{300};
 // The logger's worst burst: 1000 messages of a 64-joint robot, with the kernel's overhead.
 constexpr long useful_receive_buffer_bytes = 2 << 20;
-// A process of ours with its libraries, locked in memory.
+// Locked memory of one process with its libraries.
 constexpr std::size_t locked_memory_bytes = std::size_t{256} << 20;
 constexpr std::uintmax_t useful_disk_bytes = std::uintmax_t{1} << 30;
 
@@ -95,7 +95,7 @@ Finding check_real_time() {
     return sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
   });
   if (works) return {"real-time priority", "SCHED_FIFO is permitted"};
-  return {"real-time priority", "SCHED_FIFO is not permitted; only --mode realtime wants it",
+  return {"real-time priority", "SCHED_FIFO is not permitted; only --mode realtime needs it",
           "echo \"$USER - rtprio 80\" | sudo tee /etc/security/limits.d/tachless-rtprio.conf, then "
           "log in again"};
 }
@@ -109,7 +109,7 @@ Finding check_locked_memory() {
   });
   if (works) return {"locked memory", "permitted"};
   return {"locked memory",
-          fmt::format("less than {} is permitted; only --mode realtime wants it",
+          fmt::format("less than {} is permitted; only --mode realtime needs it",
                       human_bytes(locked_memory_bytes)),
           "echo \"$USER - memlock unlimited\" | sudo tee "
           "/etc/security/limits.d/tachless-memlock.conf, then log in again"};
@@ -126,7 +126,7 @@ Finding check_stolen_time() {
   return judge_stolen_time(base::file_text("/proc/stat").value_or(""));
 }
 
-/// How punctual this machine can be.
+/// Checks how punctual this machine can be.
 std::vector<Finding> check_punctuality() {
   return {check_real_time(), check_locked_memory(), check_clock(), check_stolen_time()};
 }
@@ -139,7 +139,7 @@ Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface) {
     return {"ttl",
             fmt::format("{}, but the multicast route is by way of lo: nothing leaves this host",
                         url.ttl),
-            "sudo ip route replace 224.0.0.0/4 dev eth0 (or what `ip -brief link` calls the "
+            "sudo ip route replace 224.0.0.0/4 dev eth0 (or what ip -brief link calls the "
             "interface to the other hosts)"};
   }
   if (url.ttl == 1) return {"ttl", "1: messages reach the local network"};
@@ -153,7 +153,7 @@ Finding judge_receive_buffer(long rmem_max_bytes) {
   Finding finding{"receive buffer",
                   "net.core.rmem_max allows " + human_bytes(static_cast<double>(rmem_max_bytes))};
   if (rmem_max_bytes >= useful_receive_buffer_bytes) return finding;
-  finding.what += ", less than bursts want";
+  finding.what += "; bursts of messages need more";
   finding.remedy = fmt::format("sudo sysctl -w net.core.rmem_max={}", useful_receive_buffer_bytes);
   return finding;
 }
@@ -183,10 +183,10 @@ Finding judge_stolen_time(const std::string& proc_stat) {
       "stolen time",
       fmt::format("the host took {:.2f} % of this machine's time since it started", 100 * share)};
   if (share <= harmless) return finding;
-  finding.what += "; --mode realtime may end in protective stops";
-  finding.remedy =
-      "tachless run SCENARIO --mode realtime --set loop.max_missed=100 (for the emulator; a real "
-      "robot wants a machine of its own)";
+  finding.what +=
+      "; --mode realtime may end in protective stops: a real robot needs a machine of "
+      "its own, the emulator --set loop.max_missed=100";
+  finding.warns = true;
   return finding;
 }
 
@@ -195,7 +195,7 @@ Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& direc
                   fmt::format("{} free in {}", human_bytes(static_cast<double>(free_bytes)),
                               std::filesystem::absolute(directory).lexically_normal().string())};
   if (free_bytes < useful_disk_bytes)
-    finding.remedy = "run with --out DIR on a disk with more room";
+    finding.remedy = "run with --out DIR on a disk with more free space";
   return finding;
 }
 

@@ -7,29 +7,30 @@
 
 #include "bus/lcm_url.h"
 
-/// What `doctor` finds out about this machine. Changes and mends nothing.
+/// Checks of this machine for `doctor`. They change nothing.
 namespace tachless::cli {
 
 /// One line of `doctor`.
 struct Finding {
   std::string subject;                     ///< "multicast", "receive buffer", …
   std::string what;                        ///< what was found
-  std::optional<std::string> remedy = {};  ///< what to type; nothing: all is well
+  std::optional<std::string> remedy = {};  ///< what to type; nothing: no problem to mend
+  bool warns = false;                      ///< nothing on this machine mends it
 
   [[nodiscard]] bool ok() const { return !remedy.has_value(); }
 };
 
-/// Looks at everything that a run of this machine on the bus `lcm_url` needs or would like: the
-/// bus, its buffers and other publishers on it, private networks, real-time rights, clock, disk
-/// space of `directory`. Takes about a second, changes nothing.
+/// Checks everything that a run on the bus `lcm_url` uses: the bus, its buffers and other
+/// publishers on it, private networks, real-time rights, clock, disk space of `directory`. Takes
+/// about a second.
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory);
 
-/// What is not well with this machine's punctuality: real-time rights, clock, time that a host
-/// takes.
+/// Returns the problems of this machine's punctuality that can be mended: real-time rights, locked
+/// memory, clock.
 std::vector<Finding> examine_punctuality();
 
-/// The judgement on single figures.
-/// @param interface the one that messages to the bus leave by; empty if there is none
+/// Judges a single figure.
+/// @param interface through which messages to the bus leave; empty if there is none
 Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface);
 Finding judge_receive_buffer(long rmem_max_bytes);
 Finding judge_clock_source(const std::string& source);

@@ -8,14 +8,12 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <exception>
 #include <iostream>
 #include <string>
 #include <vector>
 
 #include "base/failure.h"
-#include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
 #include "base/this_process.h"
@@ -24,21 +22,6 @@
 #include "session/options.h"
 
 namespace tachless::cli {
-
-void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
-void add_quiet(CLI::App& command, bool& quiet) {
-  command.add_flag("-q,--quiet", quiet, "No progress on stderr");
-}
-
-std::string above_zero(const std::string& text) {
-  const double number = base::number_in(text).value_or(0);
-  return number > 0 && std::isfinite(number) ? "" : text + "; allowed: a number above 0";
-}
-
-void print(bool json, nlohmann::ordered_json all, const std::string& text) {
-  all["text"] = text;
-  std::cout << (json ? base::json_text(all, 2) + "\n" : text);
-}
 
 namespace {
 
@@ -54,8 +37,8 @@ constexpr const char* footer =
     "  tachless run scenarios/paper_rigid.yaml\n"
     "  tachless info out/paper_rigid\n"
     "  tachless doctor\n"
-    "`tachless help VERB` explains a verb.\n"
-    "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 a peer is lost,\n"
+    "tachless help VERB explains a verb.\n"
+    "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 a peer was lost,\n"
     "4 protocol violated, 5 protective stop, 130 interrupted.";
 
 void require_verb(const std::string& word) {
@@ -73,6 +56,10 @@ base::ExitCode run(std::vector<const char*> words) {
   if (words.size() > 1 && words[1] == std::string_view("help")) {
     words.erase(words.begin() + 1);  // `help VERB` is `VERB --help`
     words.push_back("--help");
+  }
+  if (words.size() > 1 &&
+      (words[1] == std::string_view("version") || words[1] == std::string_view("-v"))) {
+    words[1] = "--version";
   }
   CLI::App cli("Robot joints tracked from positions alone.", "tachless");
   cli.footer(footer);
@@ -117,6 +104,7 @@ base::ExitCode run(std::vector<const char*> words) {
 
 int main(int argc, char** argv) {
   using namespace tachless;
+  base::open_standard_streams();
   base::start_logging("tachless", base::Verbosity::normal);
   base::survive_file_size_limit();
   try {

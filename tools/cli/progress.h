@@ -8,19 +8,23 @@
 #include <string>
 #include <string_view>
 
-/// How far runs and long computations are, in lines on stderr.
+#include "base/file_descriptor.h"
+
+/// Progress of runs and long computations, in lines on stderr.
 namespace tachless::cli {
 
-/// What a running loop looks like in one line, from the controller's heartbeats:
-/// "0.842 of 2 s  [========>           ]  9.3 k ticks/s  |e| 3.2e-04 rad". Prints nothing itself.
+/// A line that shows a running loop, made from the controller's heartbeats:
+/// "0.842 of 2 s  [========>           ]  9.3 k ticks/s  |e| 3.2e-04 rad". It prints nothing.
 class Progress {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// @param robot stands before it; empty: nothing does
-  Progress(std::int64_t num_ticks, double period_s, const std::string& robot = "");
+  /// @param unit of the norm of the position error
+  /// @param robot stands at the beginning of the line, unless it is empty
+  Progress(std::int64_t num_ticks, double period_s, std::string unit = "rad",
+           const std::string& robot = "");
 
-  /// The controller has handled tick `tick` (-1: none yet).
+  /// Records that the controller has handled tick `tick` (-1: none yet).
   void note(std::int64_t tick, double error_norm, Clock::time_point now);
 
   [[nodiscard]] std::string line() const;
@@ -28,6 +32,7 @@ class Progress {
  private:
   std::int64_t num_ticks_;
   double period_s_;
+  std::string unit_;
   std::string before_;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
@@ -39,8 +44,31 @@ class Progress {
   std::optional<double> ticks_per_s_;
 };
 
-/// Lines that on a terminal the next ones replace and that go with this object, and other lines
-/// between.
+/// Text to stderr that does not wait for a slow reader. A bounded buffer holds the text that does
+/// not fit into the pipe or the terminal. Text that does not fit into the buffer is dropped and
+/// counted.
+class LaggingOutput {
+ public:
+  explicit LaggingOutput(int descriptor);
+  LaggingOutput(const LaggingOutput&) = delete;
+  LaggingOutput& operator=(const LaggingOutput&) = delete;
+  /// Writes the rest, and waits for its reader.
+  ~LaggingOutput();
+
+  void put(std::string_view text);
+  /// Writes as much as is possible now. @return whether something is left
+  bool flush();
+
+ private:
+  int descriptor_;
+  base::FileDescriptor
+      own_;  ///< the same file, opened for writes that do not wait; -1: not possible
+  std::string waiting_;
+  std::int64_t dropped_ = 0;  ///< texts
+};
+
+/// Lines of progress, and other lines between them. On a terminal each line of progress replaces
+/// the one before, and the last one is removed. Elsewhere at most one appears in 30 s.
 class Screen {
  public:
   /// @param quiet no progress
@@ -49,19 +77,20 @@ class Screen {
   Screen& operator=(const Screen&) = delete;
   ~Screen() { clear(); }
 
-  /// What a long computation is at.
+  /// Shows the progress of a long computation.
   void show(std::string_view what);
-  /// Runs, a line for each: on a terminal ten times a second, elsewhere every 5 s.
+  /// Shows a line for each run. A terminal gets new lines ten times a second.
   void show(std::span<const Progress> all);
   void clear();
-  /// A line of the program `name`.
-  /// @param before what stands before it: of which robot's run it is
+  /// Prints a line of the program `name`.
+  /// @param before the robot, where there are several
   void pass_on(std::string_view before, std::string_view name, std::string_view line);
 
  private:
-  /// What removes from the terminal what is shown.
+  /// Returns the characters that remove the shown lines from the terminal.
   std::string erasing();
 
+  LaggingOutput out_;
   bool quiet_;
   bool terminal_;
   std::size_t shown_ = 0;  ///< lines on the terminal

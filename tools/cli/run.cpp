@@ -20,25 +20,6 @@ using base::ExitCode;
 using base::Failure;
 using Clock = std::chrono::steady_clock;
 
-/// The announcement of the fault in the plant's name, with which the log of a run ends that failed.
-void append_fault(logger::LogWriter& log, const PlannedRun& run, std::int64_t ticks,
-                  const Failure& failure) {
-  const scenario::Scenario& scenario = run.scenario;
-  messages::Participant plant;
-  plant.instance = 1;
-  plant.scenario_digest = scenario.digest;
-  plant.pid = getpid();
-  plant.state = messages::ParticipantState::fault;
-  plant.fault_code = static_cast<int>(failure.code());
-  plant.scenario = scenario.name.substr(0, messages::max_participant_text);
-  plant.fault = std::string(failure.what()).substr(0, messages::max_participant_text);
-  const double time_s = static_cast<double>(ticks) * scenario.loop.period_s;
-  const messages::Stamp stamp{std::llround(time_s * 1e6), run.options.run_id, ticks - 1};
-  messages::Codec<messages::Participant> codec(messages::Layout{});
-  log.append(stamp.utime, messages::channel<messages::Participant>(scenario.robot.channel_prefix),
-             codec.encode(stamp, plant));
-}
-
 /// Runs to the end, a fault or an interruption by the user.
 RunEnd log_in_this_process(const PlannedRun& run, RunDirectory& out, Screen& screen) {
   constexpr std::int64_t looks = 64;  // ticks from one look at clock and user to the next
@@ -80,9 +61,6 @@ RunEnd log_in_this_process(const PlannedRun& run, RunDirectory& out, Screen& scr
   } catch (const Failure& failure) {
     end.code = failure.code();
     end.facts.fault = failure.what();
-    if (log.num_events() > 0 && failure.code() == ExitCode::protective_stop) {
-      append_fault(log, run, statistics.ticks, failure);
-    }
   }
   end.facts.placement = "one process";
   end.facts.wall_s = std::chrono::duration<double>(Clock::now() - begun).count();

@@ -19,16 +19,16 @@
 #include "session/options.h"
 #include "session/statistics.h"
 
-/// `tachless run`, from its options to the exit code: what it runs, worked out and checked before
-/// anything is started (run_plan.cpp), carried out in four processes each (run_on_bus.cpp) or in
-/// this one (run.cpp), and what it leaves behind: its directory, and from its log summary, figure
-/// and report (run_results.cpp). Declares no option (verb/run.cpp).
+/// `tachless run`, from its options to the exit code. run_plan.cpp works out and checks the runs
+/// before anything is started. run_on_bus.cpp carries out each run in four processes, and run.cpp
+/// in this process. run_results.cpp keeps the directory, and makes summary, figure and report from
+/// the log. verb/run.cpp declares the options.
 namespace tachless::cli {
 
-/// Of one robot's run.
+/// Options of one robot's run.
 struct RunOptions {
   std::filesystem::path scenario;
-  std::string robot;          ///< its name where the command line has several; empty: it has one
+  std::string robot;          ///< name, if the command line has several robots; else empty
   std::filesystem::path out;  ///< empty: out/NAME/DATE-TIME; of several robots a folder for each
   std::int64_t run_id = 0;    ///< 0: the time
   std::vector<std::string> overrides;
@@ -42,7 +42,7 @@ struct RunOptions {
   std::string measurement;    ///< that `law_program` is fed with, where the scenario does not say
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
-  bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure
+  bool any_outcome = false;  ///< no verdict is a failure
   bool force = false;        ///< run a loop that is unstable when linearised
   bool overwrite = false;    ///< replace the results of an earlier run in `out`
   bool quiet = false;
@@ -53,20 +53,21 @@ struct RunOptions {
   bool ramp = false;     ///< first bring the robot of `plant_program` to where the scenario begins
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
-  /// `line`, after "<robot>: " where there are several.
+  /// Returns `line`, after "<robot>: " if there are several robots.
   [[nodiscard]] std::string named(std::string_view line) const;
 };
 
-/// The measurement of the law in whose place `options.law_program` comes; empty where the
-/// scenario's law is external already, or stays. @throw base::Failure(bad_usage)
+/// Returns the measurement of the law that `options.law_program` replaces. The result is empty if
+/// the scenario's law is external already, or is not replaced. @throw base::Failure(bad_usage)
 std::string measurement_wanted(const RunOptions& options);
 
-/// The law that a scenario is run under: its own, or that of `law_program` if there is one.
+/// Returns the maker of a run's law: the law of `law_program` if there is one, else the scenario's.
 controller::MakeLaw make_law(const std::string& law_program);
 
-/// What the law of `law_program` answers, for the analysis of the sampled loop: it is started here,
-/// ends with the last copy, and what its law calls itself becomes `scenario.controller.announced`.
-/// Empty when there is no such program. @throw base::Failure as controller::LawProgram
+/// Starts `law_program` and returns its law's answers, for the analysis of the sampled loop. The
+/// program ends with the last copy of the result. `scenario.controller.announced` becomes the name
+/// that the law announces. The result is empty if there is no such program.
+/// @throw base::Failure as controller::LawProgram
 linear::LawAnswers law_answers(scenario::Scenario& scenario, const std::string& law_program);
 
 /// A line printed before the run starts.
@@ -75,60 +76,62 @@ struct Remark {
   std::string line;
 };
 
-/// What one robot's run is about.
+/// One robot's run, worked out and checked.
 struct PlannedRun {
   RunOptions options;
   scenario::Scenario scenario;
   std::vector<Remark> remarks = {};
   certify::Prediction predicted = {};
 
-  /// Of the robot, from the scenario's URDF file; none, after a warning, where it cannot be read.
+  /// Returns the robot's visuals from the scenario's URDF file. If the file cannot be read, it
+  /// warns and returns none.
   [[nodiscard]] report::Visuals visuals() const;
-  /// On stderr; with --quiet the warnings alone.
+  /// Prints the remarks on stderr; with --quiet, only the warnings.
   void print_remarks() const;
-  /// That of a run which has not begun.
+  /// Returns the progress of a run that has not begun.
   [[nodiscard]] Progress progress() const;
 };
 
-/// The runs of `scenarios`. What a process would refuse later is refused here: a scenario, limits
-/// of the machine, channels that two robots would share, an unstable loop without --force. The
-/// remarks are whether the linearised loop is stable, where the plant has its friction from, what
-/// the URDF has that is not as it should be, and what of the reference is beyond drives and
+/// Returns the runs of `scenarios`. It refuses everything that a process would refuse later: a
+/// scenario, limits of the machine, channels that two robots would share, an unstable loop without
+/// --force. The remarks name the stability of the linearised loop, and the source of the plant's
+/// friction. They also name faults of the URDF, and references beyond the limits of drives and
 /// joints.
 /// @param options as of `run`
 /// @throw base::Failure(bad_usage)
 std::vector<PlannedRun> plan_runs(RunOptions options,
                                   const std::vector<std::filesystem::path>& scenarios);
 
-/// In the order in which their processes are started.
+/// The roles, in the order in which their processes are started.
 inline constexpr std::array roles = {messages::Role::logger, messages::Role::controller,
                                      messages::Role::reference, messages::Role::plant};
 
-/// The directory of a run's results, locked against a second run until destruction: --out, or
-/// out/NAME/DATE-TIME with the link out/NAME/latest once the run has begun. That of a run that does
-/// not begin is removed, or left with the results of the earlier run that it would have replaced.
+/// The directory of a run's results, locked against a second run until destruction. It is --out, or
+/// out/NAME/DATE-TIME, to which out/NAME/latest links once the run has begun. If the run does not
+/// begin, the directory is removed, or keeps the results of an earlier run.
 class RunDirectory {
  public:
-  /// @throw base::Failure(bad_usage) naming the directory: it cannot be used, or, without
-  /// --overwrite, holds results
+  /// @throw base::Failure(bad_usage) naming the directory, if it cannot be used, or holds results
+  /// and --overwrite is not given
   explicit RunDirectory(const PlannedRun& run);
   RunDirectory(const RunDirectory&) = delete;
   RunDirectory& operator=(const RunDirectory&) = delete;
   ~RunDirectory();
 
-  /// Whether something of this run was recorded when last looked.
+  /// Returns whether the last `look` found a record of this run.
   [[nodiscard]] bool begun() const { return begun_; }
-  /// Looks; once something is, sets the link and removes an earlier run's results. Cheap.
+  /// Looks for a record of this run. Once there is one, it sets the link and removes an earlier
+  /// run's results. It is cheap.
   bool look();
 
   [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
     return path_ / file;
   }
-  /// Where a process leaves its counters, until they are in the summary.
+  /// Returns the path of the file in which a process leaves its counters for the summary.
   [[nodiscard]] std::filesystem::path statistics_path(messages::Role role) const;
-  /// The counters of the processes that wrote them; removes their files.
+  /// Returns the counters of the processes that wrote them, and removes their files.
   [[nodiscard]] std::vector<session::Statistics> take_statistics() const;
-  /// Those of our files that exist, for people.
+  /// Returns the paths of our files that exist, for people.
   [[nodiscard]] std::vector<std::filesystem::path> files() const;
 
  private:
@@ -145,7 +148,7 @@ class RunDirectory {
   bool begun_ = false;
 };
 
-/// How a run ended.
+/// The end of a run.
 struct RunEnd {
   base::ExitCode code = base::ExitCode::done;
   report::RunFacts facts;                       ///< of the run and the log by `Conclusions`
@@ -153,15 +156,15 @@ struct RunEnd {
   std::vector<std::string> consequences = {};   ///< of the fault: lines printed after it
 };
 
-/// Reports the results of the runs one after another, and of several at the end in one
-/// table; their JSON is one object, by robot.
+/// Reports of the runs' results, one after another. Several runs also get one table at the end.
+/// Their JSON is one object, with a key for each robot.
 class Conclusions {
  public:
-  /// Reads the log back, prints the first cause and its consequences, writes summary, figure and
-  /// report, and for people the closing table. Of a run that has not begun there are neither files
-  /// nor table.
+  /// Reads the log back, and prints the first cause and its consequences. It writes summary, figure
+  /// and report, and for people the closing table. A run that has not begun has neither files nor
+  /// table.
   void add(const PlannedRun& run, RunDirectory& out, RunEnd end);
-  /// The exit code of the first that did not end well.
+  /// Returns the exit code of the first run that did not end well.
   [[nodiscard]] base::ExitCode finish() const;
 
  private:
@@ -171,30 +174,31 @@ class Conclusions {
   base::ExitCode code_ = base::ExitCode::done;
 };
 
-/// Moves this process into a private network where that is wanted, or needed because the host has
-/// no usable multicast. Returns whether it did.
+/// Moves this process into a private network if the options ask for it, or if the host has no
+/// usable multicast. @return whether it moved
 /// @throw base::Failure(bad_usage)
 bool prepare_network(const RunOptions& options);
 
-/// Brings the robot of the run's driver from where it stands to where the scenario begins, by a run
-/// of the scenario's law along a slow motion, with its own log: at most a tenth of each joint's
-/// limits of speed, and of torque beyond what holds it.
-/// @return of the run that ended badly, or done; @throw base::Failure(check_said_no) when
-/// the robot is outside of its range or has not arrived, otherwise as `run`
+/// Brings the driver's robot from its present position to the scenario's start. It does so by a run
+/// of the scenario's law along a slow motion, with its own log. The motion uses at most a tenth of
+/// each joint's speed limit. Beyond the holding torque it uses at most a tenth of the torque limit.
+/// @return the code of the run that ended badly, or done
+/// @throw base::Failure(check_said_no) if the robot is outside of its range or has not arrived;
+/// otherwise as `run`
 base::ExitCode ramp(const RunOptions& options, const PlannedRun& run);
 
 /// Carries out `runs` at once, each in four processes on the bus, to its conclusion.
 /// @return and @throw as `run`
 base::ExitCode run_on_bus(const std::vector<PlannedRun>& runs);
 
-/// Runs one scenario or several at once to their end, each in four processes of its own on one bus
-/// or, one after another, in this one, where a run writes the log that four processes write, to the
-/// last bit; shows how far they are, and writes log, summary, figure and report of each. When one
-/// fails, the others are interrupted, or not begun.
+/// Runs one scenario or several to their end, and shows their progress. On one bus they run at
+/// once, each in four processes of its own. In this process they run one after another, and write
+/// the same logs to the last bit. Each run gets log, summary, figure and report. If one fails, the
+/// others are interrupted, or not begun.
 /// @param options of all of them; without scenario and robot  @param scenarios at least one
-/// @return the exit code (see supervise.h) of the first that did not end well, by itself before
-/// because of another
-/// @throw base::Failure for what is refused before anything is started
+/// @return the exit code (see supervise.h) of the first that did not end well; a run that failed by
+/// itself comes before a run that ended because of another
+/// @throw base::Failure if a run is refused before anything is started
 base::ExitCode run(const RunOptions& options, const std::vector<std::filesystem::path>& scenarios);
 
 }  // namespace tachless::cli

@@ -33,7 +33,7 @@ using Clock = std::chrono::steady_clock;
 // Processes of one launcher find each other at once or never.
 constexpr const char* rendezvous_s = "10";
 
-/// Reads the announcements of a robot's processes. Only listens.
+/// A listener to the announcements of a robot's processes. It sends nothing.
 class Heartbeats {
  public:
   Heartbeats(const PlannedRun& run, const std::optional<bus::Key>& key)
@@ -44,7 +44,7 @@ class Heartbeats {
         messages::channel<messages::Participant>(run.scenario.robot.channel_prefix));
   }
 
-  /// What the controller has announced since the last call.
+  /// Notes in `progress` every announcement of the controller since the last call.
   void read_into(Progress& progress) {
     try {
       while (!bus_lost_ && receive({})) {
@@ -58,8 +58,8 @@ class Heartbeats {
   }
 
   /// Listens for an announcement, until `until` at the latest. @return whether one has come yet
-  /// @throw base::Failure(protocol_violated) when a robot of this name has its processes
-  /// here: two announcements of one of them. A single one may be recorded and sent repeatedly.
+  /// @throw base::Failure(protocol_violated) if a process of a robot of this name has announced
+  /// itself twice; a single announcement may come from a recording
   bool require_free_bus(base::Clock::time_point until) {
     const auto sender = receive(until);
     if (!sender || !announced_ || participant_.state == messages::ParticipantState::finished ||
@@ -75,7 +75,7 @@ class Heartbeats {
   }
 
  private:
-  /// The sender of the next datagram; `announced_`: it is an announcement.
+  /// Returns the sender of the next datagram. It sets `announced_` if that is an announcement.
   std::optional<std::string_view> receive(base::Clock::time_point until) {
     const auto datagram = authenticated_.receive(until);
     if (!datagram) return std::nullopt;
@@ -110,7 +110,7 @@ struct OnTheBus {
   std::optional<RunDirectory> out;
 };
 
-/// Path of `program` beside this one, and the arguments that say which experiment on which bus.
+/// Returns the path of `program` beside this one, with the arguments for experiment and bus.
 std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
   std::vector<std::string> command = {(base::program_directory() / program).string(),
                                       options.scenario.string(), "--lcm-url", options.lcm_url};
@@ -121,13 +121,13 @@ std::vector<std::string> command_of(const std::string& program, const RunOptions
   return command;
 }
 
-/// The user's program in the place of a role's; empty: there is none.
+/// Returns the user's program in the place of a role's; empty: there is none.
 std::string program_given(const RunOptions& options, messages::Role role) {
   if (role == messages::Role::controller) return options.law_program;
   return role == messages::Role::plant ? options.plant_program : "";
 }
 
-/// The four processes, in the order in which they are started.
+/// Returns the four processes, in the order in which they are started.
 std::vector<Process> processes_of(const OnTheBus& robot) {
   const RunOptions& options = robot.options;
   const std::string log = (*robot.out / "lcmlog").string();
@@ -146,12 +146,14 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
     if (role == messages::Role::logger) command.insert(command.end(), {"--out-log", log});
     all.push_back(
         {std::string(messages::name(role)), std::move(command), robot.placement.cpus_of(role)});
+    all.back().relayed = robot.run.scenario.loop.mode == scenario::Mode::realtime;
+    all.back().drives_robot = role == messages::Role::plant && !options.plant_program.empty();
   }
   return all;
 }
 
-/// Listens for longer than a process on the bus is silent (each announces itself every 100 ms), and
-/// once one has, for its next announcement.
+/// Listens for longer than the 100 ms after which each process on the bus announces itself again.
+/// After an announcement, it listens for the next one of that process.
 /// @throw base::Failure as Heartbeats::require_free_bus
 void require_free_bus(std::deque<OnTheBus>& robots) {
   constexpr std::chrono::milliseconds silence{250};
@@ -164,13 +166,13 @@ void require_free_bus(std::deque<OnTheBus>& robots) {
   }
 }
 
-/// @param own of `progress`, which of all robots is shown
+/// @param own index of the robot in `progress`, which is shown for all robots
 SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progress,
                                    std::size_t own, Screen& screen) {
   const scenario::LoopSpec& loop = robot.run.scenario.loop;
   SuperviseOptions options;
   if (loop.mode == scenario::Mode::realtime) {
-    // The plant first brings the robot to rest, once it misses what was lost.
+    // The plant first notices the loss, and then brings the robot to rest.
     const double noticed_s = std::min(loop.give_up_s, loop.period_s * (loop.max_missed + 1));
     options.grace +=
         plant::longest_stop + std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
@@ -187,8 +189,8 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
   return options;
 }
 
-/// A user's program that ended well, but without the counters that its role leaves: what is wrong;
-/// empty when there is none.
+/// Returns what is wrong if a user's program ended well, but left no counters of its role; else
+/// empty.
 std::string never_joined(const RunOptions& options, const Supervision& supervision,
                          const std::vector<session::Statistics>& statistics) {
   for (const messages::Role role : {messages::Role::controller, messages::Role::plant}) {
@@ -200,6 +202,10 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
         std::ranges::find(statistics, role, &session::Statistics::role) != statistics.end()) {
       continue;
     }
+    if (supervision.begun) {
+      return fmt::format("--{} '{}': ended during the run, and without a word; see its code",
+                         messages::name(role), program);
+    }
     return fmt::format("--{} '{}': ended without having taken part; has it a main that calls {}?",
                        messages::name(role), program,
                        role == messages::Role::plant
@@ -209,7 +215,19 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
   return {};
 }
 
-/// The other processes that ended because of the first cause, and what helps.
+/// Returns whether a user's program could not start. It then ended before the run began, with the
+/// exit code of a shell (126, 127) or an interpreter (1) that lacks the program.
+bool could_not_start(const RunOptions& options, const Supervision& supervision) {
+  if (supervision.interrupted || supervision.begun || !supervision.culprit) return false;
+  const ProcessEnd& end = supervision.ends[*supervision.culprit];
+  const auto is_users = [&](messages::Role role) {
+    return end.name == messages::name(role) && !program_given(options, role).empty();
+  };
+  return (is_users(messages::Role::controller) || is_users(messages::Role::plant)) &&
+         end.signal == 0 && (end.exit_code == 1 || end.exit_code == 126 || end.exit_code == 127);
+}
+
+/// Returns the other processes that ended because of the first cause, and remedies.
 std::vector<std::string> consequences(const Supervision& supervision, const PlannedRun& run) {
   const RunOptions& options = run.options;
   std::vector<std::string> lines;
@@ -217,6 +235,13 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
     for (const ProcessEnd& end : supervision.ends) {
       if (!end.well()) lines.push_back(options.named(describe(end)));
     }
+  }
+  for (const ProcessEnd& end : supervision.ends) {
+    if (end.dropped_bytes + end.hidden_lines == 0) continue;
+    lines.push_back(options.named(
+        fmt::format("{}: {} bytes of its output were dropped and {} lines were not shown, because "
+                    "it writes faster than they are read",
+                    end.name, end.dropped_bytes, end.hidden_lines)));
   }
   const std::string others = others_that_failed(supervision);
   if (!supervision.interrupted && !others.empty()) {
@@ -227,7 +252,7 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
       run.scenario.loop.mode != scenario::Mode::realtime) {
     return lines;
   }
-  for (const auto& [subject, what, remedy] : examine_punctuality()) {
+  for (const auto& [subject, what, remedy, warns] : examine_punctuality()) {
     lines.push_back(fmt::format("{}: {}; type: {}", subject, what, *remedy));
   }
   return lines;
@@ -237,8 +262,18 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
 void conclude(OnTheBus& robot, const Supervision& supervision, const std::string& culprit,
               double wall_s, Conclusions& conclusions) {
   RunEnd end{exit_code(supervision), {}, robot.out->take_statistics()};
+  if (could_not_start(robot.options, supervision)) end.code = ExitCode::bad_usage;
   end.facts.wall_s = wall_s;
   end.facts.placement = robot.placement.words;
+  for (const ProcessEnd& each : supervision.ends) {
+    end.facts.dropped_output_bytes += each.dropped_bytes;
+    end.facts.hidden_output_lines += each.hidden_lines;
+    if (!each.robot_started) continue;
+    end.facts.robot_stopped = each.robot_stopped;
+    if (supervision.begun || each.robot_stopped) continue;  // a run that has begun has a table
+    base::log_warning(robot.options.named(fmt::format(
+        "{}: robot NOT stopped: its driver ended first; use the emergency stop", each.name)));
+  }
   if (supervision.interrupted) {
     end.facts.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
   } else if (supervision.culprit) {
@@ -262,9 +297,16 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   if (isolated && common.watch) {
     throw base::bad_usage(
         "--watch: the run is in a private network, which a browser does not reach; run it without "
-        "--isolate, on a bus as `tachless doctor` wants it");
+        "--isolate, and check the bus with tachless doctor");
   }
-  // Last: a process whose memory is private cannot isolate itself.
+  // The page's process copies the memory of this one. It starts before the key is read.
+  std::optional<live::LiveView> view;
+  if (common.watch) {
+    live::RobotVisuals visuals;
+    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
+    view.emplace(session::parse_lcm_url(common.lcm_url), visuals);
+  }
+  // The key is read last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
   base::survive_broken_pipes();
   Screen screen(common.quiet);
@@ -281,15 +323,11 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
-  std::optional<live::LiveView> view;
-  if (common.watch) {
-    live::RobotVisuals visuals;
-    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
-    view.emplace(session::parse_lcm_url(common.lcm_url), std::move(visuals));
-  }
+  if (view) view->show();
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  if (std::ranges::any_of(ends, &Supervision::interrupted)) base::give_up_blocked_output();
   screen.clear();
   std::vector<std::size_t> order(ends.size());
   std::iota(order.begin(), order.end(), 0);

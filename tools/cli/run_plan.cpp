@@ -3,14 +3,15 @@
 #include <fmt/core.h>
 #include <sys/resource.h>
 
-#include <chrono>
 #include <cstdlib>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "base/logging.h"
+#include "base/text.h"
 #include "base/this_process.h"
 #include "bus/network_check.h"
 #include "certify/feasibility.h"
@@ -55,8 +56,8 @@ scenario::Scenario checked_scenario(const RunOptions& options) {
   reference::make_trajectory(scenario);
   if (options.law_program.empty()) controller::scenario_law(scenario);
   const robot::Model model = plant::plant_model(scenario);
-  plant::initial_state(scenario, model);
-  plant::make_drive(scenario, model);
+  plant::initial_state(scenario.plant, scenario.robot.flexible, model);
+  plant::make_drive(scenario.plant, scenario.loop, model);
   require_fitting_mode(options, scenario);
   return scenario;
 }
@@ -98,7 +99,7 @@ std::string friction_text(const scenario::Scenario& scenario) {
   return text;
 }
 
-/// A real robot goes without commands for no longer than its loop is proved to bear, and than any.
+/// Lowers loop.max_missed of a real robot to what its loop was found to bear.
 void bound_missed(PlannedRun& run) {
   const auto& missed = run.predicted.missed;
   if (!missed || missed->commands >= run.scenario.loop.max_missed) return;
@@ -106,9 +107,13 @@ void bound_missed(PlannedRun& run) {
   const std::string announced = run.scenario.controller.announced;  // in no file
   run.scenario = scenario::load_scenario(run.options.scenario, run.options.all_overrides());
   run.scenario.controller.announced = announced;
-  run.remarks.push_back({false, fmt::format("loop.max_missed is {}, as many commands in a row as "
-                                            "the loop is proved to bear",
-                                            missed->commands)});
+  run.remarks.push_back(
+      {false, missed->commands == 0
+                  ? std::string("loop.max_missed is 0: the loop was not found to bear a single "
+                                "missed command")
+                  : fmt::format("loop.max_missed is {}, as many commands in a row as the loop was "
+                                "found to bear (searched, not proved)",
+                                missed->commands)});
 }
 
 void judge(PlannedRun& run) {
@@ -219,16 +224,15 @@ void PlannedRun::print_remarks() const {
 }
 
 Progress PlannedRun::progress() const {
-  return {scenario.loop.num_ticks, scenario.loop.period_s, options.robot};
+  const std::vector<std::string> lengths = robot::joint_labels(*scenario.model).length;
+  const std::set<std::string> units(lengths.begin(), lengths.end());
+  return {scenario.loop.num_ticks, scenario.loop.period_s,
+          base::joined(std::vector<std::string>(units.rbegin(), units.rend())), options.robot};
 }
 
 std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path>& scenarios) {
   require_open_files(scenarios.size());
-  if (options.run_id == 0) {
-    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
-                         std::chrono::system_clock::now().time_since_epoch())
-                         .count();
-  }
+  if (options.run_id == 0) options.run_id = session::run_id_by_clock();
   std::vector<PlannedRun> runs;
   for (const fs::path& path : scenarios) {
     options.scenario = path;

@@ -22,6 +22,7 @@
 #include "base/logging.h"
 #include "base/text.h"
 #include "certify/certify.h"
+#include "logger/run_log.h"
 #include "lyapunov/law_loop.h"
 #include "report/figure.h"
 #include "report/recorded_run.h"
@@ -41,15 +42,19 @@ constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "rep
 constexpr const char* earlier = ".earlier-";
 
 /// Reads the log, once, into `facts` and `recorded`. @return why it cannot be read, or what is
-/// wrong with it if every program ended well, `done`; empty: nothing. In realtime ticks may be
+/// wrong with it if every program ended well; empty: nothing. In realtime ticks may be
 /// missing, at the end too, which the logger has reported by then.
-std::string read_back(const PlannedRun& run, bool done, report::RunFacts& facts,
+std::string read_back(const PlannedRun& run, report::RunFacts& facts,
                       std::optional<report::RecordedRun>& recorded) {
   const scenario::LoopSpec& loop = run.scenario.loop;
   const bool realtime = loop.mode == scenario::Mode::realtime;
   try {
-    recorded = report::read_recorded_run(facts.log_path, facts.run_id, lyapunov::certified_run,
-                                         done && realtime);
+    recorded = report::read_recorded_run(facts.log_path, facts.run_id,
+                                         [&](const scenario::Scenario& scenario) {
+                                           return certify::no_region(run.predicted).empty()
+                                                      ? lyapunov::certified_run(scenario)
+                                                      : std::optional<lyapunov::CertifiedRun>();
+                                         });
   } catch (const base::Failure& failure) {
     return failure.what();
   }
@@ -72,6 +77,30 @@ void attempt(const Write& write) {
     write();
   } catch (const std::exception& failure) {
     base::log_error(failure.what());
+  }
+}
+
+/// Adds to the log why the run was stopped, as the first of its processes to end tells.
+void add_cause(const PlannedRun& run, const fs::path& log, const RunEnd& end) {
+  // A check that failed is said after the planned end.
+  if (!end.facts.fault || end.code == ExitCode::done || end.code == ExitCode::check_said_no) return;
+  logger::ParticipantFault cause;
+  cause.text = *end.facts.fault;
+  for (const messages::Role role : roles) {
+    const std::string name(messages::name(role));
+    if (!cause.text.starts_with(name)) continue;
+    cause.role = role;
+    const std::string told = name + ": ";  // its own words, which the log may have already
+    if (cause.text.starts_with(told)) cause.text.erase(0, told.size());
+  }
+  cause.tick = -1;
+  for (const session::Statistics& each : end.statistics) {
+    cause.tick = std::max(cause.tick, each.ticks - 1);
+  }
+  try {
+    logger::append_cause(log, run.scenario, run.options.run_id, cause, end.code);
+  } catch (const base::Failure& failure) {  // a full disk, say, which has been told
+    base::log_detail(failure.what());
   }
 }
 
@@ -107,7 +136,10 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   if (const auto certified = start_of(recorded)) {
     outcome["start"] = certify::to_json(*certified);
     const auto& found = recorded->certified;
-    start = start_text(*certified, found ? found->provisos : std::vector<std::string>());
+    const std::string none = certify::no_region(run.predicted);
+    start = !none.empty()
+                ? "no region is certified: " + none
+                : start_text(*certified, found ? found->provisos : std::vector<std::string>());
     start = "  this start: " + start + "\n";
   }
   const std::string json = base::json_text(outcome, 2) + "\n";
@@ -278,24 +310,25 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   std::optional<report::RecordedRun> recorded;
   end.facts.run_id = options.run_id;
   end.facts.log_path = (out / "lcmlog").string();
-  const std::string problem = read_back(run, done, end.facts, recorded);
+  if (out.begun()) add_cause(run, out / "lcmlog", end);
+  const std::string problem = read_back(run, end.facts, recorded);
   if (done && !problem.empty()) {
     end.facts.fault = problem;
     end.code = ExitCode::check_said_no;
   }
   if (end.facts.fault) {
     base::log_error(options.named(*end.facts.fault));
-    for (const std::string& line : end.consequences) base::log_info(line);
   }
+  for (const std::string& line : end.consequences) base::log_info(line);
   report::RunSummary summary{
       recorded ? recorded->scenario : run.scenario, end.facts,
       recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};
   summary.predicted = run.predicted;
   if (recorded) summary.verdict = recorded->verdict;
-  if (end.facts.fault && (end.code >= ExitCode::peer_lost ||  // perhaps stopped in the last ticks
-                          summary.ticks() < run.scenario.loop.num_ticks)) {
-    summary.verdict.outcome =
-        end.code == ExitCode::interrupted ? study::Outcome::interrupted : study::Outcome::stopped;
+  if (end.facts.fault && summary.verdict.outcome != study::Outcome::stopped &&
+      (end.code >= ExitCode::peer_lost ||  // perhaps stopped in the last ticks
+       summary.ticks() < run.scenario.loop.num_ticks)) {
+    summary.verdict.outcome = study::Outcome::stopped;
     summary.verdict.reason = *end.facts.fault;
   }
   const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);

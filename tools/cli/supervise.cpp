@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <deque>
 #include <system_error>
 #include <utility>
@@ -25,6 +26,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds wake_interval{50};
 constexpr Clock::time_point never = Clock::time_point::max();
+/// A process may hold the pipe of one that has ended. This bounds its delay of the run's end.
+constexpr std::chrono::milliseconds rest_of_output{2000};
+constexpr std::chrono::seconds reminder_interval{1};
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
@@ -33,26 +37,26 @@ constexpr Clock::time_point never = Clock::time_point::max();
 // starts_with, of a line handed over by value: g++ 12 warns falsely of memory that is not set.
 bool has_mark(const std::string& line, std::string_view mark) { return line.rfind(mark, 0) == 0; }
 
-/// "tachless-plant: protective stop …" without the program's name.
+/// Returns "tachless-plant: protective stop …" without the program's name.
 std::string without_program(const std::string& line) {
   constexpr std::string_view separator = ": ";
   const std::size_t end = line.starts_with("tachless-") ? line.find(separator) : std::string::npos;
   return end == std::string::npos ? line : line.substr(end + separator.size());
 }
 
-/// Whether it ended by itself with this code.
+/// Returns whether a process ended by itself with this code.
 bool ended_with(const ProcessEnd& end, ExitCode code) {
   return end.signal == 0 && end.exit_code == static_cast<int>(code);
 }
 
-/// How far from the first cause it ended: by itself, because it missed a peer, because of what a
-/// peer announced.
+/// Returns a process's distance from the first cause. The nearest ended by itself, the next because
+/// it missed a peer, the last because of a peer's announcement.
 int distance_from_cause(const ProcessEnd& end) {
   if (end.signal == 0 && end.cause.starts_with("ended because of ")) return 2;
   return ended_with(end, ExitCode::peer_lost) ? 1 : 0;
 }
 
-/// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
+/// The signals that end a run, and SIGCHLD: blocked, and read from a descriptor instead.
 class Signals {
  public:
   Signals() {
@@ -70,7 +74,7 @@ class Signals {
   [[nodiscard]] int fd() const { return fd_.get(); }
   [[nodiscard]] const sigset_t& mask_before() const { return mask_before_; }
 
-  /// How many signals that end a run have come since the last call.
+  /// Returns the number of signals that end a run since the last call.
   int take_interrupts() {
     int count = 0;
     signalfd_siginfo info;
@@ -93,46 +97,53 @@ class Run {
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
   ~Run() {
-    for (base::Child& child : children_) {
-      if (!child.running) continue;
-      kill(child.pid, SIGKILL);
-      base::take_end(child, true);
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      if (!children_[i].running) continue;
+      kill(children_[i].pid, holds_robot(i) ? SIGTERM : SIGKILL);
+      if (!holds_robot(i)) base::take_end(children_[i], true);
     }
   }
 
   void start() {
     for (const Process& process : processes_) {
       result_.ends.emplace_back().name = process.name;
-      children_.push_back(base::start(process.command, mask_, process.cpus));
+      base::StartOptions options{.mask = mask_, .cpus = process.cpus};
+      options.relayed = process.relayed;
+      options.gives_notices = process.drives_robot;
+      children_.push_back(base::start(process.command, options));
     }
+    shown_.resize(children_.size());
+    stopped_at_.resize(children_.size(), never);
   }
 
   [[nodiscard]] bool any_running() const {
     return std::ranges::any_of(children_, &base::Child::running);
   }
-  /// Whether it is being ended before its time because of one of its processes.
+  /// Returns whether the run is being ended early because of one of its processes.
   [[nodiscard]] bool failed() const {
     return result_.failed() && (sent_ != 0 || escalate_at_ != never);
   }
   [[nodiscard]] const Supervision& result() const { return result_; }
 
   void add_outputs(std::vector<pollfd>& fds) const {
-    if (!any_running()) return;  // what still holds an output is none of the processes
+    if (!any_running()) return;  // only another program still holds an output
     for (const base::Child& child : children_) {
       if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
     }
   }
 
-  /// @param signals how many that end a run have come since the last call
+  /// @param signals number of signals that end a run since the last call
   void attend(int signals) {
     if (!any_running()) return;
     for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
+    read_notices();
     signals_ += signals;
     if (signals > 0 && !result_.interrupted) interrupt();
-    if (signals_ > 1 && sent_ != SIGKILL) send(SIGKILL, never);
+    if (signals_ > 1 && (sent_ != SIGKILL || signals > 0)) send(SIGKILL, never);
     for (std::size_t i = 0; i < children_.size(); ++i) reap(i);
     if (options_.on_wake) options_.on_wake();
     enforce();
+    if (sent_ != 0) attend_drivers();
   }
 
   void interrupt_because_of(std::size_t other) {
@@ -149,31 +160,87 @@ class Run {
   }
 
   void read_output(std::size_t i) {
-    read_lines(children_[i], [&](std::string line) {
-      ProcessEnd& end = result_.ends[i];
-      if (has_mark(line, base::error_mark)) {
-        end.cause = without_program(line.substr(base::error_mark.size()));
-        return;
+    base::read_lines(children_[i], [&](std::string line) { on_line(i, std::move(line)); });
+  }
+
+  void on_line(std::size_t i, std::string line) {
+    ProcessEnd& end = result_.ends[i];
+    if (has_mark(line, base::error_mark)) {
+      end.cause = without_program(line.substr(base::error_mark.size()));
+      return;
+    }
+    if (has_mark(line, base::dropped_mark)) {
+      end.dropped_bytes += std::atoll(line.c_str() + base::dropped_mark.size());
+      return;
+    }
+    const bool detail = has_mark(line, "<info> ") || has_mark(line, "<debug> ");
+    if (detail || has_mark(line, base::warning_mark)) line.erase(0, line.find(' ') + 1);
+    line = without_program(line);
+    show(i, line);
+    if (!detail) end.last_line = std::move(line);
+  }
+
+  /// Passes on a line, unless the process has written too many in this second.
+  void show(std::size_t i, const std::string& line) {
+    const Clock::time_point now = Clock::now();
+    Shown& shown = shown_[i];
+    if (now - shown.since >= std::chrono::seconds(1)) shown = {now, 0};
+    if (++shown.lines > options_.most_lines_per_s) {
+      ++result_.ends[i].hidden_lines;
+    } else if (options_.on_line) {
+      options_.on_line(result_.ends[i].name, line);
+    }
+  }
+
+  void read_notices() {
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      for (const base::Notice notice : base::take_notices(children_[i])) {
+        result_.ends[i].robot_started = true;
+        result_.ends[i].robot_stopped = notice == base::Notice::robot_stopped;
+        stopped_at_[i] = result_.ends[i].robot_stopped ? Clock::now() : never;
       }
-      const bool detail = has_mark(line, "<info> ") || has_mark(line, "<debug> ");
-      if (detail || has_mark(line, base::warning_mark)) line.erase(0, line.find(' ') + 1);
-      line = without_program(line);
-      if (options_.on_line) options_.on_line(end.name, line);
-      if (!detail) end.last_line = std::move(line);
-    });
+    }
+  }
+
+  /// Returns whether process `i` has started its robot and not stopped it.
+  [[nodiscard]] bool holds_robot(std::size_t i) const {
+    return result_.ends[i].robot_started && !result_.ends[i].robot_stopped;
+  }
+
+  /// Names the emergency stop while a driver has not stopped its robot. It kills a driver that has
+  /// stopped its robot and does not end.
+  void attend_drivers() {
+    const Clock::time_point now = Clock::now();
+    bool remind = false;
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      if (!children_[i].running || !result_.ends[i].robot_started) continue;
+      if (holds_robot(i)) {
+        remind = now >= remind_at_;
+        if (!remind || !options_.on_line) continue;
+        options_.on_line(result_.ends[i].name,
+                         "the driver has not stopped the robot yet: use the emergency stop; the "
+                         "third Ctrl-C kills the driver");
+      } else if (sent_ == SIGKILL && now >= stopped_at_[i] + options_.patience) {
+        kill(-children_[i].pid, SIGKILL);
+      }
+    }
+    if (remind || remind_at_ == Clock::time_point()) remind_at_ = now + reminder_interval;
   }
 
   void reap(std::size_t i) {
     const auto how = base::take_end(children_[i]);
     if (!how) return;
-    read_output(i);
+    base::read_rest(children_[i], rest_of_output,
+                    [&](std::string line) { on_line(i, std::move(line)); });
+    read_notices();
     ProcessEnd& end = result_.ends[i];
     static_cast<base::End&>(end) = *how;
     end.on_order = sent_ != 0;
     note_end(i);
   }
 
-  /// The first that fails is to blame, but of a victim and another one the other.
+  /// Notes the end of process `i`. The first process that fails is the culprit. A process that is
+  /// nearer to the first cause replaces it.
   void note_end(std::size_t i) {
     if (sent_ != 0) return;
     const ProcessEnd& end = result_.ends[i];
@@ -189,7 +256,8 @@ class Run {
     if (first || distance_from_cause(end) < distance_from_cause(result_.ends[*result_.culprit])) {
       result_.culprit = i;
     }
-    // A plant that missed deadlines came to its end, as the others will; a user's program did not.
+    // A plant that missed deadlines came to its end, and the others will too. A user's program did
+    // not come to its end.
     if (first && result_.begun && end.name == "plant" && ended_with(end, ExitCode::check_said_no)) {
       stragglers_at_ = now + options_.end_together;
     } else {
@@ -211,7 +279,7 @@ class Run {
     sent_ == SIGTERM ? send(SIGKILL, never) : send(SIGTERM, now + options_.patience);
   }
 
-  /// To all that run; the next signal follows at `then`.
+  /// Sends `signal` to all processes that run. The next signal follows at `then`.
   void send(int signal, Clock::time_point then) {
     sent_ = signal;
     escalate_at_ = then;
@@ -219,8 +287,11 @@ class Run {
   }
 
   void signal_all(int signal) const {
-    for (const base::Child& child : children_) {
+    constexpr int kills_drivers = 3;
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      const base::Child& child = children_[i];
       if (!child.running) continue;
+      if (signal == SIGKILL && result_.ends[i].robot_started && signals_ < kills_drivers) continue;
       kill(child.pid, signal);
       if (signal == SIGKILL) kill(-child.pid, signal);
       if (signal == SIGTERM) kill(child.pid, SIGCONT);
@@ -232,8 +303,15 @@ class Run {
   const sigset_t& mask_;
   std::vector<base::Child> children_;
   Supervision result_;
-  int signals_ = 0;  ///< of the user, so far
-  int sent_ = 0;     ///< last signal to the processes: SIGINT, SIGTERM, SIGKILL; 0: none
+  struct Shown {
+    Clock::time_point since;
+    int lines = 0;
+  };
+  std::vector<Shown> shown_;                   ///< of each child's lines in this second
+  std::vector<Clock::time_point> stopped_at_;  ///< when each child has stopped its robot
+  Clock::time_point remind_at_{};              ///< of a robot that is not stopped
+  int signals_ = 0;                            ///< of the user, so far
+  int sent_ = 0;  ///< last signal to the processes: SIGINT, SIGTERM, SIGKILL; 0: none
   bool clean_end_ = false;
   Clock::time_point escalate_at_ = never;    ///< when the next signal follows
   Clock::time_point stragglers_at_ = never;  ///< when a process that still runs is late
@@ -319,10 +397,14 @@ ExitCode exit_code(const Supervision& supervision) {
   for (const ExitCode own :
        {ExitCode::check_said_no, ExitCode::bad_usage, ExitCode::protocol_violated,
         ExitCode::protective_stop, ExitCode::interrupted}) {
-    if (own == ExitCode::check_said_no && !supervision.begun) continue;  // there was none
-    if (ended_with(supervision.ends[*supervision.culprit], own)) return own;
+    const ProcessEnd& culprit = supervision.ends[*supervision.culprit];
+    // Our checks are those of the plant and the logger in a run that has begun.
+    if (own == ExitCode::check_said_no && (!supervision.begun || culprit.name == "controller")) {
+      continue;
+    }
+    if (ended_with(culprit, own)) return own;
   }
-  // That the robot was stopped matters more than which process was lost.
+  // A stopped robot matters more than the name of the lost process.
   const bool stopped = std::ranges::any_of(supervision.ends, [](const ProcessEnd& each) {
     return ended_with(each, ExitCode::protective_stop);
   });

@@ -3,6 +3,7 @@
 #include <array>
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -23,6 +24,8 @@ struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
   std::vector<int> cpus = {};        ///< on which it may execute; empty: as this process
+  bool relayed = false;              ///< its output never waits for this process
+  bool drives_robot = false;         ///< it may hold a robot's torque: base::give_notice
 };
 
 /// On which CPUs the four processes of a run execute.
@@ -48,6 +51,10 @@ struct ProcessEnd : base::End {
   bool overdue = false;   ///< it was still running long after another had ended well
   std::string last_line;  ///< the last it wrote that may tell why it ended, without program's name
   std::string cause;      ///< why it ended, from its error line, without mark and program's name
+  std::int64_t dropped_bytes = 0;  ///< of its output, which came faster than this process read
+  std::int64_t hidden_lines = 0;   ///< of its output, beyond `most_lines_per_s`
+  bool robot_started = false;      ///< it has begun to start its robot
+  bool robot_stopped = false;      ///< its robot's `stop` has returned
 };
 
 /// How to supervise: callbacks, and how long to wait before ending what does not end by itself.
@@ -59,6 +66,7 @@ struct SuperviseOptions {
   std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL
   std::chrono::milliseconds interrupt_grace{3000};  ///< from the forwarded SIGINT to SIGTERM
   std::chrono::milliseconds end_together{10000};    ///< from the first clean end to the last
+  int most_lines_per_s = 200;                       ///< of a process, to `on_line`
 };
 
 struct Supervision {
@@ -83,7 +91,8 @@ struct Supervised {
 /// SIGPIPE are passed on once, as SIGINT (also to processes already sent SIGTERM); a second one
 /// kills. When one process fails, the others of its run get `grace` to end by themselves, then
 /// SIGTERM, then SIGKILL; the other runs are interrupted at once. Should this process die, its
-/// children get SIGTERM.
+/// children get SIGTERM. A process whose robot is started and not stopped gets SIGKILL by a third
+/// signal of the user alone; until then a line each second names the emergency stop.
 /// @return in the order of the runs
 /// @throw base::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.

@@ -16,6 +16,7 @@
 #include "base/file_text.h"
 #include "base/json_text.h"
 #include "base/text.h"
+#include "certify/prediction.h"
 #include "lyapunov/stability_certificate.h"
 #include "report/sweep_page.h"
 
@@ -23,11 +24,11 @@ namespace tachless::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Outcomes = std::map<std::string, std::int64_t>;  // how many runs ended how
+using Outcomes = std::map<std::string, std::int64_t>;  // number of runs for each way to end
 
 constexpr const char* remedy = "make room there";
 
-/// A comparison's row of measures for each law, for people.
+/// Returns a comparison's table, with a row of measures for each law, for people.
 std::string comparison_table(const study::SweepPlan& plan,
                              const std::vector<study::SweepRow>& rows) {
   const robot::JointLabels joints = robot::joint_labels(*plan.scenario(plan.at(0)).model);
@@ -47,7 +48,7 @@ std::string comparison_table(const study::SweepPlan& plan,
   return base::table(cells, "ll" + std::string(columns.size(), 'r') + "l");
 }
 
-/// The same as JSON; null: there is no such number.
+/// Returns the same as JSON; null: there is no such number.
 nlohmann::ordered_json comparison_json(const study::SweepPlan& plan,
                                        const std::vector<study::SweepRow>& rows) {
   auto json = nlohmann::ordered_json::array();
@@ -67,7 +68,8 @@ nlohmann::ordered_json comparison_json(const study::SweepPlan& plan,
   return json;
 }
 
-/// Of each law where certified starts end, on a map over the initial positions of two joints.
+/// Returns each law's outline of the certified starts, on a map over the initial positions of two
+/// joints.
 report::Outlines certified_starts(const study::SweepPlan& plan) {
   const auto of_joint = [](const study::Axis& axis) {
     return axis.key == "plant.initial.position_rad" && !axis.factor && axis.entry;
@@ -76,8 +78,10 @@ report::Outlines certified_starts(const study::SweepPlan& plan) {
   report::Outlines outlines;
   for (std::int64_t first = 0; first < plan.num_cases(); first += plan.cases_per_law()) {
     auto& outline = outlines.emplace_back();
-    for (const Eigen::Vector2d& at : lyapunov::certified_outline(
-             plan.scenario(plan.at(first)), *plan.axes[0].entry, *plan.axes[1].entry)) {
+    const scenario::Scenario scenario = plan.scenario(plan.at(first));
+    if (!certify::no_region(certify::analyse(scenario, linear::Effort::quick)).empty()) continue;
+    for (const Eigen::Vector2d& at :
+         lyapunov::certified_outline(scenario, *plan.axes[0].entry, *plan.axes[1].entry)) {
       outline.push_back({at[0], at[1]});
     }
   }
@@ -86,14 +90,14 @@ report::Outlines certified_starts(const study::SweepPlan& plan) {
 
 fs::path job_file(const study::Sweep& sweep) { return sweep.directory() / "slurm-job"; }
 
-/// One word of a shell's command.
+/// Returns `text` as one word of a shell's command.
 std::string word(const std::string& text) {
   std::string result = "'";
   for (const char c : text) result += c == '\'' ? "'\\''" : std::string(1, c);
   return result + "'";
 }
 
-/// The number of the job that sbatch has made of this program's `sweep` with `arguments`.
+/// Submits this program's `sweep` with `arguments` to sbatch, and returns the job's number.
 std::string submitted(const study::Sweep& sweep, std::vector<std::string> options,
                       const std::string& arguments) {
   options.insert(options.begin(),
@@ -150,7 +154,8 @@ std::string submit_to_slurm(const study::Sweep& sweep, int tasks, const std::str
   return fmt::format(
       "job {}: {} tasks, {} runs; job {} merges them into {}/results.csv\n"
       "  tachless sweep {} --status\n",
-      array, tasks, sweep.plan().num_cases(), merge, directory, sweep.directory().string());
+      array, tasks, sweep.plan().num_cases(), merge, directory,
+      base::shell_word(sweep.directory().string()));
 }
 
 std::string slurm_status(const study::Sweep& sweep) {
@@ -165,7 +170,7 @@ std::string slurm_status(const study::Sweep& sweep) {
     for (const std::string& line :
          base::run({"squeue", "--noheader", "--jobs", job, "--format=task %K: %T on %N %r"})
              .lines) {
-      text += "  " + line + "\n";
+      text += "  " + base::printable(line) + "\n";
     }
   }
   return fmt::format("{}: {} of {} runs finished\n{}", sweep.directory().string(), finished,

@@ -19,13 +19,14 @@ namespace {
 using base::ExitCode;
 using base::Failure;
 constexpr double longest_fall_s = 0.03;
-constexpr int least_hold = 9;       ///< ticks
-constexpr int least_fall = 5;       ///< ticks that have to be seen after the longest delay
-constexpr double following = 0.03;  ///< [rad; m], of the protective stop
-constexpr double reach = 0.016;     ///< [rad; m] of the references
+constexpr int least_hold = 9;  ///< duration of a trial of gravity's torque [ticks]
+constexpr int least_fall = 5;  ///< ticks that must be seen after the longest delay
+/// Limit of the protective stop on the following error [rad; m]
+constexpr double following = 0.03;
+constexpr double reach = 0.016;  ///< largest deflection of the references [rad; m]
 constexpr double joint_s = 3, all_s = 4;
 constexpr double longest_unsent_s = 0.02;
-/// The sines: frequency, and share of the speed that is allowed.
+/// The sines of a motion: frequency [Hz] and share of the allowed speed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
 
 class Procedure : Findings {
@@ -95,7 +96,8 @@ class Procedure : Findings {
     return fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q));
   }
 
-  /// The law with these gains, and what it sends of gravity.
+  /// Returns overrides for the law with these gains. `sends_gravity` sets whether the law sends
+  /// gravity's torque.
   static std::vector<std::string> law(const Vector& kp, const Vector& kd, double rate,
                                       bool sends_gravity) {
     return {fmt::format("controller={{law: loria_ortega_rigid, filter: tustin, gains: {{kp: "
@@ -104,7 +106,7 @@ class Procedure : Findings {
             fmt::format("robot.compensates={}", sends_gravity ? "nothing" : "gravity")};
   }
 
-  /// Some milliseconds without torque.
+  /// Runs some milliseconds without torque and judges the fall.
   Fall let_go() {
     const double h = scenario_.loop.period_s;
     double most_s = longest_fall_s;
@@ -130,13 +132,13 @@ class Procedure : Findings {
     return judge_fall(arm_, still(false, fall_s_), h);
   }
 
-  /// Of the soft law [1/s]: for a delay of `longest_delay` beyond the loop's own.
+  /// Returns the pole of the soft law [1/s], for a delay of `longest_delay` beyond the loop's own.
   [[nodiscard]] double rate() const {
     return 0.1 /
            (scenario_.loop.period_s * (longest_delay + std::max(1, scenario_.loop.command_delay)));
   }
 
-  /// No torque of the law but gravity's, if any.
+  /// Runs a trial without feedback torque. Gravity's torque is sent if `sends_gravity` is set.
   Trial still(bool sends_gravity, double duration_s) {
     const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
     std::vector<std::string> overrides = law(none, none, 1, sends_gravity);
@@ -144,14 +146,16 @@ class Procedure : Findings {
     return trial(overrides, duration_s);
   }
 
-  /// A moment with gravity's torque. @return whether the scale of torque fits
+  /// Runs a short trial with gravity's torque.
+  /// @return whether the scale of torque fits
   bool hold(const Fall& fall) {
     const double h = scenario_.loop.period_s;
     report_("a moment with gravity's torque");
     const ArmHypotheses arm(turned_);
     const Vector pull = arm.gravity(Vector::Ones(scenario_.num_joints), arm.start());
     double most_s = fall_s_;
-    for (const Vector& signs : fall.possible) {  // torques a half more, or with the other sign
+    // Torques half as large again, or with the other sign.
+    for (const Vector& signs : fall.possible) {
       for (const double scale : {1.5, -1.0}) {
         const Vector a = arm.fall(signs.cwiseProduct(turned_by_), scale * pull).cwiseAbs();
         most_s = std::min(most_s, speed_.cwiseQuotient(a.cwiseMax(1e-9)).minCoeff());
@@ -183,7 +187,7 @@ class Procedure : Findings {
       fits = fits && !(std::abs(scale[i] - 1) > 0.25);
       result_.joints.push_back(std::move(joint));
     }
-    // What is sent of gravity may be wrong by as much as the soft law stops in time.
+    // The error of the sent gravity torque may be as large as the soft law can stop in time.
     const Vector stopped = 0.3 * rate() * std::numbers::e * speed_.cwiseProduct(arm_.inertia());
     for (const Vector& signs : fall.possible) {
       const Vector wrong = arm.gravity(signs.cwiseProduct(turned_by_), arm.start()) - pull;
@@ -212,7 +216,7 @@ class Procedure : Findings {
     return false;
   }
 
-  /// From now on the scenario has these signs.
+  /// Changes the signs of the scenario for the following trials.
   void turn(const Vector& signs) {
     turned_by_ = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
     const Vector start = start_with(turned_by_);
@@ -225,7 +229,8 @@ class Procedure : Findings {
     turned_ = changed_by(overrides);
   }
 
-  /// Some sines of that joint, of all if there is no such one; see plant.withheld_ticks.
+  /// Runs sines on one joint, or on all joints if `joint` is the number of joints.
+  /// @param withheld see plant.withheld_ticks
   Trial move(int joint, int withheld = 0) {
     const bool all = joint == scenario_.num_joints;
     const Vector& start = turned_.plant.initial.position_rad;
@@ -243,7 +248,7 @@ class Procedure : Findings {
         const double omega = 2 * std::numbers::pi * frequency[i];
         amplitude[i] = std::min(share * speed_[i] / omega, reach / 2 / sines.size());
       }
-      offset -= amplitude;  // from rest at the start
+      offset -= amplitude;  // begins at rest at the start
       terms += fmt::format("{{amplitude_rad: {}, frequency_hz: {}, phase_rad: {:.17g}}}, ",
                            list(amplitude), list(frequency), std::numbers::pi / 2);
     }
@@ -258,8 +263,9 @@ class Procedure : Findings {
     return result;
   }
 
-  /// Whether torques that are not sent are those before, or none: which explains the motion of all
-  /// joints better. @param moved the trials that have been explained
+  /// Determines whether the arm holds the previous torque or takes zero when none is sent. The
+  /// better explanation of the motion of all joints decides.
+  /// @param moved the trials that have been explained
   void withhold(const Fall& fall, std::vector<Trial> moved, bool gravity) {
     const double h = scenario_.loop.period_s;
     const int ticks = std::max(1, static_cast<int>(std::min(longest_unsent_s, fall_s_ / 2) / h));
@@ -290,7 +296,7 @@ class Procedure : Findings {
     Eigen::Index joint = 0;
     const Eigen::Index last = trial.q.rows() - 1, from = std::max<Eigen::Index>(0, last - 60);
     if (last >= 1) (trial.q.row(last) - trial.q.row(0)).cwiseAbs().maxCoeff(&joint);
-    double sum = 0;  // of acceleration times torque
+    double sum = 0;  // sum of acceleration times torque
     const Eigen::MatrixXd q = identify::low_passed(trial.q, scenario_.loop.period_s);
     for (Eigen::Index k = from + 1; k < last; ++k) {
       sum += (q(k + 1, joint) - 2 * q(k, joint) + q(k - 1, joint)) * trial.tau(k, joint);
@@ -340,11 +346,11 @@ class Procedure : Findings {
   const Trials& trials_;
   const identify::Report& report_;
   ArmHypotheses arm_;
-  Scenario turned_ = scenario_;  ///< with the signs that the fall has told
+  Scenario turned_ = scenario_;  ///< with the signs that the fall determined
   std::vector<std::string> signs_;
   bool sends_gravity_ = false;
   double fall_s_ = 0;
-  Vector last_;  ///< where the arm was at the end of the last trial
+  Vector last_;  ///< position of the arm at the end of the last trial
 };
 
 }  // namespace

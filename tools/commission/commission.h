@@ -12,62 +12,71 @@
 #include "identify/output_error.h"
 #include "scenario/scenario.h"
 
-/// What an arm does with the torque that it is sent, from its own small motions: signs, scale, what
-/// it adds itself, delay. Positions alone are measured.
+/// Determines what an arm does with the torques that it is sent: signs, scale, its own gravity and
+/// friction compensation, and delay. It uses small motions of the arm and measures positions only.
 namespace tachless::commission {
 
-/// What a run on the arm left, a row per tick, in the scenario's coordinates.
+/// The data of a run on the arm, one row per tick, in the scenario's coordinates.
 struct Trial {
-  Eigen::MatrixXd q;    ///< measured [rad; m]
-  Eigen::MatrixXd tau;  ///< given to the drives over the tick, what the arm adds included [N m; N]
-  std::string stopped = {};  ///< why it ended early; empty: it did not
-  std::int64_t missed = 0;   ///< commands that did not come
+  Eigen::MatrixXd q;         ///< measured [rad; m]
+  Eigen::MatrixXd tau;       ///< torque acting over the tick, including what the arm adds [N m; N]
+  std::string stopped = {};  ///< why the run ended early; empty: it did not
+  std::int64_t missed = 0;   ///< commands that did not arrive
   bool arm_is_clock = false;
 };
 
-/// Carries out a run of `scenario`: the one that is commissioned, changed by `overrides`.
+/// A function that carries out a run of `scenario`, which is the commissioned scenario changed by
+/// `overrides`.
 using Trials = std::function<Trial(const scenario::Scenario& scenario,
                                    const std::vector<std::string>& overrides)>;
 
-/// What an arm's drives do in a tick for which nothing is sent.
+/// Reaction of an arm's drives to a tick without a command.
 enum class Unsent { held, zeroed, ends_the_run };
 constexpr std::array<std::string_view, 3> names(Unsent /*type*/) {
   return {"held", "zeroed", "ends_the_run"};
 }
 
 struct Commissioned {
-  /// Nothing: not determined.
+  /// The findings on one joint. An empty optional means not determined.
   struct Joint {
     std::string name, unit;
-    std::optional<bool> turns{};    ///< as the scenario says (robot.joint_signs), or against it
-    std::optional<double> scale{};  ///< torque that acts per torque sent
-    double viscous = 0, dry = 0;    ///< friction, in sent torque [N m s/rad; N s/m], [N m; N]
-    std::optional<double> delay{};  ///< beyond the loop's own [ticks]
-    double noise = 0;               ///< torque that nothing explains, rms below 15 Hz [N m; N]
+    std::optional<bool> turns{};    ///< whether it turns against robot.joint_signs
+    std::optional<double> scale{};  ///< acting torque over sent torque
+    double viscous = 0, dry = 0;    ///< friction as sent torque [N m s/rad; N s/m], [N m; N]
+    std::optional<double> delay{};  ///< delay beyond the loop's own [ticks]
+    double noise = 0;               ///< unexplained torque, rms below 15 Hz [N m; N]
   };
 
   std::vector<Joint> joints;
   std::optional<bool> adds_gravity, adds_friction;
-  std::optional<int> delay;  ///< from the reading to the torque [ticks]
+  std::optional<int> delay;  ///< from reading to torque [ticks]
   std::optional<Unsent> unsent;
-  std::string unsent_text;  ///< why the run ended
+  std::string unsent_text;  ///< why the run ended when no torque was sent
   double delay_spread = 0;  ///< between the joints [ticks]
-  std::int64_t missed = 0;  ///< commands
+  std::int64_t missed = 0;  ///< missed commands
   bool arm_is_clock = false;
-  double seconds = 0;                  ///< of arm time
-  std::vector<std::string> misfits;    ///< one line each: what does not fit, and the remedy
-  bool mendable = true;                ///< `overrides` mend every misfit
-  std::vector<std::string> overrides;  ///< what the scenario has to say, as for --set
+  double seconds = 0;                  ///< arm time
+  std::vector<std::string> misfits;    ///< one line each: the misfit and its remedy
+  bool mendable = true;                ///< `overrides` remove every misfit
+  std::vector<std::string> overrides;  ///< changes of the scenario, as for --set
 };
 
-/// A moment without torque, so short that gravity cannot make a joint faster than a tenth of its
-/// limit, then a run for each joint in turn and two of all together: some slow sines about the
-/// start, under a soft law whose gravity torque is sent only if the arm fell; in the last one a
-/// tenth of the torques is not sent. Of signs, gravity,
-/// and delay that combination is taken which explains the torques sent by the URDF's mechanics with
-/// the least residual, if by a clear margin.
-/// @throw base::Failure(bad_usage) where the arm cannot be moved safely or the joints are
-/// flexible, (protective_stop) when a joint runs away
+/// Commissions an arm with a sequence of short trials:
+///
+/// 1. A moment without torque. It is so short that gravity cannot accelerate a joint beyond a tenth
+/// of its speed limit.
+/// 2. If the arm falls: a moment with gravity's torque, which checks the scale of torque.
+/// 3. A run for each joint in turn, then a run of all joints: slow sines about the start under a
+/// soft law. The law sends gravity's torque only if the arm fell.
+/// 4. If gravity is determined: another run of all joints, in which a tenth of the torques is not
+/// sent.
+///
+/// The function explains the sent torques with the URDF's mechanics under all combinations of
+/// signs, gravity and delay. It accepts the combination with the least residual if the margin to
+/// the others is clear.
+/// @throw base::Failure(bad_usage) when the arm cannot be moved safely or the joints are flexible
+/// @throw base::Failure(protective_stop) when a joint runs away
+/// @throw base::Failure(check_said_no) when the arm moves without torque, but not as gravity pulls
 Commissioned commission(const scenario::Scenario& scenario, const Trials& trials,
                         const identify::Report& report);
 

@@ -12,13 +12,13 @@ namespace tachless::commission {
 EmulatedArm::EmulatedArm(scenario::Scenario scenario)
     : scenario_(std::move(scenario)),
       model_(plant::plant_model(scenario_)),
-      encoder_(scenario_, model_),
-      now_(plant::initial_state(scenario_, model_)) {}
+      encoder_(scenario_.plant.encoder, scenario::encoder_count(scenario_, model_), model_),
+      now_(plant::initial_state(scenario_.plant, scenario_.robot.flexible, model_)) {}
 
 void EmulatedArm::start() {
   now_.v.setZero();
   if (now_.torque.size() > 0) now_.torque = robot::gravity_torque(model_, now_.q);
-  arm_.emplace(plant::make_arm(scenario_, model_, now_));
+  arm_.emplace(plant::make_arm(scenario_.plant, scenario_.robot.flexible, model_, now_));
   last_ = Vector::Zero(model_.num_joints);
   past_.assign(static_cast<std::size_t>(scenario_.plant.encoder.latency_ticks), now_);
 }

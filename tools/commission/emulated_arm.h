@@ -12,8 +12,9 @@
 
 namespace tachless::commission {
 
-/// The arm of a scenario behind a driver, with its signs, encoders and what it adds itself: a
-/// maker's arm in an emulator. At rest until `start`, and from `stop` on.
+/// The arm of a scenario behind a driver, with its signs, encoders and its own gravity
+/// compensation. It emulates a manufacturer's arm. It does not move before `start` and after
+/// `stop`.
 class EmulatedArm : public plant::RobotDriver {
  public:
   explicit EmulatedArm(scenario::Scenario scenario);
@@ -25,12 +26,12 @@ class EmulatedArm : public plant::RobotDriver {
   plant::ArmState read() override;
   void hold(const Vector& tau, double until_s) override;
   void stop() override { arm_.reset(); }
-  /// Its drives hold the torque of the tick before.
+  /// Holds the torque of the previous tick.
   void rest(double until_s) override {
     if (moves()) hold(last_, until_s);
   }
 
-  [[nodiscard]] const plant::ArmState& state() const { return now_; }  ///< exact
+  [[nodiscard]] const plant::ArmState& state() const { return now_; }  ///< exact state
 
  protected:
   [[nodiscard]] bool moves() const { return arm_.has_value(); }
@@ -40,13 +41,13 @@ class EmulatedArm : public plant::RobotDriver {
   robot::Model model_;
   plant::Encoder encoder_;
   plant::ArmState now_;
-  std::deque<plant::ArmState> past_;  ///< that is not measured yet
-  std::optional<plant::Arm> arm_;     ///< while it moves
-  Vector last_;                       ///< torque [N m; N]
+  std::deque<plant::ArmState> past_;  ///< states that the encoder's latency delays
+  std::optional<plant::Arm> arm_;     ///< set while the arm moves
+  Vector last_;                       ///< last torque [N m; N]
   std::int64_t readings_ = 0;
 };
 
-/// Trials in this process on `arm`, which outlives them.
+/// Returns trials in this process on `arm`, which must outlive them.
 Trials trials_on(plant::RobotDriver& arm);
 
 }  // namespace tachless::commission

@@ -17,8 +17,8 @@ namespace tachless::commission {
 using scenario::Compensates;
 using scenario::Scenario;
 
-/// That a joint of an arm which is not known yet never exceeds: a tenth of its limit, 1 where the
-/// URDF has none [rad/s; m/s].
+/// Returns the speed that no joint of an unknown arm may exceed: a tenth of its limit, or 0.1 where
+/// the URDF has no limit [rad/s; m/s].
 inline Vector careful_speed(const robot::Model& model) {
   return model.velocity_limit.unaryExpr(
       [](double limit) { return 0.1 * (std::isfinite(limit) ? limit : 1.0); });
@@ -28,7 +28,7 @@ inline std::string list(const Vector& values) {
   return fmt::format("[{:.9g}]", fmt::join(values, ", "));
 }
 
-/// What commissioning has found, held against the scenario.
+/// The findings of a commissioning, compared with the scenario.
 class Findings {
  protected:
   explicit Findings(const Scenario& scenario)
@@ -52,7 +52,8 @@ class Findings {
     }
   }
 
-  /// Against the friction that the scenario states for an arm that leaves it.
+  /// Compares the found friction with the friction that the scenario states for an arm without
+  /// compensation.
   void judge_friction(const Explanation& found) {
     const Scenario stated = scenario::parse_scenario(
         scenario_.text, scenario_.robot.urdf_text, scenario_.source, {"robot.compensates=nothing"});
@@ -83,7 +84,7 @@ class Findings {
     std::string either;
     for (Vector& each : explanations) {
       each = turned_by_.cwiseProduct(each);
-      if ((each.array() > 0).all()) return;  // as the scenario says
+      if ((each.array() > 0).all()) return;  // as the scenario states
       std::string joints;
       for (Eigen::Index i = 0; i < each.size(); ++i) {
         if (each[i] < 0) joints += (joints.empty() ? "" : ", ") + name(i);
@@ -161,8 +162,8 @@ class Findings {
   }
 
   const Scenario& scenario_;
-  Vector speed_;                                           ///< that no joint may exceed
-  Vector turned_by_ = Vector::Ones(scenario_.num_joints);  ///< signs that the fall has told
+  Vector speed_;                                           ///< speed that no joint may exceed
+  Vector turned_by_ = Vector::Ones(scenario_.num_joints);  ///< signs that the fall determined
   Commissioned result_;
 };
 

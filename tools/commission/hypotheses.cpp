@@ -14,17 +14,21 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double instant_s = 0.02;  ///< between rows of the regression: what passes the low-pass
-constexpr double edge_s = 0.25;     ///< left out at both ends of a trial
-constexpr double dependent = 3;     ///< rows of which one counts: the low-pass makes them alike
+/// Between rows of the regression; the low-pass removes faster motion.
+constexpr double instant_s = 0.02;
+constexpr double edge_s = 0.25;  ///< left out at both ends of a trial
+/// Rows per independent row: the low-pass correlates neighbouring rows.
+constexpr double dependent = 3;
 constexpr double moving = 0.2;  ///< share of the largest speed below which dry friction is unclear
-constexpr double noisy = 0.06;  ///< residual beside what moves a joint, above which it tells little
-constexpr double trusted = 5e-3;  ///< share of a joint's torque below which residuals are alike
+/// Residual over the torque that moves a joint, above which the joint tells little.
+constexpr double noisy = 0.06;
+/// Share of a joint's torque below which residuals count as equal.
+constexpr double trusted = 5e-3;
 
-/// A moment of a trial.
+/// A sample of a trial.
 struct Instant {
   std::size_t trial;
-  Vector q, v, a, dry;  ///< the last one sign(v) through the low-pass, as torques are
+  Vector q, v, a, dry;                         ///< dry: sign(v), low-passed like the torques
   std::array<Vector, longest_delay + 3> sent;  ///< delayed by -1, 0, 1 … ticks
 };
 
@@ -34,7 +38,7 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
     const MatrixXd q = identify::low_passed(trials[r].q, h);
     MatrixXd sent = trials[r].tau;
     const Eigen::Index ticks = q.rows(), edge = static_cast<Eigen::Index>(edge_s / h);
-    // What acts at t_k: the torque is held over each tick.
+    // Mean torque about t_k, because each torque is held over its tick.
     sent.bottomRows(ticks - 1) =
         (0.5 * (trials[r].tau.topRows(ticks - 1) + trials[r].tau.bottomRows(ticks - 1))).eval();
     sent = identify::low_passed(std::move(sent), h);
@@ -59,7 +63,8 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
   return all;
 }
 
-/// Sent torque = (torque needed) / scale + viscous v + dry sign(v), of one joint for all delays.
+/// A fit of sent torque = (needed torque) / scale + viscous v + dry sign(v), for one joint and all
+/// delays.
 class JointFit {
  public:
   void add(double needed, const Instant& at, Eigen::Index joint) {
@@ -76,7 +81,8 @@ class JointFit {
   }
   struct Result {
     Eigen::Vector3d values;
-    double left, squares, deviation;  ///< over; of that what is trusted; of `dry`
+    /// Sum of squared residuals; the same with the floor `trusted`; standard deviation of `dry`.
+    double left, squares, deviation;
   };
   [[nodiscard]] Result solve(std::size_t d) const {
     const Eigen::Vector3d scale = normal_.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
@@ -84,18 +90,19 @@ class JointFit {
     const Eigen::Matrix3d inverse =
         (scaled + 1e-10 * Eigen::Matrix3d::Identity()).ldlt().solve(Eigen::Matrix3d::Identity());
     Eigen::Vector3d values = scale.cwiseProduct(inverse * scale.cwiseProduct(right_[d]));
-    if (values[0] < 0) values.setZero();  // the model's torque never helps the other way
+    if (values[0] < 0) values.setZero();  // the model's torque never acts in the opposite direction
     const double left = squares_[d] - 2 * values.dot(right_[d]) + values.dot(normal_ * values);
     const double squares = std::max(left, count_ * trusted * trusted * variance());
     return {values, left, squares,
             scale[2] * std::sqrt(inverse(2, 2) * squares / count_ * dependent)};
   }
   [[nodiscard]] double count() const { return count_; }
-  /// Of the torque that moves the joint, without its mean.
+  /// Returns the sum of squares of the torque that moves the joint, without its mean.
   [[nodiscard]] double moving_squares(double per_scale) const {
     return per_scale * per_scale * (normal_(0, 0) - needed_ * needed_ / std::max(1.0, count_));
   }
-  /// Twice the log-likelihood's loss.
+  /// Returns the negative log-likelihood up to a constant. One of `dependent` rows counts as
+  /// independent.
   [[nodiscard]] double cost(std::size_t d) const {
     if (count_ < 10) return 0;
     return count_ / (2 * dependent) * std::log(std::max(1e-300, solve(d).squares / count_));
@@ -119,7 +126,7 @@ class JointFit {
   }
 };
 
-/// One hypothesis' fits and costs, by delay from 0.
+/// The fits and costs of one hypothesis; `cost` has an entry for each delay from 0.
 struct Candidate {
   Vector signs;
   bool gravity;
@@ -132,7 +139,7 @@ struct Candidate {
   [[nodiscard]] double least() const { return *std::ranges::min_element(cost); }
 };
 
-/// The vertex of the parabola through the residuals beside the best delay.
+/// Returns the delay at the vertex of the parabola through the residuals beside the best delay.
 double fractional_delay(const JointFit& joint, std::size_t d) {
   const double before = joint.solve(d).left, at = joint.solve(d + 1).left,
                after = joint.solve(d + 2).left;
@@ -141,7 +148,7 @@ double fractional_delay(const JointFit& joint, std::size_t d) {
   return static_cast<double>(d) + std::clamp(shift, -1.0, 1.0);
 }
 
-/// t^2 / 2 from tick `onset` on.
+/// Returns t^2 / 2 from tick `onset` on.
 VectorXd parabola(Eigen::Index ticks, int onset, double h) {
   const VectorXd t = VectorXd::LinSpaced(ticks, 0, static_cast<double>(ticks - 1));
   return ((t.array() - onset).cwiseMax(0) * h).square() / 2;
@@ -203,7 +210,7 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
   Fall result;
   result.signs = Vector::Ones(n);
   result.certain = Vector::Zero(n);
-  std::vector<double> explained;  // by each of the signs
+  std::vector<double> explained;  // best share for each entry of arm.signs()
   for (const Vector& signs : arm.signs()) {
     const VectorXd a = weight.cwiseProduct(arm.fall(signs));
     const VectorXd along = x * a;
@@ -263,7 +270,7 @@ Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset,
   Vector scale = arm.inertial(as_stated, arm.start(), none, added).cwiseQuotient(pull);
   for (Eigen::Index i = 0; i < n; ++i) {
     const double M = arm.inertial(as_stated, arm.start(), none, Vector::Unit(n, i))[i];
-    const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // the rest is friction
+    const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // friction explains the rest
     if (std::abs(pull[i]) < 1.5 * M || std::abs(as_gravity - 1) > 0.1)
       scale[i] = std::numeric_limits<double>::quiet_NaN();
   }

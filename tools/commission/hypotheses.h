@@ -7,33 +7,34 @@
 #include "commission/commission.h"
 #include "robot/model.h"
 
-/// Which signs, gravity and delay explain how an arm moved.
+/// Hypotheses on signs, gravity and delay that explain how an arm moved.
 namespace tachless::commission {
 
-/// Positions with joints turned about `offset` where `signs` is -1: another hypothesis' coordinates
-/// from the scenario's, and back.
+/// Returns positions with the joints turned about `offset` where `signs` is -1. This converts
+/// between a hypothesis' coordinates and the scenario's, in both directions.
 inline Vector turned(const Vector& q, const Vector& signs, const Vector& offset) {
   return offset + signs.cwiseProduct(q - offset);
 }
 
-/// The arm as the scenario has it, and what it may be instead: joints that turn against it.
+/// The scenario's arm and its alternatives: arms with joints that turn the other way.
 class ArmHypotheses {
  public:
   /// @throw base::Failure(bad_usage) for flexible joints, and more than `most_joints`
   explicit ArmHypotheses(const scenario::Scenario& scenario);
   static constexpr int most_joints = 8;
 
-  /// Signs +1 or -1, relative to the scenario's; of those, the ones whose start is within the
-  /// joints' ranges.
+  /// Returns the possible signs, +1 or -1 for each joint, relative to the scenario's. Alternatives
+  /// whose start is outside the joints' ranges are left out.
   [[nodiscard]] const std::vector<Vector>& signs() const { return signs_; }
-  /// M a + C v and g of that hypothesis, in the scenario's coordinates [N m; N].
+  /// Return M a + C v and g under a hypothesis, in the scenario's coordinates [N m; N].
   [[nodiscard]] Vector inertial(const Vector& signs, const Vector& q, const Vector& v,
                                 const Vector& a) const;
   [[nodiscard]] Vector gravity(const Vector& signs, const Vector& q) const;
-  /// Acceleration at the start [rad/s^2; m/s^2] under that torque; empty: none.
+  /// Returns the acceleration at the start under the torque `tau` [rad/s^2; m/s^2]; empty: no
+  /// torque.
   [[nodiscard]] Vector fall(const Vector& signs, const Vector& tau = {}) const;
-  /// 1 / (M^-1)_ii at the start, what a joint's motor feels when the others are free. The same for
-  /// all signs where M is that of one posture.
+  /// Returns 1 / (M^-1)_ii at the start, the inertia of each joint when the others are free. It is
+  /// computed at the scenario's start for all signs.
   [[nodiscard]] const Vector& inertia() const { return inertia_; }
   [[nodiscard]] const Vector& start() const { return start_; }
 
@@ -43,43 +44,48 @@ class ArmHypotheses {
   std::vector<Vector> signs_;
 };
 
-/// The start of a motion without torque.
+/// The beginning of a motion without torque.
 struct Fall {
-  std::optional<bool> falls;     ///< nothing: it moved too little, or would have
-  Vector signs;                  ///< that explain it best
-  Vector certain;                ///< of `signs`, 0 where the other one explains it hardly less
-  std::vector<Vector> possible;  ///< signs that explain it hardly less well
-  double explained = 0;          ///< share of the motion
-  bool moved = false;            ///< by more than a fifth of what gravity would
+  std::optional<bool> falls;  ///< nothing: the motion was too small to tell
+  Vector signs;               ///< signs that explain the motion best
+  Vector certain;  ///< entries of `signs`; 0 where the opposite explains the motion almost as well
+  std::vector<Vector> possible;  ///< signs that explain the motion almost as well
+  double explained = 0;          ///< explained share of the motion
+  bool moved = false;            ///< moved more than a fifth of what gravity would cause
   Vector acceleration;           ///< measured [rad/s^2; m/s^2]
-  int onset = 0;                 ///< tick from which on it is seen
+  int onset = 0;                 ///< tick from which the motion is seen
 };
 Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double period_s);
 
-/// Torque that acts per torque sent, from a like trial with gravity's torque in which `fall` goes
-/// on until that acts; not a number for joints that gravity hardly pulls at. Negative: the torque
-/// has another sign than the positions. @param arm with the signs that the fall has told
+/// Returns the acting torque over the sent torque, from a trial with gravity's torque. In this
+/// trial the acceleration `falling` lasts until the torque acts. A result is not a number for
+/// joints with hardly any gravity torque or whose fall gravity does not explain. A negative result
+/// means that torque and positions have opposite signs.
+/// @param arm with the signs that the fall determined
 Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset, const Trial& trial,
                      double period_s);
 
 inline constexpr int longest_delay = 6;  ///< [ticks] beyond the loop's own
 
-/// The best explanation of trials of one joint after the other and one of all joints.
+/// The best explanation of the trials of each joint in turn and of all joints.
 struct Explanation {
   struct Joint {
     double scale, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
-    double resolution;                         ///< of `dry` [N m; N]
-    bool clean;                                ///< `noise` is small beside the torque that moves it
+    double resolution;                         ///< standard deviation of `dry` [N m; N]
+    bool clean;  ///< `noise` is small against the torque that moves the joint
   };
-  std::vector<Vector> signs;    ///< the best, and those that explain it hardly less well
-  std::optional<bool> gravity;  ///< acts unaided; nothing: not determined
+  std::vector<Vector> signs;  ///< the best signs, then those almost as good
+  /// Whether gravity acts without compensation by the arm; nothing: not determined.
+  std::optional<bool> gravity;
   int delay = 0;
   std::vector<Joint> joints;
-  double cost = 0;  ///< twice the log-likelihood's loss
+  double cost = 0;  ///< negative log-likelihood up to a constant
 };
-inline constexpr double clear = 12;  ///< least difference of costs that tells two apart
-/// @param trials the last one of all joints; `sent` in the place of `tau` [N m; N]
-/// @param certain signs that are known, 0: not
+/// Least difference of costs between distinguishable explanations.
+inline constexpr double clear = 12;
+/// Explains the trials by hypotheses.
+/// @param trials the last one moves all joints; `tau` holds the sent torques [N m; N]
+/// @param certain known signs; 0: unknown
 Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double period_s,
                     const Vector& certain, std::optional<bool> gravity);
 

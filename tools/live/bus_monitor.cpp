@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <optional>
 #include <type_traits>
 #include <utility>
 
@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 
 Json list(const Vector& x) { return std::vector(x.begin(), x.end()); }
 
-/// Appends what a reader of the bus wants to see of one field.
+/// Appends one field, for a reader of the bus.
 template <class Value, class Member>
 void describe(const messages::Field<Value, Member>& field, const Value& value,
               std::vector<MessageField>& fields) {
@@ -48,9 +48,9 @@ void describe(const messages::Field<Value, Member>& field, const Value& value,
   }
 }
 
-/// "1.5", or "-" for null.
-std::string shown(const Json& number) {
-  return number.is_null() ? "-" : fmt::format("{:.1f}", number.get<double>());
+/// Returns "1.5", or "-" for none.
+std::string shown(std::optional<double> number) {
+  return number ? fmt::format("{:.1f}", *number) : "-";
 }
 
 std::string text_of(const MessageField& field) {
@@ -79,7 +79,8 @@ messages::Rejection decode(std::span<const std::byte> message, messages::Stamp& 
   return messages::Codec<Value>(*layout).decode(message, stamp, value);
 }
 
-/// What `map` has of that name; nothing, and counted, where it is full of other names.
+/// Returns the entry of `map` for `name`, and adds it if there is room. If `most` other names fill
+/// the map, it counts one in `beyond` and returns null.
 template <class Map>
 typename Map::mapped_type* entry(Map& map, std::string_view name, std::size_t most,
                                  std::uint64_t& beyond) {
@@ -112,13 +113,16 @@ Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fie
   return glance;
 }
 
-void BusMonitor::Arrivals::add(std::int64_t interval_ns) {
-  ++intervals;
-  const auto interval = static_cast<double>(interval_ns);
-  const double before = interval - mean_ns;
-  mean_ns += before / static_cast<double>(intervals);
-  deviations_ns2 += before * (interval - mean_ns);
-  longest_ns = std::max(longest_ns, interval_ns);
+std::uint64_t BusMonitor::Channel::undecodable() const {
+  std::uint64_t count = type.empty() ? 0 : not_ours;
+  for (const auto& [reason, times] : rejected) count += times;
+  return count;
+}
+
+std::uint64_t BusMonitor::undecodable() const {
+  std::uint64_t count = 0;
+  for (const auto& [name, channel] : channels_) count += channel.undecodable();
+  return count;
 }
 
 void BusMonitor::take(const bus::Datagram& datagram) {
@@ -143,20 +147,20 @@ void BusMonitor::note_sender(std::string_view sender, std::uint32_t sequence) {
 }
 
 void BusMonitor::note_channel(const bus::Datagram& datagram) {
-  const auto& [name, payload, sender, sequence, received_ns] = datagram;
-  Channel* const found = entry(channels_, name, max_channels, elsewhere_);
+  const std::int64_t received_ns = datagram.received_ns;
+  Channel* const found = entry(channels_, datagram.channel, max_channels, elsewhere_);
   if (found == nullptr) return;
   Channel& channel = *found;
   ++channel.messages;
-  channel.bytes += payload.size();
-  channel.now.bytes += payload.size();
+  channel.bytes += datagram.payload.size();
+  channel.now.bytes += datagram.payload.size();
   // A clock that was set back gives a meaningless interval.
   if (channel.last_ns && received_ns >= *channel.last_ns) {
-    channel.now.add(received_ns - *channel.last_ns);
+    channel.now.arrivals.add(received_ns - *channel.last_ns);
   }
   channel.last_ns = received_ns;
 
-  const Glance seen = glance(payload);
+  const Glance seen = glance(datagram.payload);
   if (seen.type.empty()) {
     ++channel.not_ours;
     return;
@@ -168,7 +172,7 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
   }
   if (seen.tagged) ++channel.tagged;
   channel.newest_stamp = seen.stamp;
-  channel.newest.assign(payload.begin(), payload.end());
+  channel.newest.assign(datagram.payload.begin(), datagram.payload.end());
   channel.once_per_tick = seen.once_per_tick;
   if (!seen.once_per_tick) return;
   if (seen.stamp.run != channel.run) channel.ticks.start_over();
@@ -179,24 +183,22 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
 void BusMonitor::end_interval(double seconds) {
   seconds_ += seconds;
   for (auto& [name, channel] : channels_) {
-    channel.shown = channel.now;
-    channel.shown_seconds = seconds;
-    channel.now = {};
+    channel.shown = std::exchange(channel.now, {});
+    channel.shown.seconds = seconds;
   }
 }
 
 std::vector<std::string> BusMonitor::table(std::size_t rows) const {
-  const Json all = to_json();
   std::uint64_t missing = 0, tagged = 0;
-  for (const Json& sender : all["senders"]) missing += sender["missing"].get<std::uint64_t>();
+  for (const auto& [address, sender] : senders_) missing += sender.sequence.missing();
   std::size_t longest_name = 0;
-  for (const Json& channel : all["channels"]) {
-    tagged += channel["tagged"].get<std::uint64_t>();
-    longest_name = std::max(longest_name, channel["channel"].get_ref<const std::string&>().size());
+  for (const auto& [name, channel] : channels_) {
+    tagged += channel.tagged;
+    longest_name = std::max(longest_name, printable(name).size());
   }
   std::vector<std::string> lines = {fmt::format(
       "{} messages of {} senders in {:.1f} s; {} missing by the senders' counts; undecodable {}",
-      messages_, senders_.size(), seconds_, missing, all["undecodable"].dump())};
+      messages_, senders_.size(), seconds_, missing, undecodable())};
   const auto note = [&](std::uint64_t count, std::string_view what) {
     if (count != 0) lines.push_back(fmt::format("{} {}", count, what));
   };
@@ -216,14 +218,13 @@ std::vector<std::string> BusMonitor::table(std::size_t rows) const {
   };
   lines.emplace_back();
   add_row("channel", "messages", "per s", "jitter us", "kB/s", "gaps", "undecodable", "type");
-  for (const Json& channel : all["channels"]) {
-    const Json& bandwidth = channel["bandwidth_bytes_per_s"];
-    const std::string type = channel["type"].is_null() ? "not ours" : channel["type"];
-    add_row(channel["channel"].get_ref<const std::string&>(), channel["messages"].dump(),
-            shown(channel["rate_hz"]), shown(channel["jitter_us"]),
-            fmt::format("{:.1f}", bandwidth.is_null() ? 0.0 : 1e-3 * bandwidth.get<double>()),
-            channel["tick_gaps"].is_null() ? "-" : channel["tick_gaps"].dump(),
-            channel["undecodable"].dump(), std::string_view(type).substr(type.find('.') + 1));
+  for (const auto& [name, channel] : channels_) {
+    const std::string_view type = channel.type.empty() ? "not ours" : channel.type;
+    add_row(printable(name), channel.messages, shown(channel.shown.arrivals.rate_hz()),
+            shown(channel.shown.arrivals.jitter_us()),
+            fmt::format("{:.1f}", 1e-3 * channel.shown.bytes_per_s().value_or(0)),
+            channel.once_per_tick ? std::to_string(channel.ticks.missing()) : "-",
+            channel.undecodable(), type.substr(type.find('.') + 1));
   }
   lines.emplace_back();
   for (const auto& [name, channel] : channels_) {
@@ -244,11 +245,7 @@ std::vector<std::string> BusMonitor::table(std::size_t rows) const {
 
 Json BusMonitor::to_json() const {
   Json channels = Json::array();
-  std::uint64_t undecodable = 0;
-  for (const auto& [name, channel] : channels_) {
-    channels.push_back(json_of(name, channel));
-    undecodable += channels.back()["undecodable"].get<std::uint64_t>();
-  }
+  for (const auto& [name, channel] : channels_) channels.push_back(json_of(name, channel));
   Json senders = Json::array();
   for (const auto& [address, sender] : senders_) {
     senders.push_back({{"address", address},
@@ -260,7 +257,7 @@ Json BusMonitor::to_json() const {
   return {{"seconds", seconds_},
           {"messages", messages_},
           {"bytes", bytes_},
-          {"undecodable", undecodable},
+          {"undecodable", undecodable()},
           {"malformed", transport_.malformed},
           {"fragmented", transport_.fragmented},
           {"lost_here", transport_.overflowed.value_or(0)},
@@ -271,15 +268,14 @@ Json BusMonitor::to_json() const {
 }
 
 Json BusMonitor::json_of(const std::string& name, const Channel& channel) {
-  const Arrivals& shown = channel.shown;
+  const Traffic& shown = channel.shown;
   const auto or_null = [](bool known, auto value) { return known ? Json(value) : Json(nullptr); };
-  const double deviation_ns =
-      std::sqrt(shown.deviations_ns2 / (static_cast<double>(shown.intervals) - 1));
-  std::uint64_t undecodable = channel.type.empty() ? 0 : channel.not_ours;
+  const auto number = [](std::optional<double> value) {
+    return value ? Json(*value) : Json(nullptr);
+  };
   Json because = Json::object();
   for (const auto& [reason, count] : channel.rejected) {
     because[std::string(messages::name(reason))] = count;
-    undecodable += count;
   }
   Json newest;
   if (!channel.newest.empty()) {
@@ -293,23 +289,21 @@ Json BusMonitor::json_of(const std::string& name, const Channel& channel) {
       newest[field.name] = is_text ? Json(printable(field.value.get<std::string>())) : field.value;
     }
   }
-  return {
-      {"channel", printable(name)},
-      {"type", or_null(!channel.type.empty(), channel.type)},
-      {"messages", channel.messages},
-      {"bytes", channel.bytes},
-      {"rate_hz", or_null(shown.intervals > 0 && shown.mean_ns > 0, 1e9 / shown.mean_ns)},
-      {"jitter_us", or_null(shown.intervals > 1, 1e6 * (1e-9 * deviation_ns))},
-      {"longest_silence_us", 1e-3 * static_cast<double>(shown.longest_ns)},
-      {"bandwidth_bytes_per_s", or_null(channel.shown_seconds > 0,
-                                        static_cast<double>(shown.bytes) / channel.shown_seconds)},
-      {"tick_gaps", or_null(channel.once_per_tick, channel.ticks.missing())},
-      {"tick_repeats", or_null(channel.once_per_tick, channel.ticks.repeated())},
-      {"undecodable", undecodable},
-      {"undecodable_because", std::move(because)},
-      {"tagged", channel.tagged},
-      {"not_ours", channel.not_ours},
-      {"newest", std::move(newest)}};
+  return {{"channel", printable(name)},
+          {"type", or_null(!channel.type.empty(), channel.type)},
+          {"messages", channel.messages},
+          {"bytes", channel.bytes},
+          {"rate_hz", number(shown.arrivals.rate_hz())},
+          {"jitter_us", number(shown.arrivals.jitter_us())},
+          {"longest_silence_us", shown.arrivals.longest_us()},
+          {"bandwidth_bytes_per_s", number(shown.bytes_per_s())},
+          {"tick_gaps", or_null(channel.once_per_tick, channel.ticks.missing())},
+          {"tick_repeats", or_null(channel.once_per_tick, channel.ticks.repeated())},
+          {"undecodable", channel.undecodable()},
+          {"undecodable_because", std::move(because)},
+          {"tagged", channel.tagged},
+          {"not_ours", channel.not_ours},
+          {"newest", std::move(newest)}};
 }
 
 }  // namespace tachless::live

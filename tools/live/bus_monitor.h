@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "bus/udp_transport.h"
+#include "live/arrivals.h"
 #include "live/sequence_gaps.h"
 #include "messages/truth/tick_record.h"
 #include "messages/truth/truth_wire.h"
@@ -24,7 +25,7 @@ struct MessageField {
   nlohmann::ordered_json value;
 };
 
-/// What a message is.
+/// Facts about a message that are known without its run.
 struct Glance {
   std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
   messages::Rejection rejection = messages::Rejection::none;
@@ -33,16 +34,15 @@ struct Glance {
   bool once_per_tick = false;  ///< the type is sent for every tick of a run
 };
 
-/// Reads every type of ours without knowing the run: joints, motors and signals are counted as the
-/// message itself announces, which is believed only when its size is exactly that of such a
-/// message and every further check of the wire agrees. A tag at the end (core/bus/authenticated.h)
-/// is noticed and not verified: that needs the key.
-/// @param fields if not null, appended to it are all fields after utime, run and tick, when not
-/// rejected
+/// Reads every type of ours without knowing the run. The message announces its numbers of joints,
+/// motors and signals. They count only if the message has exactly that size, and every further
+/// check of the wire agrees. A tag at the end (core/bus/authenticated.h) is noticed. It is not
+/// verified: that needs the key.
+/// @param fields if not null, gets all fields after utime, run and tick, unless rejected
 Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
 
 /// Counts of everything received on a bus, per channel and per sender.
-/// Neither receives nor prints. Memory is bounded, whatever the traffic.
+/// It neither receives nor prints. Its memory is bounded, whatever the traffic.
 class BusMonitor {
  public:
   static constexpr std::size_t max_channels = 500;
@@ -50,30 +50,33 @@ class BusMonitor {
 
   void take(const bus::Datagram& datagram);
 
-  /// What the transport itself has lost or skipped so far.
+  /// Sets the counts of messages that the transport has lost or skipped so far.
   void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
 
-  /// Ends the interval over which rate, jitter and bandwidth are taken, and begins a new one.
+  /// Ends the interval of rate, jitter and bandwidth, and begins a new one.
   /// @param seconds its length, > 0
   void end_interval(double seconds);
 
-  /// For people: one row per channel, then the newest values. At most `rows` lines; 0: no limit.
+  /// Returns one row per channel, then the newest values, for people. It has at most `rows` lines;
+  /// 0: no limit.
   /// The last line counts what does not fit.
   [[nodiscard]] std::vector<std::string> table(std::size_t rows = 0) const;
 
-  /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
-  /// another type on a channel that carries one of ours.
+  /// Returns the counts, for programs. `undecodable` counts messages of our types that could not be
+  /// decoded, and messages of another type on a channel that carries one of ours.
   [[nodiscard]] nlohmann::ordered_json to_json() const;
 
  private:
-  /// Arrivals within one interval of time.
-  struct Arrivals {
+  /// Messages within one interval of time.
+  struct Traffic {
     std::uint64_t bytes = 0;
-    std::uint64_t intervals = 0;
-    double mean_ns = 0, deviations_ns2 = 0;  ///< of the intervals, after Welford
-    std::int64_t longest_ns = 0;
+    Arrivals arrivals;
+    double seconds = 0;  ///< length of the interval, once it has ended
 
-    void add(std::int64_t interval_ns);
+    [[nodiscard]] std::optional<double> bytes_per_s() const {
+      if (!(seconds > 0)) return std::nullopt;
+      return static_cast<double>(bytes) / seconds;
+    }
   };
   struct Channel {
     std::string_view type;  ///< newest of ours; empty: none yet
@@ -85,10 +88,13 @@ class BusMonitor {
     std::int64_t run = 0;
     SequenceGaps ticks;
     std::optional<std::int64_t> last_ns;
-    Arrivals now, shown;
-    double shown_seconds = 0;
+    Traffic now, shown;
     messages::Stamp newest_stamp;
-    std::vector<std::byte> newest;  ///< that could be decoded
+    std::vector<std::byte> newest;  ///< message that could be decoded
+
+    /// Returns the number of messages of our types that could not be decoded, and of messages of
+    /// another type on a channel that carries one of ours.
+    [[nodiscard]] std::uint64_t undecodable() const;
   };
   struct Sender {
     std::uint64_t messages = 0;
@@ -97,6 +103,7 @@ class BusMonitor {
 
   void note_sender(std::string_view sender, std::uint32_t sequence);
   void note_channel(const bus::Datagram& datagram);
+  [[nodiscard]] std::uint64_t undecodable() const;
   [[nodiscard]] static nlohmann::ordered_json json_of(const std::string& name,
                                                       const Channel& channel);
 

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <optional>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -11,6 +11,7 @@
 #include "base/json_text.h"
 #include "base/text.h"
 #include "bus/authenticated.h"
+#include "live/arrivals.h"
 #include "messages/measurements.h"
 #include "messages/truth/tick_record.h"
 #include "messages/truth/truth_wire.h"
@@ -18,6 +19,8 @@
 
 namespace tachless::live {
 namespace {
+
+constexpr std::size_t most_events = 16;  // of a stretch
 
 /// A curve of each joint.
 using Curves = std::vector<study::Envelope>;
@@ -35,31 +38,25 @@ std::string extremes(const Curves& joints) {
   return "[" + text + "]";
 }
 
-/// How regularly the ticks come, over about a second.
+/// Rate and jitter of the ticks in the newest second.
 class Regularity {
  public:
   void add(std::int64_t received_ns) {
-    if (count_ > 0 && received_ns >= last_ns_) {
-      const auto interval = static_cast<double>(received_ns - last_ns_);
-      sum_ += interval;
-      squares_ += interval * interval;
-      if (sum_ > 1e9) {
-        const double mean = sum_ / count_;
-        rate_hz = 1e9 / mean;
-        jitter_us = 1e-3 * std::sqrt(std::max(0.0, squares_ / count_ - mean * mean));
-        sum_ = squares_ = 0;
-        count_ = 0;
+    if (last_ns_ && received_ns >= *last_ns_) {
+      arrivals_.add(received_ns - *last_ns_);
+      if (arrivals_.total_ns() > 1e9) {
+        rate_hz = arrivals_.rate_hz().value_or(0);
+        jitter_us = arrivals_.jitter_us().value_or(0);
+        arrivals_ = {};
       }
     }
-    ++count_;
     last_ns_ = received_ns;
   }
   double rate_hz = 0, jitter_us = 0;
 
  private:
-  std::int64_t last_ns_ = 0;
-  double sum_ = 0, squares_ = 0;
-  double count_ = 0;
+  std::optional<std::int64_t> last_ns_;
+  Arrivals arrivals_;
 };
 
 }  // namespace
@@ -85,6 +82,14 @@ struct LiveRun::Run {
       joints[i].add(seconds(stamp), values[static_cast<Eigen::Index>(i)]);
     }
   }
+  /// Keeps the first events of a stretch and counts the others.
+  void note_event(std::string event) {
+    if (events.size() < most_events) {
+      events.push_back(std::move(event));
+    } else {
+      ++further_events;
+    }
+  }
   void note_positions(const messages::Stamp& stamp, const Vector& q, const Vector& theta) {
     note("q", stamp, q);
     note("theta", stamp, theta);
@@ -105,8 +110,8 @@ struct LiveRun::Run {
     note("q_ref", stamp, reference.q_ref);
     if (reference.gains == gains) return;
     gains = reference.gains;
-    events.push_back(fmt::format("gains from {:.4g} s: {}", seconds(stamp),
-                                 gains.empty() ? "the scenario's" : gains));
+    note_event(fmt::format("gains from {:.4g} s: {}", seconds(stamp),
+                           gains.empty() ? "the scenario's" : gains));
   }
   void on(const messages::Stamp& stamp, const messages::AnyMeasurement& any, std::int64_t /*ns*/) {
     if (truth) return;
@@ -133,7 +138,7 @@ struct LiveRun::Run {
     }
     if (is.fault == DriveFault::command_missed) ++missed;
     if (is.fault == DriveFault::protective_stop && fault != is.fault) {
-      events.push_back(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
+      note_event(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
     }
     fault = is.fault;
   }
@@ -144,7 +149,7 @@ struct LiveRun::Run {
     if (participant.state != messages::ParticipantState::fault || !known.empty()) return;
     known = fmt::format("{} at tick {}: {}", name(participant.role), stamp.tick,
                         base::printable(participant.fault));
-    events.push_back(known);
+    note_event(known);
   }
 
   /// Reads a message of that port's type, with the tag of a key or without.
@@ -195,7 +200,8 @@ struct LiveRun::Run {
   std::array<bool, max_joints> saturated{};
   std::array<std::string, messages::num_roles> faults;  ///< by role, as events
   std::string gains;                                    ///< of the newest reference
-  std::vector<std::string> events;
+  std::vector<std::string> events;                      ///< since the last stretch
+  std::int64_t further_events = 0;                      ///< since then, not kept
 };
 
 LiveRun::LiveRun() = default;
@@ -231,6 +237,9 @@ void LiveRun::take(const bus::Datagram& datagram) {
 std::string LiveRun::stretch() {
   if (!run_ || (run_->curves.empty() && run_->events.empty())) return {};
   Run& run = *run_;
+  if (const auto further = std::exchange(run.further_events, 0); further > 0) {
+    run.events.push_back(fmt::format("and {} more", further));
+  }
   std::string curves;
   for (const auto& [name, joints] : run.curves) {
     curves += fmt::format("{}{}:{}", curves.empty() ? "" : ",",

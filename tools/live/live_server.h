@@ -1,60 +1,89 @@
 #pragma once
 
-#include <atomic>
-#include <condition_variable>
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <list>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
-#include <thread>
+#include <string_view>
 
-namespace httplib {
-class Server;
-}
+#include "base/clock.h"
+#include "base/file_descriptor.h"
 
 namespace tachless::live {
 
-/// Serves the pages of runs that go on to browsers on this computer: listens on the loopback
-/// interface alone, answers GET alone, and only under the names of this computer (no page of
-/// another origin reads it, by DNS rebinding neither). What it serves cannot change anything.
-///   /?robot=ARM          the page; without a robot that of the only one, or a list
-///   /events?robot=ARM    its stretches as server-sent events, from those of the newest minute on
+/// Serves the pages of running robots to browsers on this computer. It listens on the loopback
+/// interface alone and answers GET alone. It refuses other host names, which stops DNS rebinding.
+/// A request cannot change anything.
+///   /?robot=ARM          the page; without `robot`: the page of the only robot, or a list
+///   /events?robot=ARM    server-sent events of the robot, from the oldest kept stretch on
+/// One thread does everything in `serve`. Connections, headers, time and memory are bounded.
 class LiveServer {
  public:
-  /// @param port 0: one that is free
-  /// @throw base::Failure(bad_usage) when the port cannot be listened on
-  explicit LiveServer(int port);
-  LiveServer(const LiveServer&) = delete;
-  LiveServer& operator=(const LiveServer&) = delete;
-  ~LiveServer();
+  static constexpr std::size_t most_robots = 16;
+  static constexpr std::size_t most_streams = 16;
+  static constexpr std::size_t most_connections = most_streams + 8;
+  static constexpr std::size_t longest_request = 8192;  ///< bytes of the request line and headers
+  static constexpr std::chrono::seconds longest_answering{10};  ///< until the answer is taken
+  static constexpr std::size_t kept_stretches = 2400;           ///< a minute of 40 a second
+  static constexpr std::size_t kept_bytes = 48'000'000;         ///< of the stretches of all robots
+
+  /// Listens on `port`; 0 takes any free port.
+  /// @param longest_asking until a request must be whole
+  /// @throw base::Failure(bad_usage) if the port is not available
+  explicit LiveServer(int port, std::chrono::milliseconds longest_asking = std::chrono::seconds(1));
 
   [[nodiscard]] std::string url() const;
+  /// Returns the listening socket.
+  [[nodiscard]] int descriptor() const { return listening_.get(); }
 
-  /// A robot's run begins: its page, and no stretch yet.
+  /// Replaces a robot's page at the begin of a run and forgets its stretches. Robots beyond
+  /// `most_robots` are left out.
   void begin(const std::string& robot, std::string page);
-  /// A stretch of that run, one line of JSON.
+  /// Adds a stretch of that run, one line of JSON. The oldest ones make place for it.
   void add(const std::string& robot, std::string stretch);
 
+  /// Serves browsers until `until`.
+  void serve(base::Clock::time_point until);
+
  private:
+  using Text = std::shared_ptr<const std::string>;
   struct Robot {
-    std::string page;
-    std::deque<std::string> stretches;  ///< of the newest minute
-    std::int64_t first = 0;             ///< number of the first of them
+    Text page;
+    std::deque<Text> stretches;  ///< newest ones
+    std::int64_t first = 0;      ///< number of the oldest kept stretch
+    std::size_t bytes = 0;       ///< of the stretches
+  };
+  struct Connection {
+    base::FileDescriptor socket;
+    base::Clock::time_point deadline;  ///< for the next progress
+    std::string request;               ///< received part
+    Text answer;                       ///< text being sent
+    std::size_t sent = 0;              ///< bytes of `answer`
+    Text body;                         ///< follows `answer`
+    bool answering = false;
+    bool streams = false;
+    std::string robot;      ///< of a stream
+    std::int64_t next = 0;  ///< number of the next stretch to send
   };
 
-  [[nodiscard]] std::string page(const std::string& robot);
-  /// The events from number `next` on, after waiting for one; "" when it is over.
-  std::string events(const std::string& robot, std::int64_t& next);
+  void accept_connections(base::Clock::time_point now);
+  [[nodiscard]] bool advance(Connection& connection, base::Clock::time_point now);
+  [[nodiscard]] bool read_request(Connection& connection);
+  void answer(Connection& connection);
+  [[nodiscard]] bool write_answer(Connection& connection, base::Clock::time_point now);
+  bool load_stretch(Connection& connection);
+  [[nodiscard]] Text page(const std::string& robot) const;
 
-  std::mutex mutex_;
-  std::condition_variable changed_;
+  std::chrono::milliseconds longest_asking_;
   std::map<std::string, Robot> robots_;
-  std::atomic<bool> over_ = false;
-  std::unique_ptr<httplib::Server> server_;
+  std::size_t bytes_ = 0;  ///< of all stretches
+  base::FileDescriptor listening_;
   int port_ = 0;
-  std::thread thread_;
+  std::list<Connection> connections_;
 };
 
 }  // namespace tachless::live

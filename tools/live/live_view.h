@@ -1,40 +1,41 @@
 #pragma once
 
-#include <atomic>
+#include <sys/types.h>
+
 #include <map>
 #include <string>
-#include <thread>
 
-#include "base/clock.h"
-#include "bus/udp_transport.h"
-#include "live/live_server.h"
+#include "bus/lcm_url.h"
 #include "report/visuals.h"
 
 namespace tachless::live {
 
 using RobotVisuals = std::map<std::string, report::Visuals>;
 
-/// Shows through `server` the runs of all robots whose messages come, until `end` or an
-/// interruption. @param transport receives all channels  @param visuals of robots by name
-void show_live(bus::UdpTransport& transport, LiveServer& server, base::Clock::time_point end,
-               const std::atomic<bool>& interrupted, const RobotVisuals& visuals = {});
-
-/// That, beside a run, in a thread of the least priority: prints the address, and opens it in the
-/// desktop's browser where there is one.
+/// The live pages of all robots on a bus, served by a child process of the least priority. The
+/// child has limits on memory and files, so a browser or a flood cannot harm this
+/// process. It dies with this process.
 class LiveView {
  public:
-  /// @throw base::Failure(bad_usage) as LiveServer
-  LiveView(const bus::LcmUrl& url, RobotVisuals visuals);
+  /// Starts the child. Call this before the process starts threads and before it reads a key: the
+  /// child copies the memory of this process.
+  /// @param visuals of robots by name  @param port 0: any free port
+  /// @throw base::Failure(bad_usage) if the port or the bus is not available
+  LiveView(const bus::LcmUrl& url, const RobotVisuals& visuals, int port = 0);
   LiveView(const LiveView&) = delete;
   LiveView& operator=(const LiveView&) = delete;
+  /// Kills the child and does not wait for browsers.
   ~LiveView();
 
+  [[nodiscard]] const std::string& url() const { return url_; }
+  /// Prints the address, and opens it in the desktop's browser if there is a desktop.
+  void show() const;
+  /// Whether the child still serves the pages.
+  [[nodiscard]] bool running();
+
  private:
-  bus::UdpTransport transport_;
-  LiveServer server_{0};
-  RobotVisuals visuals_;
-  std::atomic<bool> over_ = false;
-  std::thread thread_;
+  std::string url_;
+  pid_t child_ = -1;  ///< -1: it has ended
 };
 
 }  // namespace tachless::live

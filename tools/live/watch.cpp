@@ -11,15 +11,12 @@
 #include <string>
 #include <thread>
 
-#include "base/time.h"
+#include "base/clock.h"
 
 namespace tachless::live {
 
 using base::Clock;
 
-namespace {
-
-/// Takes everything that has arrived by now.
 void drain(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take) {
   const std::chrono::nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
   while (const auto datagram = transport.receive(Clock::time_point::min())) {
@@ -27,8 +24,6 @@ void drain(bus::UdpTransport& transport, const std::function<void(const bus::Dat
     if (datagram->received_ns >= now.count()) break;
   }
 }
-
-}  // namespace
 
 void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
             Clock::time_point end, const std::atomic<bool>& interrupted) {

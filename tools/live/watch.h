@@ -14,6 +14,9 @@
 /// Between a bus, its monitor and a terminal.
 namespace tachless::live {
 
+/// Calls `take` with every message that has arrived by now.
+void drain(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take);
+
 /// Calls `take` with what comes until `end` or an interruption. It does not wait on the socket,
 /// because a sender to a socket that a process waits on pays for the wake-up: it sleeps for a
 /// millisecond, which the socket's buffer holds, and then takes all there is.

@@ -51,7 +51,7 @@ double Axis::at(double value) const {
   const double share = logarithmic
                            ? std::log(std::max(value, least_shown) / low) / std::log(high / low)
                            : (value - low) / (high - low);
-  // What is far outside is clipped anyway.
+  // A point far outside is clipped in any case.
   return std::clamp(vertical ? 1 - share : share, -10.0, 10.0) * length_px;
 }
 
@@ -60,9 +60,9 @@ void Axis::join(double value) {
   high = std::max(high, value);
 }
 
-/// Gives the range of the values room around it, and a width where they are all the same.
+/// Adds room around the range of the values. Gives the range a width if all values are equal.
 void Axis::widen() {
-  constexpr double narrowest = 2e-3;  // of the largest value: ticks of four digits
+  constexpr double narrowest = 2e-3;  // share of the largest value: ticks of four digits
   if (!(low <= high)) {
     low = logarithmic ? 0.1 : 0;
     high = 1;

@@ -7,7 +7,7 @@
 #include "report/chart.h"
 #include "report/html.h"
 
-/// An axis of a drawn chart: its range, its ticks, and where a value lies along it.
+/// An axis of a chart: its range, its ticks and the position of a value along it.
 namespace tachless::report {
 
 struct Tick {
@@ -22,11 +22,11 @@ struct Axis {
   std::vector<Tick> ticks = {};
   int exponent = 0;  ///< the ticks' numbers are in units of 10^exponent
 
-  /// The range is the chart's where that is finite, else that of its curves and cells, with room;
-  /// never empty, whatever the values are.
+  /// Takes the range from the chart where it is finite, otherwise from the chart's curves and cells
+  /// with room around them. The range is never empty.
   Axis(const Chart& chart, bool ordinate, double length_px);
 
-  /// Pixels from the left or from the top.
+  /// Returns the position in pixels from the left or from the top.
   [[nodiscard]] double at(double value) const;
 
  private:
@@ -36,10 +36,10 @@ struct Axis {
   void add_ticks();
 };
 
-/// SVG: `part` in small letters, `dy` pixels below the line; `after` on the line again.
+/// Returns SVG with `part` in small letters, `dy` pixels below the line, and `after` on the line.
 Html shifted(int dy, const std::string& part, const Html& after);
 
-/// SVG: "·10" with that exponent; nothing for 0.
+/// Returns SVG of "·10" with that exponent; empty for exponent 0.
 Html times_ten_to(int exponent);
 
 }  // namespace tachless::report

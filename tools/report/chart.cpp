@@ -15,7 +15,7 @@ Label words(std::string text, std::string unit) {
 
 Label of_joint(std::string symbol, std::size_t joint, std::string_view name, std::string unit) {
   constexpr std::size_t longest = 18;
-  const bool cut = name.size() > longest;  // its end is what distinguishes joints
+  const bool cut = name.size() > longest;  // the end of a name distinguishes joints
   if (cut) name.remove_prefix(name.size() - longest + 1);
   while (cut && base::utf8_length(name) == 0) name.remove_prefix(1);
   return {std::move(symbol), std::to_string(joint + 1), fmt::format("{}{}", cut ? "…" : "", name),
@@ -47,7 +47,8 @@ std::string ColourScale::colour(double value) const {
   constexpr Colour blue = {0x21, 0x66, 0xAC}, white = {0xF7, 0xF7, 0xF7}, red = {0xB2, 0x18, 0x2B};
   const double share =
       logarithmic ? std::log(value / low) / std::log(high / low) : (value - low) / (high - low);
-  const double at = std::isfinite(share) ? std::clamp(share, 0.0, 1.0) : 0.5;  // one value alone
+  // 0.5 for a range of one value.
+  const double at = std::isfinite(share) ? std::clamp(share, 0.0, 1.0) : 0.5;
   const Colour& from = at < 0.5 ? blue : white;
   const Colour& to = at < 0.5 ? white : red;
   const double part = at < 0.5 ? 2 * at : 2 * at - 1;
@@ -60,7 +61,7 @@ std::string ColourScale::colour(double value) const {
 }
 
 bool shown(const Chart& chart, const study::Point& point) {
-  constexpr double largest = 1e100;  // beyond, differences of pixels overflow
+  constexpr double largest = 1e100;  // larger pixel differences overflow
   return std::abs(point.x) < largest && std::abs(point.y) < largest &&
          !(chart.logarithmic_x && point.x < least_shown) &&
          !(chart.logarithmic_y && point.y < least_shown);
@@ -74,7 +75,7 @@ bool has_something(const Chart& chart) {
 }
 
 void cut_kick(Chart& chart, const std::string& unit) {
-  constexpr double kick = 0.05;  // of the points, at most, at either end of the values
+  constexpr double kick = 0.05;  // largest share of the points at either end of the values
   struct Range {
     double low = INFINITY, high = -INFINITY;
     void join(double from, double to) {

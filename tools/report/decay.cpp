@@ -26,14 +26,14 @@ struct Sums {
   }
 };
 
-/// The upper envelope from the peak on, as (t, log).
+/// Returns the upper envelope from the peak on, as points (t, log).
 std::vector<study::Point> log_envelope(const std::vector<study::Point>& magnitude) {
   std::vector<study::Point> envelope;
   double upper = 0;
   for (std::size_t i = magnitude.size(); i-- > 0;) {
     if (!std::isfinite(magnitude[i].y)) return {};
     upper = std::max(upper, magnitude[i].y);
-    // Before the first nonzero value from the end there is no logarithm.
+    // The envelope is zero after the last nonzero value, and has no logarithm there.
     if (upper > 0) envelope.push_back({magnitude[i].x, std::log(upper)});
   }
   std::reverse(envelope.begin(), envelope.end());
@@ -45,7 +45,7 @@ std::vector<study::Point> log_envelope(const std::vector<study::Point>& magnitud
 
 constexpr std::size_t fewest = 6;
 
-/// How many points belong to the falling line.
+/// Returns the number of points of the falling line.
 std::size_t length_of_fall(const std::vector<study::Point>& envelope) {
   std::vector<double> rest(envelope.size() + 1);
   Sums after;

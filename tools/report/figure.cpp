@@ -23,7 +23,7 @@ Html svg_of(const Label& label) {
     if (!part.empty()) rest += html("{}{}", rest.empty() ? "" : " ", part);
   }
   if (label.symbol.empty()) return rest;
-  // A space at the beginning of an element would collapse.
+  // A space at the beginning of an element would be dropped.
   if (!rest.empty()) rest = html("<tspan dx=\"4\">{}</tspan>", rest);
   const Html bar(label.magnitude ? "|" : "");
   const Html symbol = html("{}<tspan font-style=\"italic\">{}</tspan>", bar, label.symbol);
@@ -31,14 +31,14 @@ Html svg_of(const Label& label) {
   return symbol + shifted(4, label.index, bar + rest);
 }
 
-/// About how wide a text of that many letters is.
+/// Returns the approximate width of a label.
 double text_px(const Label& label) {
   const std::string letters = label.symbol + label.index + label.text + label.unit;
   const auto count = std::ranges::count_if(letters, [](char c) { return (c & 0xc0) != 0x80; });
   return 7.0 * static_cast<double>(count);  // UTF-8
 }
 
-/// A number of pixels, with few digits.
+/// Formats a number of pixels with few digits.
 std::string px(double value) { return fmt::format("{:.6g}", value); }
 
 Html text(double x, double y, const char* anchor, const Html& content, const char* more = "") {
@@ -84,7 +84,7 @@ Html marker(Marker kind, double x, double y, const std::string& colour) {
   return {};
 }
 
-/// Its points joined by straight lines, with a gap where one is not shown.
+/// Draws the points joined by straight lines, with a gap at a point that is not shown.
 Html drawn(const Chart& chart, const Curve& curve, const Axis& x, const Axis& y) {
   std::string path, previous;
   Html markers;
@@ -98,7 +98,7 @@ Html drawn(const Chart& chart, const Curve& curve, const Axis& x, const Axis& y)
     markers += marker(curve.marker, at_x, at_y, curve.colour);
     const std::string place = fmt::format("{:.1f} {:.1f}", at_x, at_y);
     if (pen_down && place == previous) continue;
-    path += pen_down ? "L" + place : "M" + place + "l0 0";  // one point alone is a dot
+    path += pen_down ? "L" + place : "M" + place + "l0 0";  // a single point becomes a dot
     previous = place;
     pen_down = true;
   }
@@ -114,12 +114,13 @@ Html drawn(const Chart& chart, const Curve& curve, const Axis& x, const Axis& y)
 Html drawn(const Cell& cell, const Axis& x, const Axis& y) {
   const double left = x.at(cell.left), top = y.at(cell.top);
   if (cell.left == cell.right) return marker(Marker::dot, left, top, cell.colour);
-  constexpr double overlap = 0.3;  // no seams
+  constexpr double overlap = 0.3;  // the overlap hides seams
   return rectangle(left, top, x.at(cell.right) - left + overlap, y.at(cell.bottom) - top + overlap,
                    cell.colour);
 }
 
-/// Draws the names of the curves, in rows of that width. @return how many rows
+/// Draws the names of the curves in rows of that width.
+/// @return number of rows
 int draw_key(const Chart& chart, double left, double top, double width, Html& svg) {
   constexpr double sample_px = 26, gap_px = 16;
   double x = 0;
@@ -145,7 +146,7 @@ int draw_key(const Chart& chart, double left, double top, double width, Html& sv
 
 void draw_scale(const ColourScale& scale, double left, double top, double height, Html& svg) {
   constexpr int pieces = 64;
-  Chart chart;  // the scale is its ordinate
+  Chart chart;  // the scale is the ordinate of this chart
   chart.logarithmic_y = scale.logarithmic;
   chart.y_range = {{scale.low, scale.high}};
   const Axis axis(chart, true, height);
@@ -163,7 +164,7 @@ void draw_scale(const ColourScale& scale, double left, double top, double height
       text(left + 12, top - 8, "middle", svg_of(scale.label) + times_ten_to(axis.exponent), small);
 }
 
-/// The place of a chart's axes in a figure.
+/// The rectangle of a chart's axes in a figure.
 struct Box {
   double left, top, width, height;
   [[nodiscard]] double right() const { return left + width; }
@@ -208,11 +209,11 @@ void draw_chart(const Chart& chart, const Box& box, bool numbers, Html& svg) {
   if (chart.scale) draw_scale(*chart.scale, box.right() + 16, box.top, box.height, svg);
 }
 
-/// Charts that stand side by side.
+/// Charts side by side.
 struct Row {
   std::vector<const Chart*> charts;
   std::size_t columns = 1;
-  bool numbers = true;  ///< below the time axis
+  bool numbers = true;  ///< numbers below the time axis
 };
 
 std::vector<Row> rows_of(const Figure& figure) {
@@ -231,7 +232,8 @@ std::vector<Row> rows_of(const Figure& figure) {
   return rows;
 }
 
-/// Draws the charts of a row from `y` on. @return where the row ends
+/// Draws the charts of a row from `y` on.
+/// @return y of the row's end
 double draw_row(const Figure& figure, const Row& row, double y, Html& svg) {
   const double cell_px = figure.width_px / static_cast<double>(row.columns);
   const auto box_of = [&](const Chart& chart, double left) {

@@ -9,25 +9,24 @@
 #include "report/chart.h"
 #include "report/html.h"
 
-/// Charts as SVG: the only writer of figures. No other program takes part, and every text is
-/// escaped.
+/// Charts as SVG. No other program is needed, and every text is escaped.
 namespace tachless::report {
 
-/// Charts below each other, in columns; a wide chart takes a row. Charts of a column share the time
-/// axis at their foot.
+/// Charts in rows of `columns` charts; a wide chart takes a row of its own. The charts of a column
+/// share the time axis below the last chart.
 struct Figure {
   std::string title;
   std::vector<Chart> charts;
   std::size_t columns = 1;
   double width_px = 900;
-  bool one_key = false;  ///< the first chart's key, over the whole width, serves all
+  bool one_key = false;  ///< the first chart's key serves all, over the whole width
 };
 
-/// The SVG element, to stand in a page, with `caption` as alternative text (screen readers).
+/// Returns an SVG element for a page, with `caption` as alternative text (screen readers).
 Html inline_svg(const Figure& figure, std::string_view caption);
 
-/// Writes an SVG file, which appears when it is complete.
-/// @param remedy as base::UnfinishedFile
+/// Writes an SVG file. The file appears when it is complete.
+/// @param remedy as for base::UnfinishedFile
 /// @throw base::Failure(bad_usage) when it cannot be written
 void write_figure(const Figure& figure, const std::filesystem::path& svg, std::string_view remedy);
 

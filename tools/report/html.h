@@ -9,15 +9,16 @@
 
 namespace tachless::report {
 
-/// A piece of HTML. Text becomes HTML by being escaped and in no other way, so that a text from a
-/// log cannot act as markup. Does not check that elements are closed.
+/// A piece of HTML. Text becomes HTML only by being escaped, so text from a log cannot act as
+/// markup. The class does not check that elements are closed.
 class Html {
  public:
   Html() = default;
-  /// `text` as HTML text or attribute value. Bytes that are not UTF-8, and control characters but
-  /// line end and tab, become the replacement character: texts from a log can be anything.
+  /// Makes HTML text or an attribute value from `text`. Text from a log can contain any bytes.
+  /// Bytes that are not UTF-8 become the replacement character. Control characters other than line
+  /// end and tab become it too.
   explicit Html(std::string_view text);
-  /// What is HTML already. Never for a text that comes from outside of the program.
+  /// Returns `markup` as HTML, without escaping. Never use it for text from outside the program.
   static Html from_markup(std::string markup);
 
   Html& operator+=(const Html& other);
@@ -38,8 +39,8 @@ std::string inserted(const Value& value) {
 template <class /*Value*/>
 using Inserted = std::string;
 
-/// fmt::format for HTML: the pattern is markup, known at compile time; a value that is not Html is
-/// text and gets escaped. html("<td>{}</td>", "a < b").
+/// Formats HTML like fmt::format. The pattern is markup that is known at compile time. A value that
+/// is not Html is text and is escaped. Example: html("<td>{}</td>", "a < b").
 template <class... Values>
 Html html(fmt::format_string<Inserted<Values>...> pattern, const Values&... values) {
   return Html::from_markup(fmt::format(pattern, inserted(values)...));
@@ -47,7 +48,7 @@ Html html(fmt::format_string<Inserted<Values>...> pattern, const Values&... valu
 
 Html joined(const std::vector<Html>& parts, const Html& separator);
 
-/// What `to_html` makes of each element, one after the other: cells of a row, rows of a table.
+/// Returns the concatenated results of `to_html` for all elements: cells of a row, rows of a table.
 template <class Range, class ToHtml>
 Html each(const Range& range, const ToHtml& to_html) {
   Html all;
@@ -55,14 +56,14 @@ Html each(const Range& range, const ToHtml& to_html) {
   return all;
 }
 
-/// A number as people write it, from what fmt printed: minus sign, powers of ten.
+/// Returns a number that fmt printed with a minus sign and powers of ten as people write them.
 Html number(std::string_view printed);
 
-/// What to do when a study's file cannot be written.
+/// Remedy in the message when a study's file cannot be written.
 inline constexpr std::string_view study_remedy = "name another directory with --out";
 
-/// Writes the page of a study: title, `body`, the scenario's text; one file that needs nothing
-/// else. @throw base::Failure(bad_usage) when it cannot be written
+/// Writes the page of a study: title, `body` and the scenario's text. The file needs no other file.
+/// @throw base::Failure(bad_usage) when the file cannot be written
 void write_study_page(const std::filesystem::path& path, const std::string& title, const Html& body,
                       const std::string& scenario);
 

@@ -1,5 +1,5 @@
-// A report that moves: plots by dygraphs, one cursor across all of them, play, dark mode. The data is
-// in #data, as tools/report/report.cpp wrote it; the robot is drawn by robot.js.
+// A report with moving charts: plots by dygraphs with a common cursor, play and dark mode.
+// The data is in #data, as tools/report/report.cpp wrote it. robot.js draws the robot.
 'use strict';
 var report = (() => {
   const data = JSON.parse(document.getElementById('data').textContent);
@@ -17,7 +17,7 @@ var report = (() => {
     curve.shown = true;
   }
 
-  /// The curve at time t: linear between its points, its ends beyond them.
+  /// Returns the curve's value at time t: linear between its points, constant beyond its ends.
   function value(curve, t) {
     const {x, y} = curve;
     let low = 0, high = x.length - 1;
@@ -30,7 +30,8 @@ var report = (() => {
     return x[high] === x[low] ? y[high] : y[low] + (y[high] - y[low]) * (t - x[low]) / (x[high] - x[low]);
   }
 
-  /// One row for each instant of any curve, as dygraphs wants them; null where a curve has no point.
+  /// Returns one row for each instant of any curve, as dygraphs needs them; null for a curve
+  /// without a point there.
   function rows({curves, logarithmic}) {
     const next = curves.map(() => 0), all = [];
     for (;;) {
@@ -50,7 +51,7 @@ var report = (() => {
     return rounded && Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
   }
   const dark = () => root.dataset.theme === 'dark';
-  // Black and the darkest blue of the palette are not seen on a dark page.
+  // Black and the darkest blue of the palette are invisible on a dark page.
   const ink = colour => dark() && {'#000000': '#ffffff', '#0072B2': '#3d9fdc'}[colour] || colour;
 
   function colours(chart) {
@@ -62,7 +63,7 @@ var report = (() => {
     return {series, gridLineColor: dark() ? '#3a3a3a' : '#dddddd', axisLineColor: '#777777'};
   }
 
-  /// Levels and marks of a chart, under its curves.
+  /// Draws the levels and marks of a chart under its curves.
   function underlay(chart, context, area, plot) {
     context.save();
     context.setLineDash([2, 3]);
@@ -102,7 +103,7 @@ var report = (() => {
     return line;
   }
 
-  /// Ticks of a logarithmic axis, at whole powers of ten where there are two of them.
+  /// Returns the ticks of a logarithmic axis, at whole powers of ten if there are two of them.
   function decades(low, high, pixels, ...others) {
     const first = Math.ceil(Math.log10(low)), last = Math.floor(Math.log10(high));
     if (!(last > first)) return Dygraph.numericTicks(low, high, pixels, ...others);
@@ -160,7 +161,7 @@ var report = (() => {
     return box.bottom > 0 && box.top < innerHeight;
   }
 
-  /// Brings a chart that is in view to the cursor, to the common stretch of time and to the theme.
+  /// Updates a visible chart: the cursor, the common time interval and the theme.
   function paint(chart) {
     const {plot} = chart;
     if (chart.theme !== root.dataset.theme) {
@@ -182,14 +183,14 @@ var report = (() => {
     chart.line.style.display = x >= area.x - 1 && x <= area.x + area.w + 1 ? '' : 'none';
     chart.line.style.transform = `translateX(${x}px)`;
     chart.curves.forEach((curve, i) => {
-      // The first and the last point are somewhere in their stretches of ticks.
+      // The first and the last point may be anywhere in their intervals of ticks.
       const stretch = data.live ? 0.2 : data.end_s / 500, last = curve.x[curve.x.length - 1];
       const there = chart.y_axis && state.t >= curve.x[0] - stretch && state.t <= last + stretch;
       chart.keys.children[i].lastChild.textContent = there ? short(value(curve, state.t), 4) : '';
     });
   }
 
-  /// All charts show what one shows of the time.
+  /// Applies one chart's time interval to all charts.
   function zoom(window, from) {
     if (window[0] === state.window[0] && window[1] === state.window[1]) return;
     from.window = state.window = window;
@@ -226,7 +227,7 @@ var report = (() => {
   function start_robot() {
     const curve_of = (run, signal, joint) => {
       const curves = data.charts.find(chart => chart.name === 'tracking-' + (joint + 1))?.curves.filter(c => c.signal === signal);
-      // A reference that all runs have in common is there once.
+      // All runs share one curve for a common reference.
       return curves?.find(c => c.run === run) ?? (signal === 'q_ref' ? curves?.[0] : undefined);
     };
     report_robot.start(data.runs, (run, signal, joint) => {
@@ -235,10 +236,12 @@ var report = (() => {
     }, data.live ? 0 : data.end_s);
   }
 
-  /// Takes what a run that goes on has done since the last stretch; keeps the newest minute.
+  /// Adds the points that a run in progress has made since the last interval. Keeps the newest
+  /// minute.
   function take(stretch) {
     if (stretch.run !== data.live) return location.reload();
-    if (stretch.number <= state.version) return;  // sent again after a lost connection
+    // The server sent it again after a lost connection.
+    if (stretch.number <= state.version) return;
     const most = 4800;  // two points 40 times a second
     for (const chart of data.charts) {
       const joint = chart.name.split('-').pop() - 1;
@@ -262,11 +265,11 @@ var report = (() => {
     }
   }
 
-  /// Draws a run that goes on: the robot in each frame, one of the charts in view after the other.
+  /// Draws a run in progress: the robot in each frame, and one visible chart after the other.
   function follow() {
     const source = new EventSource('events?robot=' + encodeURIComponent(data.robot));
     source.onmessage = event => take(JSON.parse(event.data));
-    source.onerror = () => part('status').textContent = 'no connection to `tachless watch --web`';
+    source.onerror = () => part('status').textContent = 'no connection to the server; type: tachless watch --web';
     part('play').textContent = '❚❚ pause';
     part('speed').parentElement.hidden = true;
     part('play').onclick = () => part('play').textContent = (state.following = !state.following) ? '❚❚ pause' : '▶ follow';
@@ -275,7 +278,7 @@ var report = (() => {
     state.following = true;
     requestAnimationFrame(function frame() {
       requestAnimationFrame(frame);
-      if (!state.version) return;  // without points dygraphs takes time for dates
+      if (!state.version) return;  // without points, dygraphs interprets times as dates
       const begin = performance.now();
       if (!state.started) {
         state.started = true;
@@ -304,7 +307,7 @@ var report = (() => {
     if (data.live) return follow();
     for (const event of ['scroll', 'resize']) addEventListener(event, () => requestAnimationFrame(() => refresh()));
     start_robot();
-    // What is in view first; the others while nothing else is to be done.
+    // The visible charts are built first, the others when the browser is idle.
     refresh();
     root.dataset.ready = performance.now().toFixed(0);
     (function rest() {

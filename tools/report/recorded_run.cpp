@@ -5,22 +5,23 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <set>
 #include <variant>
 #include <vector>
 
+#include "base/file_text.h"
 #include "certify/prediction.h"
 #include "controller/registry.h"
 #include "controller/stepped_law.h"
 #include "identify/least_squares.h"
+#include "study/loop_yardstick.h"
 
 namespace tachless::report {
 namespace {
 
 // V of a flexible robot takes microseconds, and is smooth.
 constexpr std::int64_t most_evaluations = 50'000;
-/// Of the model's torque: a run of 100 s at 1 kHz.
+/// The most ticks of a motion for the model's torque: a run of 100 s at 1 kHz.
 constexpr std::size_t most_motion = 100'000;
 constexpr double shortest_motion_s = 2;
 
@@ -85,15 +86,16 @@ class Motion {
 };
 
 nlohmann::json read_outcome(const RecordedRun& run) {
-  std::ifstream file(run.log.parent_path() / "summary.json");
-  nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
+  const auto text = base::file_text(run.log.parent_path() / "summary.json");
+  nlohmann::json json = nlohmann::json::parse(text.value_or(""), nullptr, false);
   const bool ours = json.is_object() && json.contains("run_id") &&
                     json["run_id"].is_number_integer() &&
                     json["run_id"].get<std::int64_t>() == run.run_id;
   return ours ? json : nlohmann::json();
 }
 
-/// Those in rad are position errors, which the report has from the true positions.
+/// Returns the law's signals, except for signals in rad. These are position errors, and the report
+/// has them from the true positions.
 std::vector<LoggedSignal> declared_signals(const messages::RunInfo& info, std::size_t num_joints) {
   std::vector<LoggedSignal> signals;
   std::size_t row = 0;
@@ -146,8 +148,8 @@ void add_lyapunov(RecordedRun& run, const controller::LyapunovFunction& lyapunov
   if (!std::isfinite(V)) return;
   run.lyapunov.add(t_s, V);
   if (!run.certified || run.above_bound_s) return;
-  // The bound is of continuous time: what a torque that is held over a tick or an encoder's count
-  // leaves of V is no violation.
+  // The bound is of continuous time. A torque that is held over a tick, or an encoder's count, may
+  // leave a small V: that is no violation.
   const lyapunov::CertifiedRun& certified = *run.certified;
   const double margin = 1e-3 * (std::isfinite(certified.level) ? certified.level : certified.V0);
   if (V > certified.bound(t_s) + margin) run.above_bound_s = t_s;
@@ -177,7 +179,7 @@ std::vector<std::pair<double, double>> RecordedRun::seconds(
 }
 
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
-                              const Certify& certify, bool ended_well) {
+                              const Certify& certify) {
   logger::RunLog log = logger::RunLog::open(path, wanted);
   RecordedRun run(log.description());
   run.log = log.path();
@@ -210,6 +212,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   }
   run.summary = log.summary();
   study::Yardsticks yardsticks = study::yardsticks(run.scenario);
+  study::add_loop(yardsticks, run.scenario);
   // A log does not hold the table of a reference.
   if (!std::holds_alternative<reference::trajectory::MotionFile>(run.scenario.reference) &&
       std::ranges::count(controller::law_names(), run.scenario.controller.law) > 0) {
@@ -224,13 +227,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     run.verdict.reason = "a dry run, the robot was sent nothing";
   }
   run.outcome = read_outcome(run);
-  if (run.outcome.is_object() && run.outcome_of("fault").is_null()) ended_well = true;
-  const std::int64_t ticks = run.summary.last_tick + 1;
-  const bool all = ticks >= run.info.num_ticks;
-  if ((!all || !run.summary.faults.empty()) && !ended_well) {
+  if (std::string reason = run.summary.stop_reason(run.info.num_ticks); !reason.empty()) {
     run.verdict.outcome = study::Outcome::stopped;
-    run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);
-    if (all) run.verdict.reason = run.summary.faults.front().text;
+    run.verdict.reason = std::move(reason);
   }
   run.damage = log.damage();
   return run;

@@ -18,7 +18,7 @@
 
 namespace tachless::report {
 
-/// Ticks at which something was the case.
+/// Ticks at which a condition held.
 using Stretches = logger::TickRanges<500>;
 
 /// A signal that the law declares, as the log names it.
@@ -29,16 +29,16 @@ struct LoggedSignal {
   std::vector<study::Envelope> joints;
 };
 
-/// Of one joint: torque applied and that which the scenario's robot takes for the recorded motion,
-/// both below 15 Hz.
+/// One joint's applied torque, and the torque that the scenario's robot takes for the recorded
+/// motion. Both are below 15 Hz.
 struct ModelTorque {
   study::Envelope applied, model;
   double error = 0;  ///< rms of the difference over the peak
 };
 
-/// All that a report shows of one run, in memory that does not grow with its length. Link angles
-/// are the true ones where the log has them, the measured ones elsewhere; a tick that lacks angle,
-/// reference or torque is left out of the tracking.
+/// A run with all that a report shows of it, in memory that does not grow with its length. Link
+/// angles are the true ones if the log has them, else the measured ones. The tracking leaves out a
+/// tick that lacks angle, reference or torque.
 struct RecordedRun : logger::RunDescription {
   std::filesystem::path log;
   std::size_t number = 0;  ///< among the runs of a report
@@ -67,22 +67,22 @@ struct RecordedRun : logger::RunDescription {
   /// The run's summary.json beside the log, if it is of this run; null otherwise.
   nlohmann::json outcome;
 
-  /// A run of which nothing has been read.
+  /// Makes a run of which nothing has been read.
   explicit RecordedRun(logger::RunDescription of);
 
-  /// An entry of `outcome`; null where it is not there.
+  /// Returns an entry of `outcome`; null if it is not there.
   [[nodiscard]] nlohmann::json outcome_of(const char* key) const {
     return outcome.is_object() ? outcome.value(key, nlohmann::json()) : nlohmann::json();
   }
-  /// Of the ticks of which the log has anything.
+  /// Returns the share of `of` in the ticks of which the log has anything.
   [[nodiscard]] double share_of(const Stretches& of) const {
     return static_cast<double>(of.count) / static_cast<double>(summary.ticks);
   }
-  /// When the last tick of the log ends.
+  /// Returns the time at which the last tick of the log ends.
   [[nodiscard]] double end_s() const {
     return static_cast<double>(summary.last_tick + 1) * info.period_s;
   }
-  /// From when to when each range of ticks lasted.
+  /// Returns the first and the last second of each range of ticks.
   [[nodiscard]] std::vector<std::pair<double, double>> seconds(
       const std::vector<logger::TickRange>& ranges) const;
 };
@@ -90,13 +90,11 @@ struct RecordedRun : logger::RunDescription {
 using Certify = std::function<std::optional<lyapunov::CertifiedRun>(const scenario::Scenario&)>;
 
 /// Reads `log` from its start to its end. `run` chooses among several; without `certify` the cross
-/// terms of V have no weight. A log that ends early is of a run that was stopped, unless that
-/// `ended_well`, as its summary.json may say too: then it lacks its last ticks.
+/// terms of V have no weight. The log says how the run ended (logger::RunSummary::stop_reason).
 /// @throw base::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
 /// log cannot be made.
 RecordedRun read_recorded_run(const std::filesystem::path& log,
-                              std::optional<std::int64_t> run = {}, const Certify& certify = {},
-                              bool ended_well = false);
+                              std::optional<std::int64_t> run = {}, const Certify& certify = {});
 
 /// Gives each run its number, and a label that the others do not have: scenario, else law, else
 /// log.

@@ -36,7 +36,7 @@ std::string base64(const std::vector<float>& values) {
 Json curve_of(const Curve& curve) {
   std::vector<float> values;
   for (const study::Point& point : curve.points) {
-    // Not a number is a gap; an infinite axis is none.
+    // Not a number makes a gap. An infinite value would make the axis infinite.
     const bool drawn = std::abs(point.y) <= std::numeric_limits<float>::max();
     values.insert(values.end(),
                   {static_cast<float>(point.x), drawn ? static_cast<float>(point.y) : NAN});
@@ -71,8 +71,9 @@ Json rows(const Eigen::Matrix3d& R) {
   return std::vector<double>(stored.data(), stored.data() + 9);
 }
 
-/// Points of a body (-1: the ground) to which a link is drawn from its origin: its children's
-/// joints, the ends of the tree; without either, twice as far as its centre of mass.
+/// Returns the points to which the link of `body` (-1: the ground) is drawn from its origin. The
+/// points are the joints of its children and the ends of the tree. If there are none, the point is
+/// twice as far as the centre of mass.
 Json ends_of(const robot::Model& model, int body) {
   Json ends = Json::array();
   for (const robot::Body& other : model.bodies) {
@@ -122,7 +123,8 @@ Html script(const std::string& text) {
   return Html::from_markup("<script>\n" + text + "\n</script>\n");
 }
 
-/// Over time a place for the script to draw in; else a drawing.
+/// Returns a figure: an element for the script to draw in if the chart is over time, otherwise a
+/// drawing.
 Html figure(Chart chart) {
   const Html caption =
       chart.heading.empty() ? Html() : html("<figcaption>{}</figcaption>", chart.heading);
@@ -148,9 +150,9 @@ Html title_of(const std::vector<RecordedRun>& runs) {
   return joined(labels, Html(" · "));
 }
 
-/// The figure of each run, for a page whose scripts do not run.
+/// Returns the figure of each run for a page whose scripts do not run.
 Html tracking_figures(const std::vector<RecordedRun>& runs) {
-  constexpr std::size_t max_points = 500;  // each reader of the page gets them
+  constexpr std::size_t max_points = 500;  // each reader of the page downloads them
   return each(runs, [&](const RecordedRun& run) {
     if (run.tracking.num_ticks() == 0) return Html();
     return html(
@@ -160,7 +162,7 @@ Html tracking_figures(const std::vector<RecordedRun>& runs) {
   });
 }
 
-/// The tables of what was recorded, and figures where no script draws.
+/// Returns the tables of the recorded results, with figures if no script draws.
 Html results(const std::vector<RecordedRun>& runs, bool scripted) {
   const Html figures = tracking_figures(runs);
   return html(
@@ -198,7 +200,8 @@ Html footer_of(const Overlay& all) {
       base::version, all.runs.front().log.string());
 }
 
-/// The scripts of a page of that name with their data; none, after a warning, without a library.
+/// Returns the scripts of the page `page` with their data. If a library is missing, warns and
+/// returns nothing.
 Html scripts_of(const std::string& page, const Libraries& libraries, const Overlay& all,
                 const std::vector<ReportSection>& sections) {
   if (!libraries.missing.empty()) {
@@ -237,8 +240,8 @@ std::string report_page(const Overlay& all, const std::vector<ReportSection>& se
         html("<section id=\"{}\"><h2>{}</h2>\n{}\n{}<div class=\"charts\">\n{}</div>\n</section>\n",
              section.name, section.heading, section.text, before, charts);
   }
-  // Of one run the scenario is on the page, and on paper; of several the differences are in the
-  // table.
+  // The scenario of a single run is open on the page, and therefore on paper. The scenarios of
+  // several runs are folded, because a table lists their differences.
   const Html scenarios = each(runs, [&](const RecordedRun& run) {
     return html("<details{}><summary>{}</summary><pre>{}</pre></details>\n",
                 runs.size() == 1 ? " open" : "", run.label, run.info.scenario);
@@ -284,7 +287,7 @@ Libraries read_libraries(const std::filesystem::path& root) {
         "three/examples/js/controls/OrbitControls.js", "three/examples/js/loaders/STLLoader.js",
         "three/examples/js/loaders/OBJLoader.js", "three/examples/js/loaders/ColladaLoader.js"}) {
     const auto text = base::file_text(root / name);
-    // What would end the element early is no library as Debian has it.
+    // A file that would end the script element early is not the library of Debian.
     if (!text || text->find("</script") != std::string::npos) {
       return {{}, (root / name).string(), {}};
     }
@@ -299,7 +302,8 @@ std::string live_page(const logger::RunDescription& of, const Visuals& visuals,
   std::vector<RecordedRun> runs;
   RecordedRun& run = runs.emplace_back(of);
   run.visuals = visuals;
-  // One tick in which nothing is zero: every chart has its curves, whose points come later.
+  // One tick with nonzero values, so every chart has its curves. The page receives their points
+  // later.
   const Vector one = Vector::Ones(run.layout.num_joints);
   run.tracking.add(0, one, 0 * one, run.layout.num_motors > 0 ? one : Vector(), one);
   for (LoggedSignal& signal : run.signals) {

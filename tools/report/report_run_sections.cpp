@@ -12,7 +12,7 @@
 namespace tachless::report {
 namespace {
 
-/// The outline of a histogram [[from_us, count]…] in steps of a quarter octave, in percent.
+/// Returns the outline of a histogram [[from_us, count]…] in steps of a quarter octave, in percent.
 std::vector<study::Point> outline(const nlohmann::json& histogram) {
   constexpr double per_octave = 4;
   std::map<int, double> counts;
@@ -41,7 +41,7 @@ std::vector<study::Point> outline(const nlohmann::json& histogram) {
   return points;
 }
 
-/// "COMMAND" of "ARM_COMMAND".
+/// Returns a channel without the robot's prefix: "COMMAND" for "ARM_COMMAND".
 std::string suffix(const std::string& channel, const RecordedRun& run) {
   const std::string prefix = run.info.robot + "_";
   return channel.starts_with(prefix) ? channel.substr(prefix.size()) : channel;
@@ -78,7 +78,7 @@ Chart events_chart(const Overlay& all, const RecordedRun& run) {
   return chart;
 }
 
-/// One list item each.
+/// Returns one list item per kind of event.
 Html events_list(const RecordedRun& run) {
   Html items;
   const auto count = [&](const std::string& what, const Stretches& stretches) {
@@ -107,7 +107,7 @@ Html events_list(const RecordedRun& run) {
   return items;
 }
 
-/// What is certified of V, and whether the run kept to it.
+/// Returns a text on the certified bound of V and whether the run stayed below it.
 Html certified_text(const RecordedRun& run) {
   const lyapunov::CertifiedRun& certified = *run.certified;
   const auto number = [](double x) { return fmt::format("{:.3g}", x); };
@@ -154,13 +154,13 @@ Html lyapunov_text(const RecordedRun& run) {
   if (run.certified) {
     text += certified_text(run);
   } else if (run.scenario.num_joints > lyapunov::most_joints_of_certified_run) {
-    text += html(" Not computed for more than {} joints: see `tachless certify`.",
+    text += html(" Not computed for more than {} joints: see tachless certify.",
                  lyapunov::most_joints_of_certified_run);
   }
   return text;
 }
 
-/// The certified bound from the start to the run's end, down to where V ends.
+/// Returns the certified bound from the start to the run's end, down to the last value of V.
 Curve bound_of(const Overlay& all, const RecordedRun& run, const std::vector<study::Point>& V) {
   Curve bound{words(all.alone() ? "certified bound" : ""),
               {},
@@ -195,7 +195,7 @@ ReportSection lyapunov_section(const Overlay& all) {
     chart.curves.push_back(all.curve(run, V, "V", {}, 1.4));
     if (run.certified && run.certified->rate >= 0 && V.size() > 1) {
       fits.push_back(bound_of(all, run, V));
-      // One far above would flatten the curve.
+      // A level far above would flatten the curve.
       const double level = run.certified->level;
       if (level < 100 * run.certified->V0) chart.levels.push_back(level);
     }
@@ -227,7 +227,7 @@ ReportSection timing_section(const Overlay& all) {
       "and from a tick's deadline to its start in the plant: the share of all ticks (logarithmic) "
       "over the time that they took.</p>");
   struct Kind {
-    const char* key;  ///< of summary.json
+    const char* key;  ///< key in summary.json
     const char* name;
     const char* heading;
   };

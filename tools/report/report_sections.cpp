@@ -13,7 +13,7 @@
 namespace tachless::report {
 namespace {
 
-/// Each unit once: "rad, m".
+/// Returns each unit once: "rad, m".
 std::string units_of(const std::vector<std::string>& per_joint) {
   std::vector<std::string> different;
   for (const std::string& unit : per_joint) {
@@ -22,7 +22,7 @@ std::string units_of(const std::vector<std::string>& per_joint) {
   return base::joined(different);
 }
 
-/// One curve per joint.
+/// Returns a chart with one curve per joint.
 Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTracking::*signal,
                const std::string& symbol, Label y_label, std::size_t max_points) {
   Chart chart;
@@ -36,7 +36,7 @@ Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTrac
   return chart;
 }
 
-/// Link angle, motor angle where there is one, and reference of one joint, named and labelled.
+/// Adds link angle, motor angle if there is one, and reference of one joint, with labels.
 void add_positions(Chart& chart, const study::Tracking& tracking, std::size_t joint,
                    const std::string& name, const std::string& unit, std::size_t max_points) {
   const study::JointTracking& signals = tracking.joints()[joint];
@@ -51,11 +51,11 @@ void add_positions(Chart& chart, const study::Tracking& tracking, std::size_t jo
       {words("reference"), signals.q_ref.points(max_points), palette[6], 1.3, {5, 4}, 0, "q_ref"});
 }
 
-/// A joint of a report, as the runs that have it agree on it.
+/// A joint of a report, with the properties on which its runs agree.
 struct Joint {
   const Overlay& all;
   std::size_t number;
-  std::string length, effort;  ///< units, of the first run that has it
+  std::string length, effort;  ///< units of the first run that has the joint
 
   Joint(const Overlay& of, std::size_t i) : all(of), number(i) {
     for (const RecordedRun& run : all.runs) {
@@ -64,7 +64,7 @@ struct Joint {
     }
     effort = length == "m" ? "N" : "N m";
   }
-  /// With its number where all runs number the joint alike.
+  /// Returns a label with the joint's number if all runs number the joint alike.
   [[nodiscard]] Label label(const std::string& symbol, const std::string& unit) const {
     return all.numbered_alike ? of_joint(symbol, number, "", unit) : Label{symbol, "", "", unit};
   }
@@ -72,7 +72,7 @@ struct Joint {
     const std::string& name = all.joints[number];
     return all.numbered_alike ? fmt::format("Joint {} · {}", number + 1, name) : name;
   }
-  /// Calls `visit(run, the run's own number of the joint)` for each run that tracks it.
+  /// Calls `visit(run, the run's own number of the joint)` for each run that tracks the joint.
   template <class Visit>
   void for_runs(const Visit& visit) const {
     for (const RecordedRun& run : all.runs) {
@@ -82,7 +82,7 @@ struct Joint {
   }
 };
 
-/// Adds a chart for each joint, which `fill` fills.
+/// Adds a chart for each joint and calls `fill` for its content.
 /// @param caption with {} for the joint's number
 template <class Fill>
 void add_joints(ReportSection& section, const Overlay& all, fmt::format_string<std::size_t> caption,
@@ -97,7 +97,7 @@ void add_joints(ReportSection& section, const Overlay& all, fmt::format_string<s
   }
 }
 
-/// Several runs' positions of a joint over their references; a reference that they share once.
+/// Adds several runs' positions of a joint over their references. A common reference appears once.
 void overlay_positions(const Overlay& all, const Joint& joint, Chart& chart) {
   std::vector<Curve> references;
   chart.y_label = joint.label("q", joint.length);
@@ -160,7 +160,8 @@ ReportSection error_section(const Overlay& all) {
   return section;
 }
 
-/// @return whether the limit is drawn: one far outside `peak` would flatten the curve
+/// Draws the torque limit unless it is so far outside `peak` that it would flatten the curve.
+/// @return whether the limit is drawn
 bool add_limit(const RecordedRun& run, std::size_t joint, double peak, Chart& chart) {
   const auto& limit = run.scenario.plant.drive.torque_limit_Nm;
   if (!limit) return false;
@@ -230,13 +231,12 @@ ReportSection model_section(const Overlay& all) {
       "<p>Below 15 Hz: torque that was applied, and (dashed) what the scenario's robot with its "
       "rotors, friction and payload takes for the measured motion, by inverse dynamics of the "
       "filtered positions.{} What a robot has and its scenario has not is in between: see "
-      "`tachless "
-      "identify`.</p>",
+      "tachless identify.</p>",
       errors.empty() ? "" : " Rms of the difference over the peak: " + errors + ".");
   return section;
 }
 
-/// What a law's declared signal is, by its name, which the laws' pages explain.
+/// Returns the meaning of a law's declared signal by its name, as the laws' pages explain it.
 std::string_view meaning(std::string_view name) {
   if (name.starts_with("nu")) {
     return "the filter's output: the filtered derivative of the position error, which the law uses "
@@ -246,7 +246,7 @@ std::string_view meaning(std::string_view name) {
   return "as the law computed it";
 }
 
-/// What follows an underscore is an index: nu_2.
+/// Returns a signal's label. The part after an underscore is an index: nu_2.
 Label signal_label(const std::string& name) {
   const std::size_t bar = name.find('_');
   if (bar == std::string::npos) return {name, "", "", ""};
@@ -305,7 +305,7 @@ Overlay::Overlay(const std::vector<RecordedRun>& labelled) : runs(labelled) {
     end_s = std::max(end_s, run.end_s());
   }
   if (!(end_s > 0)) end_s = 1;
-  // 2 MB of points for five curves a joint, whatever the number of runs and joints.
+  // About 2 MB of points for five curves per joint, for any number of runs and joints.
   constexpr std::size_t most = 40'000;
   budget = std::min(most / std::max<std::size_t>(1, curves), study::Envelope::max_points);
 }
@@ -358,7 +358,7 @@ Figure tracking_figure(const study::Tracking& tracking, const std::string& title
   Label error_label{"e", "", "", units_of(joints.length), true};
   Chart error = overlaid(tracking, &study::JointTracking::abs_error, "e", error_label, max_points);
   make_logarithmic(error);
-  // A joint without any error has nothing on this axis, nor a place in its key.
+  // A joint without any error has neither a curve on this axis nor an entry in its key.
   std::erase_if(error.curves, [&](const Curve& curve) {
     return std::ranges::none_of(curve.points,
                                 [&](const auto& point) { return shown(error, point); });

@@ -17,19 +17,15 @@
 namespace tachless::report {
 namespace {
 
-/// A number of a run's summary.json, as fmt's `pattern` prints it; empty where there is none.
+/// Returns a number of a run's summary.json in fmt's `pattern`; empty if there is none.
 Html outcome_number(const RecordedRun& run, const char* key, fmt::format_string<double> pattern) {
   const nlohmann::json value = run.outcome_of(key);
   return value.is_number() ? number(fmt::format(pattern, value.get<double>())) : Html();
 }
 
 std::string ended_text(const RecordedRun& run) {
-  if (const nlohmann::json fault = run.outcome_of("fault"); fault.is_string()) {
-    return fault.get<std::string>();
-  }
-  const std::int64_t ticks = run.summary.last_tick + 1;
-  if (ticks == run.info.num_ticks) return "at its planned end";
-  return fmt::format("early, after {} of {} ticks", ticks, run.info.num_ticks);
+  std::string reason = run.summary.stop_reason(run.info.num_ticks);
+  return reason.empty() ? "at its planned end" : reason;
 }
 
 Html wall_text(const RecordedRun& run) {
@@ -75,8 +71,8 @@ Html predicted_text(const RecordedRun& run) {
   return text != predicted.end() && text->is_string() ? Html(text->get<std::string>()) : Html();
 }
 
-/// Rows, of what the scenario below them does not say: their names, and their values of a run;
-/// empty where the run has none.
+/// Returns rows of facts that the scenario below the table does not state: name and value for
+/// `run`. A value is empty if the run has none.
 std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
   const scenario::Scenario& scenario = run.scenario;
   const bool realtime = scenario.loop.mode == scenario::Mode::realtime;
@@ -124,8 +120,8 @@ Html results_row(const RecordedRun& run, std::size_t joint) {
   return row;
 }
 
-/// A row with a column for each run; – where that has nothing, marked where it is not as in the
-/// first run.
+/// Returns a row with a column for each run. An empty value becomes –. Marks the values that differ
+/// from the first run's.
 Html run_row(const Html& name, const std::vector<Html>& values) {
   return html("<tr><th scope=\"row\">{}</th>{}</tr>\n", name, each(values, [&](const Html& value) {
                 const bool differs = value.markup() != values.front().markup();
@@ -134,7 +130,7 @@ Html run_row(const Html& name, const std::vector<Html>& values) {
               }));
 }
 
-/// A table of such rows.
+/// Returns a table of such rows.
 Html run_table(const std::vector<RecordedRun>& runs, const char* id, const Html& rows) {
   const Html names = each(runs, [](const RecordedRun& run) {
     return html("<th scope=\"col\">{}{}</th>", swatch(run), run.label);
@@ -166,7 +162,7 @@ std::vector<std::string> without(const std::vector<std::string>& names,
   return rest;
 }
 
-/// Of joints that the first run's robot has not, or has alone.
+/// Returns a text on joints that only some runs' robots have.
 Html robots_text(const std::vector<RecordedRun>& runs) {
   const std::vector<std::string>& first = runs.front().joints.name;
   Html text;
@@ -216,7 +212,7 @@ Html facts_table(const std::vector<RecordedRun>& runs) {
 
 Html differences(const std::vector<RecordedRun>& runs) {
   if (runs.size() < 2) return {};
-  std::map<std::string, std::vector<Html>> all;  // by key, of each run
+  std::map<std::string, std::vector<Html>> all;  // by key; one value per run
   for (const RecordedRun& run : runs) {
     Values values;
     collect(scenario::parse_yaml(run.scenario.text, run.label), "", values);
@@ -269,11 +265,9 @@ Html results_table(const std::vector<RecordedRun>& runs) {
 
 Html verdicts(const std::vector<RecordedRun>& runs) {
   return each(runs, [&](const RecordedRun& run) {
-    // What ended it early is known to the run alone.
-    const nlohmann::json by_run = run.outcome_of("verdict");
     return html("<p class=\"{}\">{}{}</p>\n", bad(run.verdict.outcome) ? "alarm" : "verdict",
                 runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html(),
-                by_run.is_string() ? by_run.get<std::string>() : text(run.verdict, run.joints));
+                text(run.verdict, run.joints));
   });
 }
 

@@ -1,9 +1,9 @@
-// The robots of a report in 3D, by three.js: the visuals of their URDF, cylinders between joints where
-// a body has none, the tool's path, and the reference's posture as a ghost.
+// The robots of a report in 3D, by three.js: the visuals of their URDF, the tool's path, and the
+// reference's posture as a ghost. A body without visuals is drawn as cylinders between joints.
 'use strict';
 var report_robot = (() => {
   const vector = a => new THREE.Vector3(...a);
-  const up = new THREE.Vector3(0, 1, 0);  // a three.js cylinder's axis
+  const up = new THREE.Vector3(0, 1, 0);  // axis of a three.js cylinder
   const robots = [];
   let renderer, scene, camera;
 
@@ -30,18 +30,18 @@ var report_robot = (() => {
   const readers = {
     stl: bytes => {
       const geometry = new THREE.STLLoader().parse(bytes.buffer);
-      geometry.computeVertexNormals();  // many files have zeros for them
+      geometry.computeVertexNormals();  // many files contain zero normals
       return new THREE.Mesh(geometry);
     },
     obj: bytes => new THREE.OBJLoader().parse(text_of(bytes)),
     dae: bytes => {
       const {scene} = new THREE.ColladaLoader().parse(text_of(bytes), '');
-      scene.quaternion.set(0, 0, 0, 1);  // upright as the file has it, not as three.js would
+      scene.quaternion.set(0, 0, 0, 1);  // keeps the file's axes; three.js would rotate them
       return scene;
     },
   };
 
-  /// What a <geometry> holds; nothing for what cannot be drawn.
+  /// Returns the mesh of a <geometry>, or nothing if it cannot be drawn.
   function shape_of(run, element) {
     const radius = numbers(element, 'radius', [0])[0];
     if (element.tagName === 'box') return new THREE.Mesh(new THREE.BoxBufferGeometry(...numbers(element, 'size', [0, 0, 0])));
@@ -66,7 +66,8 @@ var report_robot = (() => {
     return mesh;
   }
 
-  /// Draws the visuals. @return the bodies (-1: the ground) that have one
+  /// Draws the visuals.
+  /// @return the bodies (-1: the ground) that have one
   function dress(run, group_of, material) {
     const dressed = new Set(), robot = new DOMParser().parseFromString(run.urdf, 'application/xml');
     const colours = new Map();
@@ -95,7 +96,8 @@ var report_robot = (() => {
     return dressed;
   }
 
-  /// A tree of groups, one for each body, that `pose` moves. @param visual the material of a colour
+  /// Builds a tree of groups, one for each body, that `pose` moves.
+  /// @param visual returns the material of a colour
   function build(run, radius, link, joint, visual) {
     const ground = new THREE.Group();
     const bodies = run.bodies.map(body => Object.assign(new THREE.Group(), {body}));
@@ -132,7 +134,7 @@ var report_robot = (() => {
     }
   }
 
-  /// Where the tools go between 0 and end_s.
+  /// Draws the tools' paths between 0 and end_s.
   function add_paths(robot, end_s, colour) {
     const pieces = 800;
     const paths = robot.tools.map(() => []);
@@ -150,7 +152,7 @@ var report_robot = (() => {
     return new THREE.Box3().setFromPoints(paths.flat());
   }
 
-  /// All of a robot, side by side with others where they are not the same.
+  /// Adds a robot with its ghost and path. Different robots stand side by side.
   function add(run, signal, end_s, aside, several) {
     const q = run.joints.map(joint => signal(run.number, 'q', joint));
     if (q.some(each => !each)) return null;
@@ -165,7 +167,8 @@ var report_robot = (() => {
     const q_ref = run.joints.map(joint => signal(run.number, 'q_ref', joint));
     if (q_ref.every(Boolean)) {
       const ghost = material({color: '#8899aa', transparent: true, opacity: 0.6, depthWrite: false,
-        polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2});  // behind the robot where both are
+        // Behind the robot where both overlap.
+        polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2});
       robot.ghost = Object.assign(build(run, 0.85 * radius, ghost, ghost, () => ghost), {q: q_ref});
       robot.ground.add(robot.ghost.ground);
     }
@@ -177,6 +180,10 @@ var report_robot = (() => {
   }
 
   function look_at(box) {
+    // Without postures the box is empty, and a camera at its centre would see nothing.
+    if (box.isEmpty() || ![...box.min.toArray(), ...box.max.toArray()].every(Number.isFinite)) {
+      box = new THREE.Box3(new THREE.Vector3(-1, -1, -1), new THREE.Vector3(1, 1, 1));
+    }
     const centre = box.getCenter(new THREE.Vector3()), radius = box.getSize(new THREE.Vector3()).length() / 2;
     const grid = new THREE.GridHelper(4 * radius, 16, '#999999', '#999999');
     grid.rotation.x = Math.PI / 2;
@@ -191,7 +198,8 @@ var report_robot = (() => {
     const up = new THREE.Vector3().crossVectors(towards, right);
     const {clientWidth, clientHeight} = renderer.domElement.parentElement;
     const tall = Math.tan(camera.fov * Math.PI / 360), wide = tall * (clientWidth / clientHeight || 1);
-    const distances = [0, 1, 2, 3, 4, 5, 6, 7].map(corner => {  // from which each corner is seen
+    // Distance from which each corner is visible.
+    const distances = [0, 1, 2, 3, 4, 5, 6, 7].map(corner => {
       const p = new THREE.Vector3(...['x', 'y', 'z'].map((axis, i) => (corner >> i & 1 ? box.max : box.min)[axis])).sub(centre);
       return p.dot(towards) + Math.max(Math.abs(p.dot(up)) / tall, Math.abs(p.dot(right)) / wide);
     });
@@ -213,7 +221,8 @@ var report_robot = (() => {
     render();
   }
 
-  /// signal(run, name, joint) is a function of time, or nothing where the log has none.
+  /// Starts the drawing. signal(run, name, joint) is a function of time, or nothing if the log has
+  /// none.
   function start(runs, signal, end_s) {
     const place = document.getElementById('robot');
     const canvas = document.createElement('canvas');

@@ -41,7 +41,7 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
 }
 
-/// The numbers of a joint that a model has: their keys, and the headings of their columns.
+/// The per-joint numbers of a model: their keys, which are also the headings of their columns.
 constexpr std::array<std::pair<const char*, Vector Model::*>, 6> joint_numbers = {
     {{"lower", &Model::lower},
      {"upper", &Model::upper},
@@ -57,7 +57,9 @@ RobotFacts::RobotFacts(Model read, const std::vector<double>& position)
       q(position_of(model, position)),
       inertia(robot::mass_matrix(model, q)),
       gravity_torque(robot::gravity_torque(model, q)),
-      warnings(model.warnings) {
+      warnings(model.warnings),
+      rotor_inertia(model.rotor_inertia) {
+  if (rotor_inertia.size() == 0) rotor_inertia = Vector::Zero(model.num_joints);
   for (const robot::Body& body : model.bodies) mass_kg += body.mass;
   const Vector moments = numerics::symmetric_eigenvalues(inertia);
   condition_number = moments[moments.size() - 1] / moments[0];
@@ -77,12 +79,13 @@ std::string to_text(const RobotFacts& facts) {
       model.num_joints, model.bodies.size(), facts.mass_kg);
   std::vector<std::vector<std::string>> rows = {{"joint", "type"}};
   for (const auto& [key, member] : joint_numbers) rows[0].emplace_back(key);
-  rows[0].insert(rows[0].end(), {"position", "gravity torque", "inertia"});
+  rows[0].insert(rows[0].end(), {"rotor", "position", "gravity torque", "inertia"});
   for (int j = 0; j < model.num_joints; ++j) {
     std::vector<std::string>& row = rows.emplace_back();
     row = {model.joint_names[static_cast<std::size_t>(j)], std::string(type_of(model, j))};
     for (const auto& [key, member] : joint_numbers) row.push_back(number((model.*member)[j]));
-    for (const double value : {facts.q[j], facts.gravity_torque[j], facts.inertia(j, j)}) {
+    for (const double value :
+         {facts.rotor_inertia[j], facts.q[j], facts.gravity_torque[j], facts.inertia(j, j)}) {
       row.push_back(number(value));
     }
   }
@@ -98,6 +101,12 @@ std::string to_text(const RobotFacts& facts) {
       }
     }
     text += base::table(entries, "lr");
+  }
+  if (!facts.sources.empty()) {
+    text += "in use by the loop, and its source\n";
+    std::vector<std::vector<std::string>> lines;
+    for (const auto& [what, source] : facts.sources) lines.push_back({what, source});
+    text += base::table(lines, "l");
   }
   for (const std::string& warning : facts.warnings) text += "warning: " + warning + "\n";
   return text;
@@ -115,9 +124,12 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
     ordered_json& joint = joints.emplace_back();
     joint = {{"name", model.joint_names[static_cast<std::size_t>(j)]}, {"type", type_of(model, j)}};
     for (const auto& [key, member] : joint_numbers) joint[key] = limit((model.*member)[j]);
+    joint["rotor_inertia"] = facts.rotor_inertia[j];
   }
   ordered_json inertia = ordered_json::array();
   for (int i = 0; i < model.num_joints; ++i) inertia.push_back(list(facts.inertia.row(i)));
+  ordered_json sources = ordered_json::object();
+  for (const auto& [what, source] : facts.sources) sources[what] = source;
   return {{"joints", joints},
           {"bodies", model.bodies.size()},
           {"mass_kg", facts.mass_kg},
@@ -125,6 +137,7 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
           {"inertia_matrix", inertia},
           {"gravity_torque", list(facts.gravity_torque)},
           {"condition_number", limit(facts.condition_number)},
+          {"sources", sources},
           {"warnings", facts.warnings}};
 }
 

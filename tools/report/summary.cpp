@@ -20,7 +20,7 @@ const Statistics* of_role(const RunSummary& summary, messages::Role role) {
   return found == summary.statistics.end() ? nullptr : &*found;
 }
 
-/// What `role` counted beyond the common head; zeros without its statistics.
+/// Returns the counters of `role` beyond the common head; zeros without its statistics.
 template <class Own>
 Own own(const RunSummary& summary, messages::Role role) {
   const Statistics* found = of_role(summary, role);
@@ -33,7 +33,7 @@ std::int64_t total(const RunSummary& summary, std::int64_t Statistics::*member) 
   return result;
 }
 
-/// Percentiles and histogram; null where nothing was measured.
+/// Returns percentiles and histogram; null if nothing was measured.
 Json durations(const session::LatencyHistogram& measured) {
   Json result = measured;
   if (measured.count() > 0) return result;
@@ -49,7 +49,7 @@ std::string percentile_row(const session::LatencyHistogram& measured, const char
       measured.max_us());
 }
 
-/// Lines on how punctual a realtime run was.
+/// Returns lines on the punctuality of a realtime run.
 std::string realtime_rows(const session::PlantStatistics& plant) {
   return percentile_row(plant.command_age_us, "command age   ") +
          percentile_row(plant.wake_up_jitter_us, "wake-up jitter") +
@@ -60,7 +60,7 @@ std::string realtime_rows(const session::PlantStatistics& plant) {
              plant.longest_command_miss);
 }
 
-/// A value of each joint's errors or torques; none of a run without a tick.
+/// Returns a value of each joint's errors or torques. A run without a tick has none.
 Json per_joint(const study::Tracking& tracking, study::Extent study::JointTracking::*signal,
                double (study::Extent::*value)() const) {
   Json values = Json::array();
@@ -143,6 +143,9 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
       per_joint(summary.tracking, &study::JointTracking::error, &study::Extent::final);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
+  json["robot_stopped"] = facts.robot_stopped ? Json(*facts.robot_stopped) : Json();
+  json["dropped_output_bytes"] = facts.dropped_output_bytes;
+  json["hidden_output_lines"] = facts.hidden_output_lines;
   json["outcome"] = summary.verdict.word();
   json["verdict"] = text(summary.verdict, joints);
   json["fault"] = facts.fault ? Json(*facts.fault) : Json();
@@ -185,10 +188,17 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
         text += fmt::format("  {} {} in {} ticks\n", joints.joint(i), what, counts[i]);
     }
   };
-  row_of_ticks(plant.saturated_ticks, "at its torque limit");
+  const bool has_rate_limit = summary.scenario.plant.drive.torque_rate_limit_Nm_per_s.has_value();
+  row_of_ticks(plant.saturated_ticks,
+               has_rate_limit ? "at its torque or rate limit" : "at its torque limit");
   row_of_ticks(plant.beyond_limit_ticks, "beyond its range or its speed");
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
+  if (summary.facts.robot_stopped) {
+    text += *summary.facts.robot_stopped
+                ? "  robot stopped by its driver\n"
+                : "  robot NOT stopped: its driver ended first; use the emergency stop\n";
+  }
   text += fmt::format("  {}\n", study::text(summary.verdict, joints));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);

@@ -13,7 +13,7 @@
 #include "study/tracking.h"
 #include "study/verdict.h"
 
-/// A run in numbers: summary.json and the closing table. Reads no log and writes no file.
+/// A run in numbers: summary.json and the closing table. This code reads no log and writes no file.
 namespace tachless::report {
 
 /// Everything about a run that is neither in its scenario nor in its signals.
@@ -25,34 +25,37 @@ struct RunFacts {
   std::int64_t log_ticks = 0;
   std::int64_t log_gaps = 0;
   std::optional<std::string> fault;
+  std::optional<bool> robot_stopped;      ///< by its driver's `stop`; empty: no driver was started
+  std::int64_t dropped_output_bytes = 0;  ///< of the processes, which wrote faster than was read
+  std::int64_t hidden_output_lines = 0;
 };
 
 struct RunSummary {
   scenario::Scenario scenario;
   RunFacts facts;
   study::Tracking tracking;
-  /// What the processes counted; a process that was killed has left none.
+  /// The counters of the processes. A process that was killed has left none.
   std::vector<session::Statistics> statistics;
   study::Verdict verdict = {};
   certify::Prediction predicted = {};  ///< of the loop, before the run
 
-  /// From the start of the run to its end, by the plant's clock where that is known.
+  /// Returns the time from the start of the run to its end, by the plant's clock if that is known.
   [[nodiscard]] double wall_s() const;
-  /// Ticks of the run, by the plant's count where that is known: the log may lack some of them.
+  /// Returns the ticks of the run, by the plant's count if that is known. The log may lack some.
   [[nodiscard]] std::int64_t ticks() const;
   [[nodiscard]] double duration_s() const;  ///< of the motion
 
-  /// What the plant counted; zeros when it has left nothing.
+  /// Returns the plant's counters; zeros if it has left none.
   [[nodiscard]] session::PlantStatistics plant() const;
 };
 
-/// The content of summary.json.
+/// Returns the content of summary.json.
 nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabels& joints);
 
-/// The closing table: per joint error and torque, then how the run went.
+/// Returns the closing table: each joint's error and torque, then the run's outcome.
 std::string closing_table(const RunSummary& summary, const robot::JointLabels& joints);
 
-/// "9.3 k", "412": a rate for people.
+/// Returns a rate for people: "9.3 k", "412".
 std::string short_rate(double per_s);
 
 }  // namespace tachless::report

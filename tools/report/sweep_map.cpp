@@ -19,7 +19,7 @@ using study::Axis;
 using study::SweepPlan;
 using study::SweepRow;
 
-/// Half-way to the neighbours, so that the cells of a grid touch.
+/// Returns the interval of a value halfway to its neighbours, so that the cells of a grid touch.
 std::pair<double, double> extent(const Axis& axis, double value) {
   std::vector<double> values = axis.values;
   std::ranges::sort(values);
@@ -43,7 +43,7 @@ std::pair<double, double> extent(const Axis& axis, double value) {
   return {low, high};
 }
 
-/// All cells of an axis; nothing where that has no width.
+/// Returns the range of all cells of an axis, or nothing if it has no width.
 std::optional<std::pair<double, double>> range_of(const Axis& axis) {
   double low = axis.low, high = axis.high;
   for (const double value : axis.values) {
@@ -59,14 +59,16 @@ std::string_view colour_of_outcome(study::Outcome outcome) {
   return outcome_colours.at(static_cast<std::size_t>(outcome));
 }
 
-/// What a place on the map shows: of several runs the worst outcome, the largest measure.
+/// The content of a place on the map. For several runs it is the worst outcome and the largest
+/// measure.
 struct Shown {
   study::Outcome outcome = study::Outcome::converged;
-  double measure = NAN;  ///< NaN too where a run was broken off
+  double measure = NAN;  ///< NaN also for a run that was broken off
 };
 using Places = std::map<std::pair<double, double>, Shown>;
 
-/// Puts a law's map into `chart`: cells, or points where values are drawn or there is one axis.
+/// Adds a law's map to `chart`: cells, or points if values are drawn at random or there is one
+/// axis.
 void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
   const bool points = plan.axes.size() == 1 || plan.drawn > 0;
   std::set<study::Outcome> outcomes;
@@ -92,10 +94,10 @@ void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
   }
 }
 
-/// The measure of a sweep's rows that a map shows, and its range.
+/// The measure of a sweep's rows that a map shows, with its range.
 struct Measured {
   std::size_t column;
-  double lowest = INFINITY, highest = -INFINITY;  ///< of the positive ones; of all
+  double lowest = INFINITY, highest = -INFINITY;  ///< smallest positive value; largest value
   bool positive = true;
 
   Measured(const std::vector<SweepRow>& rows, std::size_t measure) : column(measure) {
@@ -113,7 +115,7 @@ struct Measured {
   }
 };
 
-/// The places of all laws' maps.
+/// Returns the places of all laws' maps.
 std::map<std::string, Places> places_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                                         std::size_t measured) {
   std::map<std::string, Places> places;

@@ -23,7 +23,7 @@ using study::Axis;
 using study::SweepPlan;
 using study::SweepRow;
 
-/// How a run is marked among curves.
+/// Marks of runs among curves.
 enum class RunMark { good, bad, broken_off };
 
 RunMark mark_of(const SweepRow& row) {
@@ -35,7 +35,7 @@ robot::JointLabels joints_of(const SweepPlan& plan) {
   return robot::joint_labels(*plan.scenario(plan.at(0)).model);
 }
 
-/// The values of all axes but the first: what a column of curves' diagrams has in common.
+/// Returns the values of all axes but the first. They are common to a column of diagrams.
 std::vector<double> column_of(const SweepRow& row) {
   return {row.which.values.begin() + 1, row.which.values.end()};
 }
@@ -48,14 +48,15 @@ std::string title_of(const SweepPlan& plan, const std::vector<double>& column) {
   return base::joined(parts);
 }
 
-constexpr double row_of_marks = 0.03;  // of a diagram's height
+constexpr double row_of_marks = 0.03;  // share of a diagram's height
 
 /// The ordinate of a row of diagrams.
 struct Ordinate {
   double low = INFINITY, high = -INFINITY;
   bool logarithmic = false;
 
-  /// With room at the upper edge for a row of marks for each law, where any run was broken off.
+  /// Fits the range to the values. If any run was broken off, leaves room at the upper edge for a
+  /// row of marks for each law.
   Ordinate(const std::vector<SweepRow>& rows, std::size_t measure, std::size_t laws) {
     bool positive = true, broken_off = false;
     for (const SweepRow& row : rows) {
@@ -67,13 +68,13 @@ struct Ordinate {
       high = std::max(high, value);
     }
     logarithmic = positive && high > 100 * low;
-    if (!(low <= high)) low = high = 1;  // nothing to be seen
+    if (!(low <= high)) low = high = 1;  // there is no value to show
     low = logarithmic ? low / 1.5 : std::min(0.0, 1.2 * low);
     high *= 1.5;
     if (high <= low) high = low + 1;
     if (broken_off) high = at(1 + row_of_marks * static_cast<double>(laws + 1));
   }
-  /// `share` of the way from the lower edge to the upper one.
+  /// Returns the value at `share` of the way from the lower edge to the upper edge.
   [[nodiscard]] double at(double share) const {
     return logarithmic ? low * std::pow(high / low, share) : low + share * (high - low);
   }
@@ -81,15 +82,15 @@ struct Ordinate {
 
 constexpr std::array markers = {Marker::dot, Marker::ring, Marker::cross};
 
-/// A measure over the first axis: of each law the line, and the points by their marks.
+/// Returns the curves of a measure over the first axis: for each law the line, and the points by
+/// their marks.
 std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                              const std::vector<double>& column, std::size_t measure,
                              const Ordinate& ordinate) {
-  constexpr std::array meanings = {"", "rests beside, stuck, saturated, limit cycle",
-                                   "diverging, outside, stopped"};
+  constexpr std::array meanings = {"", "rests beside, saturated, oscillates", "diverging, stopped"};
   std::vector<Curve> curves;
   for (std::size_t law = 0; law < plan.laws.size(); ++law) {
-    std::map<double, double> line;  // by abscissa
+    std::map<double, double> line;  // value by abscissa
     std::array<std::vector<study::Point>, markers.size()> marked;
     for (const SweepRow& row : rows) {
       if (row.which.law != plan.laws[law].name || column_of(row) != column) continue;
@@ -119,7 +120,7 @@ std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>&
   return curves;
 }
 
-/// How many runs of each law ended how.
+/// Returns a table of the number of runs per law and outcome.
 Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   std::map<std::string, std::map<study::Outcome, int>> count;
   std::set<study::Outcome> seen;
@@ -141,7 +142,8 @@ Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
               each(plan.laws, body));
 }
 
-/// A comparison's settled error over its torque noise: of each law a point for each of its tunings.
+/// Returns the figure of a comparison's settled error over its torque noise: a point for each law
+/// and tuning.
 Figure trade_off(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   const auto columns = study::measure_columns(true);
   const auto at = [&](std::string_view name) {
@@ -177,7 +179,7 @@ Figure trade_off(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   return figure;
 }
 
-/// Of a comparison: a row of all measures for each law, and what was set for it.
+/// Writes the page of a comparison: a row of all measures and settings for each law.
 void write_comparison_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                            const std::filesystem::path& directory) {
   const robot::JointLabels joints = joints_of(plan);

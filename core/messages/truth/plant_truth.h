@@ -14,19 +14,19 @@ enum class DriveFault : std::int8_t {
   protective_stop = 2,  ///< drives brake viscously
 };
 
-/// The plant's exact state at the start of a tick and what its drives did over that tick. Goes to
-/// the logger and nowhere else: no target of controller/ links to this one. On a rigid robot
+/// The plant's exact state at the start of a tick, and the action of its drives over that tick.
+/// Only the logger receives it: no target of controller/ links to this one. On a rigid robot
 /// `theta` and `thetadot` are empty.
 struct PlantTruth {
   Vector q, v, theta, thetadot;
   Vector tau;
-  Vector disturbance;  ///< forces on links by their lever arms
+  Vector disturbance;  ///< generalised forces of the disturbances [N m; N]
   std::array<bool, max_joints> saturated{};
   DriveFault fault = DriveFault::none;
 
   using Value = PlantTruth;
   static constexpr std::string_view type = "tachless_truth.plant_truth_t", suffix = "TRUTH";
-  static constexpr std::size_t num_states = 4;  ///< the first fields; the others are the drives'
+  static constexpr std::size_t num_states = 4;  ///< first fields; the others are the drives'
   static constexpr auto fields = std::tuple{
       per_joint("position", "q", "rad", &Value::q, "link position"),
       per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),

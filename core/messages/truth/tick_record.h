@@ -12,7 +12,8 @@
 #include "messages/slot.h"
 #include "messages/truth/plant_truth.h"
 
-/// All messages of one tick, for logs and offline use. Not for controllers: it holds the truth.
+/// All messages of one tick, for logs and offline use. Controllers may not include it, because it
+/// holds the truth.
 namespace tachless::messages {
 
 struct TickRecord {
@@ -33,13 +34,14 @@ TypeList<Value..., truth::PlantTruth> with_truth(TypeList<Value...>);
 /// Every type of message.
 using AllMessages = decltype(with_truth(Messages()));
 
-/// Whether messages of the type are sent for every tick of a run, and have a slot.
+/// True for types of which every tick of a run has one message in a slot.
 template <class Value>
 constexpr bool once_per_tick =
     !std::is_same_v<Value, Participant> && !std::is_same_v<Value, RunInfo> &&
-    !std::is_same_v<Value, LogAck> && !std::is_same_v<Value, GainChange>;
+    !std::is_same_v<Value, LogAck> && !std::is_same_v<Value, GainChange> &&
+    !std::is_same_v<Value, GainAck>;
 
-/// The slot of a message type.
+/// Returns the slot of a message type.
 template <class Value>
 constexpr Slot slot_of() {
   if constexpr (is_measurement<Value>) return Slot::measurement;
@@ -50,14 +52,14 @@ constexpr Slot slot_of() {
   if constexpr (std::is_same_v<Value, truth::PlantTruth>) return Slot::truth;
 }
 
-/// The record's messages in the order of Slot; `Record` is TickRecord, const or not.
+/// Returns the record's messages in the order of Slot; `Record` is TickRecord, const or not.
 template <class Record>
 auto by_slot(Record& record) {
   return std::tie(record.clock, record.measurement, record.reference, record.command,
                   record.controller_state, record.truth);
 }
 
-/// What the record holds a message as.
+/// Type of a message's member in the record.
 template <class Value>
 using Held = std::optional<std::conditional_t<is_measurement<Value>, AnyMeasurement, Value>>;
 
@@ -66,7 +68,7 @@ void put(TickRecord& record, const Value& value) {
   std::get<Held<Value>&>(by_slot(record)) = value;
 }
 
-/// The record's message of that type, which it has.
+/// Returns the record's message of that type. Precondition: the record has one.
 template <class Value>
 const Value& get(const TickRecord& record) {
   const auto& held = *std::get<const Held<Value>&>(by_slot(record));
@@ -77,7 +79,7 @@ const Value& get(const TickRecord& record) {
   }
 }
 
-/// Whether the record has a message in that slot.
+/// Returns whether the record has a message in that slot.
 inline bool has(const TickRecord& record, Slot slot) {
   return std::apply(
       [&](const auto&... held) { return std::array{held.has_value()...}[index(slot)]; },

@@ -3,8 +3,8 @@
 #include "messages/truth/plant_truth.h"
 #include "messages/wire.h"
 
-/// Ground truth on the wire: `Codec<messages::truth::PlantTruth>`. A target of its own; no target
-/// of controller/ links to it.
+/// Ground truth as bytes: `Codec<messages::truth::PlantTruth>`. The target is separate, and no
+/// target of controller/ links to it.
 namespace tachless::messages {
 
 template <>

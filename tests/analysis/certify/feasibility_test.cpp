@@ -37,8 +37,8 @@ TEST(Feasibility, KnowsSpeedFrequencyAndTorqueOfASinusoid) {
 }
 
 std::vector<JointDemand> demands_of(const std::string& sinusoid, const std::string& duration) {
-  return feasibility(
-             linear::testing::shipped("practical_rigid", {duration, "reference={sinusoid: " + sinusoid + "}"}))
+  return feasibility(linear::testing::shipped("practical_rigid",
+                                              {duration, "reference={sinusoid: " + sinusoid + "}"}))
       .joints;
 }
 
@@ -51,7 +51,7 @@ TEST(Feasibility, SeesTheSpeedOfALongRunsSinusoid) {
 }
 
 TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
-  // Of 25 Hz at pi/4 10 ms later is a quarter of a period later: |cos| is 0.7071 at each.
+  // At 25 Hz, 10 ms are a quarter of a period. The instants begin at pi/4: |cos| is 0.7071 at each.
   const auto joints =
       demands_of("{amplitude_rad: 0.00636619772, frequency_hz: 25, phase_rad: 0.78539816}",
                  "loop.duration_s=20");
@@ -62,7 +62,7 @@ TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
 TEST(Feasibility, NamesTheJointThatCannotHoldItself) {
   const Feasibility held =
       feasibility(linear::testing::shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
-                                         "plant.drive.torque_limit_Nm=[30, 30]"}));
+                                                          "plant.drive.torque_limit_Nm=[30, 30]"}));
   EXPECT_THAT(held.impossible,
               ElementsAre(AllOf(HasSubstr("joint 1 ("), HasSubstr("to stand still"),
                                 HasSubstr("its limit is 30 N m"))));
@@ -75,23 +75,23 @@ TEST(Feasibility, NamesTheJointThatCannotHoldItself) {
 /// scenario's own stiffness the springs' second derivative nearly cancels it.)
 TEST(Feasibility, CountsTheRotorsOfFlexibleJoints) {
   const auto torque = [](const std::string& rotors) {
-    const scenario::Scenario scenario =
-        linear::testing::shipped("practical_flexible", {"robot.joints.flexible.stiffness_Nm_per_rad=1e7",
-                                       "robot.joints.flexible.rotor_inertia_kgm2=" + rotors});
+    const scenario::Scenario scenario = linear::testing::shipped(
+        "practical_flexible", {"robot.joints.flexible.stiffness_Nm_per_rad=1e7",
+                               "robot.joints.flexible.rotor_inertia_kgm2=" + rotors});
     return feasibility(scenario).joints[0].moving;
   };
   EXPECT_NEAR(torque("[1.1, 0.1]") - torque("[0.1, 0.1]"), 31.4, 1);
 }
 
-/// Of a slow motion up to where gravity is largest, which is what the torque is there: link and
-/// motor move the same way until just before they stop.
+/// The motion is slow and ends where gravity is largest, so that the largest torque is there. Link
+/// and motor move the same way until just before they stop.
 TEST(Feasibility, CountsDryFriction) {
   const auto torque = [](const std::string& scenario, const std::string& friction) {
     return feasibility(
-               linear::testing::shipped(scenario,
-                       {"reference={point_to_point: {from_rad: 0, to_rad: [1, 0], "
-                        "start_s: 0, duration_s: 50}}",
-                        "loop.duration_s=50", "plant.initial.position_rad=[0, 0]", friction}))
+               linear::testing::shipped(
+                   scenario, {"reference={point_to_point: {from_rad: 0, to_rad: [1, 0], "
+                              "start_s: 0, duration_s: 50}}",
+                              "loop.duration_s=50", "plant.initial.position_rad=[0, 0]", friction}))
         .joints[0]
         .moving;
   };
@@ -105,8 +105,8 @@ TEST(Feasibility, CountsDryFriction) {
 }
 
 TEST(Feasibility, DoubtsDegreesAndRadiansPerSecondNamingKeyValueAndMistake) {
-  const Feasibility degrees =
-      feasibility(linear::testing::shipped("regulation", {"plant.initial.position_rad=[30, 6.28]"}));
+  const Feasibility degrees = feasibility(
+      linear::testing::shipped("regulation", {"plant.initial.position_rad=[30, 6.28]"}));
   EXPECT_THAT(degrees.doubtful,
               ElementsAre("plant.initial.position_rad: 30 rad for joint 1 (shoulder) is more than "
                           "a full turn; angles are in rad, were degrees given?"));

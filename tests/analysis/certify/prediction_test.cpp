@@ -58,7 +58,8 @@ TEST(Prediction, LimitIsTheSampledLoops) {
               {"practical_rigid", {"loop.command_delay=0"}, 8.93e-3},
               {"practical_rigid", {}, 3.6e-3}};
   for (const auto& row : rows) {
-    const Prediction result = analyse(linear::testing::shipped(row.scenario, row.set), linear::Effort::quick);
+    const Prediction result =
+        analyse(linear::testing::shipped(row.scenario, row.set), linear::Effort::quick);
     ASSERT_TRUE(result.limit_s) << row.scenario;
     EXPECT_NEAR(*result.limit_s, row.limit_s, 0.01 * row.limit_s) << row.scenario;
     EXPECT_EQ(result.stable, result.settings.period_s < row.limit_s) << row.scenario;
@@ -68,7 +69,8 @@ TEST(Prediction, LimitIsTheSampledLoops) {
 /// A run is longer than its motion: the postures are the motion's.
 TEST(Prediction, DoesNotDependOnHowLongTheRunRestsAfterItsMotion) {
   const auto with = [](const char* duration) {
-    return analyse(linear::testing::shipped("iiwa_point_to_point", {duration}), linear::Effort::quick);
+    return analyse(linear::testing::shipped("iiwa_point_to_point", {duration}),
+                   linear::Effort::quick);
   };
   const Prediction once = with("loop.duration_s=4"), longer = with("loop.duration_s=40");
   EXPECT_NEAR(*longer.limit_s, *once.limit_s, 1e-3 * *once.limit_s);
@@ -94,8 +96,9 @@ TEST(Prediction, FindsTheWorstPostureBetweenThoseOfTheList) {
 /// A lag of 1/(2 pi f) is about as much delay; a fast loop is none.
 TEST(Prediction, CountsCurrentLoopsAndNamesWhatItDoesNotCount) {
   const auto margin_s = [](const std::string& hz) {
-    return analyse(linear::testing::shipped("practical_rigid", {"plant.drive.current_loop_hz=" + hz}),
-                   linear::Effort::margins)
+    return analyse(
+               linear::testing::shipped("practical_rigid", {"plant.drive.current_loop_hz=" + hz}),
+               linear::Effort::margins)
         .margins.value()
         .delay_s;
   };
@@ -103,19 +106,24 @@ TEST(Prediction, CountsCurrentLoopsAndNamesWhatItDoesNotCount) {
   EXPECT_NEAR(margin_s("1e5"), ideal_s, 5e-6);
   EXPECT_NEAR(margin_s("200"), ideal_s - 1 / (2 * std::numbers::pi * 200), 1e-4);
   EXPECT_FALSE(
-      analyse(linear::testing::shipped("practical_rigid", {"plant.drive.current_loop_hz=5"}), linear::Effort::quick).stable);
-  EXPECT_EQ(analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick).not_counted, "");
-  EXPECT_EQ(analyse(linear::testing::shipped("practical_rigid", {"plant.drive.command_age_jitter_ticks=2",
-                                                "plant.drive.torque_offset_Nm=1",
-                                                "plant.encoder.eccentricity_rad=1e-3"}),
-                    linear::Effort::quick)
-                .not_counted,
-            "plant.drive.command_age_jitter_ticks, plant.drive.torque_offset_Nm, "
-            "plant.encoder.eccentricity_rad");
+      analyse(linear::testing::shipped("practical_rigid", {"plant.drive.current_loop_hz=5"}),
+              linear::Effort::quick)
+          .stable);
+  EXPECT_EQ(analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick).not_counted,
+            "");
+  EXPECT_EQ(
+      analyse(linear::testing::shipped("practical_rigid", {"plant.drive.command_age_jitter_ticks=2",
+                                                           "plant.drive.torque_offset_Nm=1",
+                                                           "plant.encoder.eccentricity_rad=1e-3"}),
+              linear::Effort::quick)
+          .not_counted,
+      "plant.drive.command_age_jitter_ticks, plant.drive.torque_offset_Nm, "
+      "plant.encoder.eccentricity_rad");
 }
 
 TEST(Prediction, TextHasLimitAndSettlingTime) {
-  const std::string line = text(analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick));
+  const std::string line =
+      text(analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick));
   EXPECT_THAT(line, StartsWith("stable at 1 kHz with 1 tick of delay: limit 3."));
   EXPECT_THAT(line, HasSubstr(" ms, settles in 0.1"));
 }
@@ -134,8 +142,8 @@ TEST(Prediction, APostureThatASearchEndedAtIsZeroWhereItIsBesideZero) {
 }
 
 TEST(Prediction, RefusalNamesLimitPeriodAndWhatToType) {
-  const Prediction result =
-      analyse(linear::testing::shipped("paper_rigid", {"loop.command_delay=1"}), linear::Effort::quick);
+  const Prediction result = analyse(
+      linear::testing::shipped("paper_rigid", {"loop.command_delay=1"}), linear::Effort::quick);
   EXPECT_FALSE(result.stable);
   const std::string line = refusal(result, "s.yaml");
   EXPECT_THAT(line, StartsWith("s.yaml: unstable at 20 kHz with 1 tick of delay: largest stable "
@@ -170,14 +178,16 @@ TEST(Prediction, APeriodOfASecondMayBeStable) {
   EXPECT_EQ(result.unstable_q.size(), 0);
 }
 
-TEST(Prediction, TextOfMissedTicksSaysWhereNoneIsProved) {
-  EXPECT_EQ(pattern_text(0), "not even single ones are proved stable");
-  EXPECT_EQ(pattern_text(3), "any pattern of at most 3 in a row is stable");
-  EXPECT_EQ(pattern_text(linear::most_missed), "any pattern of 1000 in a row is stable");
+TEST(Prediction, TextOfMissedTicksSaysThatTheyAreSearched) {
+  EXPECT_EQ(pattern_text(0), "not even single ones were found to be stable (searched, not proved)");
+  EXPECT_EQ(pattern_text(3), "any pattern of at most 3 in a row is stable (searched, not proved)");
+  EXPECT_EQ(pattern_text(linear::most_missed),
+            "any pattern of 1000 in a row is stable (searched, not proved)");
 }
 
 TEST(Prediction, UnitsAreAlsoThoseOfJointsThatSlide) {
-  const Prediction rotary = analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick);
+  const Prediction rotary =
+      analyse(linear::testing::shipped("practical_rigid"), linear::Effort::quick);
   EXPECT_EQ(rotary.stiffness_unit, "N m/rad");
   EXPECT_EQ(rotary.torque_unit, "N m");
   const Prediction with_slide = analyse(shipped("panda"), linear::Effort::quick);
@@ -187,13 +197,14 @@ TEST(Prediction, UnitsAreAlsoThoseOfJointsThatSlide) {
 
 /// Friction of one joint displaces the others too.
 TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
-  const Prediction found = analyse(
-      linear::testing::shipped("practical_rigid",
-              {"controller.law=loria_ortega_matrix",
-               "controller.gains={kp: [[4000, 800], [800, 240]], kd: [[400, 80], [80, 24]], "
-               "a: 400, b: 400}",
-               "plant.drive.coulomb_friction_Nm=[6, 2]"}),
-      linear::Effort::quick);
+  const Prediction found =
+      analyse(linear::testing::shipped(
+                  "practical_rigid",
+                  {"controller.law=loria_ortega_matrix",
+                   "controller.gains={kp: [[4000, 800], [800, 240]], kd: [[400, 80], [80, 24]], "
+                   "a: 400, b: 400}",
+                   "plant.drive.coulomb_friction_Nm=[6, 2]"}),
+              linear::Effort::quick);
   // K^-1 = [[240, -800], [-800, 4000]] / 320000. K is by differences of step 1e-6.
   EXPECT_NEAR(found.stiffness[1], 240, 1e-3);
   EXPECT_NEAR(found.rest_error[0], (240 * 6 + 800 * 2) / 320000.0, 1e-6);
@@ -201,7 +212,7 @@ TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
   EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = [0.0095, 0.04]"));
 }
 
-/// What a run's verdict divides friction by.
+/// A run's verdict divides friction by this stiffness.
 TEST(Prediction, StiffnessOfAJointWithFrictionIsThatOfItsRestError) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid",
@@ -230,12 +241,12 @@ TEST(Prediction, StiffnessOfFlexibleJointsIsThatOfTheLink) {
 /// w^2 M(q_ref) and its damping are largest where the arm is stretched out, not at its start.
 TEST(Prediction, TorqueOfACountIsTheLargestOverThePostures) {
   const auto at = [](const char* reference) {
-    return analyse(
-               linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_scheduled",
+    return analyse(linear::testing::shipped(
+                       "practical_rigid", {"controller.law=loria_ortega_scheduled",
                                            "controller.gains={w: 20, damping: 0.8, a: 400, b: 400}",
                                            "plant.encoder.resolution_bits=16", "loop.duration_s=3",
                                            "plant.initial={position_rad: [0, 3]}", reference}),
-               linear::Effort::quick)
+                   linear::Effort::quick)
         .count_Nm.value();
   };
   const Eigen::VectorXd folded = at("reference={hold: {position_rad: [0, 3]}}"),

@@ -30,7 +30,7 @@ using Eigen::VectorXd;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 
-/// Of a bare URDF, as `design` makes it.
+/// Returns the scenario that `design` makes of a bare URDF.
 scenario::Scenario bare(const std::string& urdf, const std::string& law) {
   const robot::Model model = robot::model_from_urdf(urdf, "robot.urdf");
   scenario::Scenario scenario = scenario::parse_scenario(
@@ -39,15 +39,15 @@ scenario::Scenario bare(const std::string& urdf, const std::string& law) {
   return scenario;
 }
 
-/// The scenario of a law that is asked for its answers.
+/// Returns the scenario of a law that is sampled by its answers.
 scenario::Scenario asked(const std::vector<std::string>& overrides) {
   scenario::Scenario scenario = linear::testing::shipped("practical_rigid", overrides);
   scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
   return scenario;
 }
 
-/// A member was read before it was initialised: one run in three of the same input designed other
-/// gains.
+/// Guards against reading a member before its initialisation: one run in three of the same input
+/// designed other gains.
 TEST(DesignProblem, DoesNotDependOnWhatWasInItsMemory) {
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const auto feedback = [&](std::uint64_t step) {
@@ -58,23 +58,23 @@ TEST(DesignProblem, DoesNotDependOnWhatWasInItsMemory) {
     return Eigen::MatrixXd(
         problem->loop().at(rest_in_range(problem->model(), 1)).law(scenario.loop.period_s).D);
   };
-  EXPECT_EQ(feedback(0), feedback(256));  // as flags false, as pointers different
+  EXPECT_EQ(feedback(0), feedback(256));  // both read as false flags, but as different pointers
 }
 
-/// Kp = w² M + w D, the friction D once.
+/// Kp = w² M + w D contains the friction D once.
 TEST(DesignProblem, RuleOfAMatrixHasFrictionOnce) {
   const auto kp = [](const std::string& friction, double w) {
-    const scenario::Scenario scenario =
-        linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_matrix", "controller.gains={}",
-                                    "plant.drive.viscous_friction_Nms_per_rad=" + friction});
+    const scenario::Scenario scenario = linear::testing::shipped(
+        "practical_rigid", {"controller.law=loria_ortega_matrix", "controller.gains={}",
+                            "plant.drive.viscous_friction_Nms_per_rad=" + friction});
     return VectorXd(DesignProblem(scenario, {}).by_rule(w, 10).at("kp"));
   };
   const VectorXd more = kp("[30, 5]", 20) - kp("[0, 0]", 20);
-  // Rounding of numbers of 4000.
+  // Rounding errors of numbers of about 4000.
   EXPECT_LT((more - Eigen::Vector4d(20 * 30, 0, 0, 20 * 5)).norm(), 1e-9);
 }
 
-/// 9 x 9 numbers are more than a gain may have: the matrix stays diagonal, with the friction.
+/// A gain cannot hold 9 x 9 numbers, so the matrix stays diagonal, with the friction.
 TEST(DesignProblem, RuleOfAMatrixIsDiagonalForNineJoints) {
   scenario::Scenario scenario = bare(robot::testing::chain_urdf(9), "loria_ortega_matrix");
   scenario.plant.drive.viscous_friction_Nms_per_rad.setConstant(3);
@@ -134,7 +134,7 @@ TEST(DesignProblem, RefusesGoalsWithoutTheKeyThatTheyAreAbout) {
   EXPECT_EQ(why({}, {no_limit, no_bits}), "");
 }
 
-/// A program without a memory whose first joint has a gain of 0.
+/// The law is a program without memory. Its first joint has a gain of 0.
 TEST(DesignProblem, OfAnAskedLawBeginsAtTheScenariosGainsAndHasNoPoleToBoundThem) {
   scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   scenario.controller.measurement = "POSITION";
@@ -158,7 +158,7 @@ TEST(DesignProblem, OfAnAskedLawBeginsAtTheScenariosGainsAndHasNoPoleToBoundThem
   EXPECT_EQ(problem.at({}).upper, VectorXd(VectorXd::Constant(1, std::log(100))));
 }
 
-/// Numbers that vary are written with four digits.
+/// Numbers that vary are written with four digits. Matrices do not vary.
 TEST(DesignProblem, LeavesMatricesOfAnAskedLawAsTheyAre) {
   const scenario::Scenario scenario =
       asked({"controller.law=loria_ortega_matrix",
@@ -173,7 +173,7 @@ TEST(DesignProblem, LeavesMatricesOfAnAskedLawAsTheyAre) {
   EXPECT_THAT(overrides_of(design), Contains("controller.gains.kp=[[40000.125, 1], [1, 2400]]"));
 }
 
-/// Their errors grow: there is no time to shorten.
+/// The errors grow, so there is no settling time to shorten.
 TEST(GainSearch, DoesNotBeginAtUnstableGains) {
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   DesignProblem law(scenario, {});

@@ -35,20 +35,20 @@ using ::testing::HasSubstr;
 using ::testing::MatchesRegex;
 using ::testing::Not;
 
-/// The scenario with the gains of a design.
+/// Returns the scenario with the gains of a design.
 scenario::Scenario with_gains(scenario::Scenario scenario, const Design& design) {
   scenario.controller.gains = design.gains;
   return scenario;
 }
 
-/// A scenario for a robot's bare URDF.
+/// Returns a scenario for a robot's bare URDF.
 scenario::Scenario bare(const robot::Model& model, const std::string& urdf_text) {
   return scenario::parse_scenario(scenario::urdf_scenario(model, {"bare", "robot.urdf"}), urdf_text,
                                   "bare");
 }
 
-/// When an error is last above 1 % of the one that began in one joint alone, the longest of all
-/// joints.
+/// Returns the settling time of a run: the last time at which an error is above 1 % of the initial
+/// error. Each joint in turn has an initial error; the result is the longest time.
 double observed_settling(const scenario::Scenario& held, double start = 1e-2) {
   double longest = 0;
   for (int joint = 0; joint < held.num_joints; ++joint) {
@@ -65,12 +65,13 @@ double observed_settling(const scenario::Scenario& held, double start = 1e-2) {
   return longest;
 }
 
-/// Along the motion, and of what is asked beside it.
+/// Returns the least modulus along the motion and, by the share asked there, over the joints'
+/// range.
 double least_modulus(const Design& design) {
   return std::min(design.loop.margins->modulus, design.modulus_in_range / range_share);
 }
 
-/// The least modulus at so many postures at random in the joints' range.
+/// Returns the least modulus at `postures` random postures in the joints' range.
 double modulus_at_random(const scenario::Scenario& scenario, int postures) {
   const linear::ScenarioLoop loop(scenario);
   std::mt19937 random(1);
@@ -86,13 +87,13 @@ double modulus_at_random(const scenario::Scenario& scenario, int postures) {
 }
 
 TEST(Design, OfAHeldTwoLinkArmSettlesAsPredicted) {
-  const scenario::Scenario scenario =
-      linear::testing::shipped("regulation", {"loop.command_delay=1", "reference.hold.position_rad=[0, 0]"});
+  const scenario::Scenario scenario = linear::testing::shipped(
+      "regulation", {"loop.command_delay=1", "reference.hold.position_rad=[0, 0]"});
   DesignGoal goal;
   goal.settling_s = 0.4;
   const Design found = design(scenario, goal);
   EXPECT_FALSE(found.missed);
-  EXPECT_GT(least_modulus(found), 0.6);  // what the settling time does not need
+  EXPECT_GT(least_modulus(found), 0.6);  // the settling time leaves this margin
   EXPECT_LE(found.loop.modes.settling_s, 0.41);
   EXPECT_NEAR(observed_settling(with_gains(scenario, found)), found.loop.modes.settling_s,
               0.1 * found.loop.modes.settling_s);
@@ -105,7 +106,7 @@ TEST(Design, OfFlexibleJointsSettlesAsPredicted) {
   through_springs.bandwidth_hz = 1;
   const std::pair<scenario::Scenario, DesignGoal> cases[] = {
       {linear::testing::shipped("practical_flexible",
-               {"reference={hold: {position_rad: [0, 0]}}", "loop.duration_s=1"}),
+                                {"reference={hold: {position_rad: [0, 0]}}", "loop.duration_s=1"}),
        {}},
       {shipped("flexible_regulation", held), through_springs}};
   for (const auto& [scenario, goal] : cases) {
@@ -118,7 +119,7 @@ TEST(Design, OfFlexibleJointsSettlesAsPredicted) {
   }
 }
 
-/// As certify prints it of the scenario with these gains.
+/// The prediction equals certify's for the scenario with these gains.
 TEST(Design, SaysOfItsLoopWhatCertifySays) {
   const scenario::Scenario scenario =
       linear::testing::shipped("practical_rigid", {"plant.encoder.resolution_bits=20"});
@@ -130,7 +131,7 @@ TEST(Design, SaysOfItsLoopWhatCertifySays) {
             certify::to_json(certify::certify(with_gains(scenario, found), false))["sampled"]);
 }
 
-/// Loop and certificate depend on kd b alone.
+/// Loop and certificate depend on the product kd b alone.
 TEST(Design, HasOneBForAllJointsAndACertificate) {
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const Design found = design(scenario, {});
@@ -153,25 +154,26 @@ TEST(Design, IsAsFastAsTheLawAllows) {
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_THAT(told, Contains(MatchesRegex("design: start 1 of .* at most [0-9]+ s left")));
   EXPECT_THAT(found.binds.at(0), HasSubstr("the modulus margin at q = ["));
-  EXPECT_EQ(design(scenario, {}).gains, found.gains);  // no clock decides
+  EXPECT_EQ(design(scenario, {}).gains, found.gains);  // the clock has no influence
 }
 
 TEST(Design, KnowsFriction) {
   const Design found =
-      design(linear::testing::shipped("practical_rigid",
-                     {"loop.command_delay=1", "plant.drive.viscous_friction_Nms_per_rad=[500, 20]",
-                      "plant.drive.coulomb_friction_Nm=[0, 2000]"}),
+      design(linear::testing::shipped(
+                 "practical_rigid",
+                 {"loop.command_delay=1", "plant.drive.viscous_friction_Nms_per_rad=[500, 20]",
+                  "plant.drive.coulomb_friction_Nm=[0, 2000]"}),
              {});
-  EXPECT_LT(found.loop.modes.settling_s, 0.15);  // by kp = w^2 m alone: seconds
+  EXPECT_LT(found.loop.modes.settling_s, 0.15);  // kp = w^2 m alone would take seconds
   EXPECT_NEAR(found.loop.rest_error[1], 2000 / found.gains.at("kp")[1], 1e-6);
   ASSERT_EQ(found.warnings.size(), 1);
   EXPECT_THAT(found.warnings[0], HasSubstr("joint 2 (elbow) stops up to"));
 }
 
 TEST(Design, KeepsToWhatIsAskedOfTheGains) {
-  const scenario::Scenario scenario =
-      linear::testing::shipped("regulation", {"loop.command_delay=1", "plant.encoder.resolution_bits=20",
-                             "plant.drive.torque_limit_Nm=[900, 300]"});
+  const scenario::Scenario scenario = linear::testing::shipped(
+      "regulation", {"loop.command_delay=1", "plant.encoder.resolution_bits=20",
+                     "plant.drive.torque_limit_Nm=[900, 300]"});
   DesignGoal goal;
   goal.least_kp = Vector::Constant(2, 3000);
   goal.count_Nm = 0.4;
@@ -184,7 +186,7 @@ TEST(Design, KeepsToWhatIsAskedOfTheGains) {
   EXPECT_LE(found.loop.count_Nm->maxCoeff(), 1.01 * 0.4);
 }
 
-/// The springs of 10,000 N m/rad take a part of it.
+/// The springs of 10,000 N m/rad in series take a part of the stiffness.
 TEST(Design, MakesTheLinksOfFlexibleJointsAsStiffAsAsked) {
   DesignGoal goal;
   goal.modulus = 0.3;
@@ -200,11 +202,12 @@ TEST(Design, KeepsTheTorqueOfACountAtAllPosturesOfTheMotion) {
   DesignGoal goal;
   goal.count_Nm = 1;
   const Design found = design(
-      linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_scheduled", "controller.gains={}",
-                                  "plant.encoder.resolution_bits=16", "loop.duration_s=3",
-                                  "plant.initial={position_rad: [0, 3]}",
-                                  "reference={point_to_point: {from_rad: [0, 3], to_rad: [0, 0], "
-                                  "duration_s: 2}}"}),
+      linear::testing::shipped("practical_rigid",
+                               {"controller.law=loria_ortega_scheduled", "controller.gains={}",
+                                "plant.encoder.resolution_bits=16", "loop.duration_s=3",
+                                "plant.initial={position_rad: [0, 3]}",
+                                "reference={point_to_point: {from_rad: [0, 3], to_rad: [0, 0], "
+                                "duration_s: 2}}"}),
       goal);
   EXPECT_LE(found.loop.count_Nm->maxCoeff(), 1.01);  // gains have four digits
 }
@@ -229,13 +232,13 @@ TEST(Design, OfABareUrdfFollowsItsReference) {
     worst = std::max(worst, (tick.truth.q - tick.reference.q_ref).cwiseAbs().maxCoeff());
     return true;
   });
-  // The motion is 0.3 rad; a tick late at its peak speed of 0.37 rad/s is 4e-4 rad.
+  // The motion is 0.3 rad. A tick late at its peak speed of 0.37 rad/s is 4e-4 rad.
   EXPECT_LT(worst, 4e-3);
 }
 
 TEST(Design, OfTheBareIiwaSettlesAsPredictedAndHoldsWithMoreLoopGain) {
-  scenario::Scenario scenario =
-      bare(robot::testing::iiwa7(), linear::testing::shipped("iiwa_point_to_point").robot.urdf_text);
+  scenario::Scenario scenario = bare(
+      robot::testing::iiwa7(), linear::testing::shipped("iiwa_point_to_point").robot.urdf_text);
   const Design found = design(scenario, {});
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_GE(found.loop.margins->gain, 1.5);
@@ -248,7 +251,7 @@ TEST(Design, OfTheBareIiwaSettlesAsPredictedAndHoldsWithMoreLoopGain) {
     held.reference = reference::trajectory::Hold{q};
     held.plant.initial.position_rad = q;
     held.loop.duration_s = 1.5;
-    // The prediction is of small errors, at the slowest posture.
+    // The prediction holds for small errors at the slowest posture.
     EXPECT_NEAR(observed_settling(held), found.loop.modes.settling_s,
                 0.1 * found.loop.modes.settling_s);
     for (const char* gain : {"kp", "kd"}) held.controller.gains[gain] *= 1.5;
@@ -257,8 +260,8 @@ TEST(Design, OfTheBareIiwaSettlesAsPredictedAndHoldsWithMoreLoopGain) {
 }
 
 TEST(Design, OfComputedTorqueIsInAccelerations) {
-  const scenario::Scenario scenario =
-      linear::testing::shipped("practical_rigid", {"controller.law=computed_torque", "loop.command_delay=1"});
+  const scenario::Scenario scenario = linear::testing::shipped(
+      "practical_rigid", {"controller.law=computed_torque", "loop.command_delay=1"});
   DesignGoal goal;
   goal.bandwidth_hz = 5;
   const Design found = design(scenario, goal);
@@ -267,8 +270,10 @@ TEST(Design, OfComputedTorqueIsInAccelerations) {
 }
 
 TEST(Design, TunesALawWithoutAMemory) {
-  const Design found = design(
-      linear::testing::shipped("regulation", {"controller.law=wen_bayard", "controller.gains={kp: 1, kd: 1}"}), {});
+  const Design found =
+      design(linear::testing::shipped(
+                 "regulation", {"controller.law=wen_bayard", "controller.gains={kp: 1, kd: 1}"}),
+             {});
   EXPECT_TRUE(found.loop.stable);
   EXPECT_GE(least_modulus(found), 0.45);
 }
@@ -276,8 +281,8 @@ TEST(Design, TunesALawWithoutAMemory) {
 TEST(Design, TunesEstimatorsAndObserversWithTheLaw) {
   for (const std::string law : {"numerical_difference", "kalman_velocity", "nicosia_tomei"}) {
     SCOPED_TRACE(law);
-    const scenario::Scenario scenario =
-        linear::testing::shipped("practical_rigid", {"controller.law=" + law, "loop.command_delay=1"});
+    const scenario::Scenario scenario = linear::testing::shipped(
+        "practical_rigid", {"controller.law=" + law, "loop.command_delay=1"});
     DesignGoal goal;
     goal.bandwidth_hz = 5;
     const Design found = design(scenario, goal);
@@ -290,23 +295,23 @@ TEST(Design, TunesEstimatorsAndObserversWithTheLaw) {
 TEST(Design, TunesTheLawsDerivedFromThePapers) {
   for (const std::string law : {"matrix", "scheduled", "integral"}) {
     SCOPED_TRACE(law);
-    const scenario::Scenario scenario =
-        linear::testing::shipped("practical_rigid", {"controller.law=loria_ortega_" + law, "controller.gains={}",
-                                    "reference={hold: {position_rad: [0, 0.5]}}",
-                                    "plant.initial.position_rad=[0, 0.5]", "loop.duration_s=2"});
+    const scenario::Scenario scenario = linear::testing::shipped(
+        "practical_rigid", {"controller.law=loria_ortega_" + law, "controller.gains={}",
+                            "reference={hold: {position_rad: [0, 0.5]}}",
+                            "plant.initial.position_rad=[0, 0.5]", "loop.duration_s=2"});
     const Design found = design(scenario, {});
     EXPECT_GE(least_modulus(found), 0.498);
     const scenario::Scenario designed = with_gains(scenario, found);
     EXPECT_NEAR(observed_settling(designed), found.loop.modes.settling_s,
                 0.1 * found.loop.modes.settling_s);
-    if (law == "integral") {  // by its rule, for the slowest joint
+    if (law == "integral") {  // ki by the rule, for the slowest joint
       EXPECT_NEAR(found.gains.at("ki")[1], 0.25 * found.gains.at("kp")[1],
                   1e-3 * found.gains.at("ki")[1]);
       continue;
     }
     EXPECT_EQ(found.gains.at("a"), found.gains.at("b"));
     EXPECT_LE(found.loop.modes.settling_s, 0.16);
-    // What is asked of single joints' gains these laws cannot give.
+    // These laws have no gains of single joints, so they cannot meet this goal.
     DesignGoal stiff;
     stiff.least_kp = Vector::Constant(2, 100);
     EXPECT_THROW(design(scenario, stiff), base::Failure);
@@ -315,7 +320,8 @@ TEST(Design, TunesTheLawsDerivedFromThePapers) {
 
 TEST(Design, RefusesALawForRigidJointsOnFlexibleOnes) {
   try {
-    design(linear::testing::shipped("practical_flexible", {"controller.law=loria_ortega_rigid"}), {});
+    design(linear::testing::shipped("practical_flexible", {"controller.law=loria_ortega_rigid"}),
+           {});
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_THAT(failure.what(), HasSubstr("take --set controller.law=loria_ortega_flexible"));
@@ -324,7 +330,8 @@ TEST(Design, RefusesALawForRigidJointsOnFlexibleOnes) {
 
 TEST(Design, RefusesALawThatCannotBeLinearised) {
   try {
-    design(linear::testing::shipped("practical_rigid", {"controller.law=robust_differentiator"}), {});
+    design(linear::testing::shipped("practical_rigid", {"controller.law=robust_differentiator"}),
+           {});
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_EQ(failure.code(), base::ExitCode::check_said_no);
@@ -332,9 +339,9 @@ TEST(Design, RefusesALawThatCannotBeLinearised) {
     EXPECT_THAT(failure.what(), HasSubstr("tune it by hand"));
   }
   try {
-    design(
-        linear::testing::shipped("practical_rigid", {"controller.law=external", "controller.measurement=POSITION"}),
-        {});
+    design(linear::testing::shipped("practical_rigid",
+                                    {"controller.law=external", "controller.measurement=POSITION"}),
+           {});
     FAIL();
   } catch (const base::Failure& failure) {
     EXPECT_THAT(failure.what(),
@@ -343,8 +350,9 @@ TEST(Design, RefusesALawThatCannotBeLinearised) {
 }
 
 TEST(Design, SaysWhatBindsAndWhyItCannot) {
-  const scenario::Scenario weak = linear::testing::shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
-                                                         "plant.drive.torque_limit_Nm=[30, 30]"});
+  const scenario::Scenario weak = linear::testing::shipped(
+      "regulation",
+      {"reference.hold.position_rad=[1.5, 0]", "plant.drive.torque_limit_Nm=[30, 30]"});
   try {
     design(weak, {});
     FAIL() << "gravity is beyond the limit";
@@ -374,14 +382,14 @@ TEST(Design, SaysWhatBindsAndWhyItCannot) {
   }
 }
 
-/// No rule finds gains with this margin there.
+/// The rule finds no gains with this margin here.
 TEST(Design, BeginsWithTheScenariosGainsWhereTheRuleFindsNone) {
   const Design found = design(linear::testing::shipped("flexible_regulation"), {});
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_LT(found.loop.modes.settling_s, 1.5);
 }
 
-/// An arm that turns and reaches out by three slides.
+/// Returns an arm that turns and reaches out by three slides.
 std::string sliding_arm_urdf() {
   const auto link = [](int i, double mass, double inertia) {
     return fmt::format(
@@ -403,7 +411,7 @@ std::string sliding_arm_urdf() {
   return urdf + "</robot>";
 }
 
-/// With the slides drawn in no gains of that stiffness keep the margin.
+/// With the slides drawn in, no gains of that stiffness keep the margin.
 TEST(Design, WarnsOfAPostureInRangeThatLacksTheMargin) {
   const std::string urdf = sliding_arm_urdf();
   DesignGoal stiff;
@@ -414,25 +422,26 @@ TEST(Design, WarnsOfAPostureInRangeThatLacksTheMargin) {
               Contains(HasSubstr("in the joints' range, and 0.45 is asked for there")));
 }
 
-/// A scenario as it is when its law is asked.
+/// Returns the scenario in the form in which its law is asked.
 scenario::Scenario asked(scenario::Scenario scenario) {
   scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
   return scenario;
 }
 
-// By another way, from gains with which it settles in 0.41 s; one search from there ends at 45 %
-// more. a is one for both joints there and stays so, no faster than 1 / h.
+// The search starts from gains that settle in 0.41 s. A single search from there ends at 45 % more.
+// The gain a is equal for both joints in the scenario and stays so, no faster than 1 / h.
 TEST(DesignOfAnAskedLaw, IsAboutAsFastAsThatOfItsEquations) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"controller.gains={kp: [4000, 240], kd: [300, 20], a: 300, b: 300}"});
   const Design inside = design(scenario, {});
-  const Design found = design(asked(scenario), {}, linear::no_progress, linear::answers_of(scenario));
+  const Design found =
+      design(asked(scenario), {}, linear::no_progress, linear::answers_of(scenario));
   EXPECT_GE(least_modulus(found), 0.498);
   EXPECT_LE(found.loop.modes.settling_s, 1.1 * inside.loop.modes.settling_s);
   EXPECT_EQ(found.gains.at("a")[0], found.gains.at("a")[1]);
-  EXPECT_LE(found.gains.at("a")[0], 1005);  // the pole is told to a thousandth
+  EXPECT_LE(found.gains.at("a")[0], 1005);  // the pole is known to a thousandth
   EXPECT_NE(found.gains.at("kp"), scenario.controller.gains.at("kp"));
-  // What it says of the loop is what the equations say of its gains.
+  // The prediction equals that of the equations with these gains.
   const certify::Prediction loop =
       certify::analyse(with_gains(scenario, found), linear::Effort::margins);
   EXPECT_NEAR(loop.modes.settling_s, found.loop.modes.settling_s, 1e-3 * loop.modes.settling_s);
@@ -470,7 +479,7 @@ TEST(DesignOfAnAskedLaw, SaysWhyItCannot) {
   EXPECT_THAT(why(scenario, limited), HasSubstr("no model of the law: its answers"));
 }
 
-// What `compare` and `sweep --laws` rely on: no rule of thumb makes a law unstable at 1 kHz and 5
+// `compare` and `sweep --laws` rely on this: no rule of thumb makes a law unstable at 1 kHz and 5
 // Hz.
 TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
   for (const controller::LawFacts& law : controller::laws()) {
@@ -484,7 +493,8 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
                                           "plant.integrator.accuracy=1e-5", "loop.period_s=0.001",
                                           "loop.duration_s=2", "plant.encoder.side=both"};
     if (!law.needs_flexible_joints) overrides.pop_back();
-    // As fast as the reference: zhang_dawson has no torque for an error of 1 rad/s.
+    // Starts at the reference's velocity, because zhang_dawson has no torque for an error of 1
+    // rad/s.
     if (!law.regulation_only) overrides.emplace_back("plant.initial.velocity_rad_per_s=[1, 1]");
     if (!law.regulation_only) overrides.emplace_back("plant.initial.position_rad=[0.05, 0.05]");
     ASSERT_TRUE(law.tuned);
@@ -495,8 +505,8 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
     overrides.insert(overrides.end(), tuned.begin(), tuned.end());
     const study::Measures run = *study::measure(scenario::load_scenario(path, overrides));
     EXPECT_FALSE(bad(run.verdict.outcome)) << run.verdict.word() << " " << run.verdict.reason;
-    // Of where it began (its initial error and what the start of the motion adds) little is left;
-    // zhang_dawson's errors decay as exp(-t) whatever its gains.
+    // The settled error is a small part of the peak error, which the initial error and the start of
+    // the motion cause. zhang_dawson's errors decay as exp(-t) with any gains.
     EXPECT_LT(run.settled_error, (law.name == "zhang_dawson" ? 0.5 : 0.1) * run.peak_error);
   }
 }

@@ -17,7 +17,7 @@ inline const std::vector<Kind> all = {Kind::rotor, Kind::viscous, Kind::coulomb,
 
 inline void ignore(std::string_view /*what*/) {}
 
-/// A multi-sine about the initial posture, joints at frequencies of their own.
+/// Returns a multi-sine about the initial posture with separate frequencies for the joints.
 inline std::string multi_sine(const std::string& offset, int joints) {
   std::string terms;
   for (const auto& [amplitude, lowest] : {std::pair{0.4, 0.23}, {0.2, 0.71}, {0.06, 1.9}}) {
@@ -49,7 +49,7 @@ inline scenario::Scenario scenario(const std::string& name, const std::string& b
   return scenario::load_scenario(path, all_of_them);
 }
 
-/// What a log of the loop has, whose law believes `believed` while its plant is another.
+/// Returns the recording of a loop whose law knows `believed` while the plant is `plant`.
 inline Recording record(const scenario::Scenario& believed, const scenario::Scenario& plant) {
   Recording result{"a run", believed, Eigen::MatrixXd(believed.loop.num_ticks, believed.num_joints),
                    Eigen::MatrixXd(believed.loop.num_ticks, believed.num_joints)};
@@ -62,7 +62,7 @@ inline Recording record(const scenario::Scenario& believed, const scenario::Scen
   return result;
 }
 
-/// The plant with hidden parameters and the scenario's own encoders.
+/// Returns the plant with hidden parameters and the scenario's own encoders.
 inline scenario::Scenario hidden(const scenario::Scenario& believed,
                                  const Eigen::VectorXd& values) {
   scenario::Scenario plant = Parameters(believed, all).plant(believed, values);

@@ -1,4 +1,4 @@
-// Many hidden arms: how often the intervals hold, how large the errors are.
+// Identifies many hidden arms. Tests how often the intervals hold and how large the errors are.
 
 #include <gtest/gtest.h>
 
@@ -14,10 +14,10 @@
 namespace tachless::identify {
 namespace {
 
-/// Hidden arms, and how well each kind of parameter was found.
+/// The results of many hidden arms: how well each kind of parameter was found.
 class Tally {
  public:
-  /// Rotor inertia and friction are of the size that the gains can move.
+  /// Adds an arm whose rotor inertia and friction are of a size that the gains can move.
   void add(const std::string& name, const std::string& bits, double seconds, int more_delay,
            unsigned seed) {
     std::mt19937 random(seed);
@@ -62,8 +62,8 @@ class Tally {
       coarse_[{name, each.entry.kind}].first.push_back(error / truth[at]);
       coarse_[{name, each.entry.kind}].second.push_back(std::abs(rough[at] / truth[at] - 1));
     }
-    // Differences of such counts are no measure of a wrist's torque; one of the UR5e's rests, where
-    // dry friction may hold anything.
+    // Differences of such coarse counts do not measure a wrist's torque. One wrist of the UR5e
+    // rests, where dry friction may hold any torque.
     if (bits == "14" || name == "ur5e") return;
     for (const Identified::Check& each : found.checks) EXPECT_LT(each.after, 0.02) << each.joint;
   }
@@ -84,8 +84,8 @@ class Tally {
                 << median(errors.second) << "\n";
     }
   }
-  /// With encoders so coarse that filtered signs of the velocity are often wrong. A payload shows
-  /// at rest, where both find it.
+  /// Expects smaller errors than least squares with coarse encoders, where filtered signs of the
+  /// velocity are often wrong. A payload shows at rest, where both methods find it.
   void expect_better_than_least_squares() {
     for (auto& [of, errors] : coarse_) {
       if (of.second == Kind::payload) continue;
@@ -106,15 +106,14 @@ class Tally {
   }
 
   std::map<Kind, Errors> errors_;
-  std::map<Of, std::pair<Errors, Errors>> coarse_;  ///< of identify, of least squares
-  std::map<Of, std::pair<int, int>> kinds_;         ///< held, of
+  std::map<Of, std::pair<Errors, Errors>> coarse_;  ///< errors of identify; errors of least squares
+  std::map<Of, std::pair<int, int>> kinds_;         ///< intervals that hold; all intervals
   int held_ = 0, of_ = 0, arms_ = 0;
 };
 
-/// TACHLESS_IDENTIFY_ARMS=N tries N arms, each for 20 s, from the one numbered
-/// TACHLESS_IDENTIFY_FIRST on; TACHLESS_IDENTIFY_ROBOT=NAME those of one scenario. A ur5e is among
-/// those only: its soft wrists are at rest for much of the time, and a loop takes longer to
-/// simulate.
+/// TACHLESS_IDENTIFY_ARMS=N tests N arms, each for 20 s, beginning with the arm numbered
+/// TACHLESS_IDENTIFY_FIRST. TACHLESS_IDENTIFY_ROBOT=NAME limits them to one scenario. The ur5e is
+/// tested only then: its soft wrists rest much of the time, and its loop takes longer to simulate.
 TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
   const char* many = std::getenv("TACHLESS_IDENTIFY_ARMS");
   const char* only = std::getenv("TACHLESS_IDENTIFY_ROBOT");
@@ -133,7 +132,7 @@ TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
     if (many != nullptr) tally.print();
   }
   tally.print();
-  // The goals of the medians; 6 arms have 78 intervals, of which 95 % is 74 +- 2.
+  // Limits of the medians. 6 arms have 78 intervals, of which 95 % is 74 +- 2.
   EXPECT_GE(tally.held(), 0.90);
   EXPECT_LE(tally.median(Kind::rotor), 0.01);
   EXPECT_LE(tally.median(Kind::viscous), 0.02);

@@ -20,7 +20,7 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-/// Of the two-link arm: rotors, viscous and Coulomb friction, payload.
+/// Parameters of the two-link arm: rotors, viscous and Coulomb friction, payload.
 const Eigen::VectorXd truth = (Eigen::VectorXd(7) << 1, 0.2, 5, 1, 6, 1, 0.5).finished();
 
 Recording hidden_run(double seconds) {
@@ -42,11 +42,12 @@ TEST(Identify, LeastSquaresIsAStartAndOutputErrorTheAnswer) {
     EXPECT_LT(fit.half_width[i], 0.01 * truth[i]) << name;
   }
   EXPECT_LT((fit.values - truth).norm(), 0.1 * (start - truth).norm());
-  // What is left is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad, uniform over it 1.7e-6 rms.
+  // The residual is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad, and its uniform error 1.7e-6
+  // rms.
   EXPECT_LT(fit.residual.maxCoeff(), 4e-6);
 }
 
-/// The recorded scenario has one tick of delay. A current loop's lag is the fraction.
+/// The recorded scenario has one tick of delay. A current loop's lag adds the fraction.
 TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
   const scenario::Scenario believed = scenario("practical_rigid", "20", 3);
   const std::vector<Kind> unknown = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::payload,
@@ -59,7 +60,7 @@ TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
     const Identified::Parameter& delay = found.parameters.back();
     EXPECT_EQ(delay.doubt, "");
     const double lag = 1 / (2 * std::numbers::pi * 400 * 1e-3);  // [ticks]
-    // A lag is a delay to the first order of its product with the frequency, here 0.4 ms at 3 Hz.
+    // A lag is a delay to first order in its product with the frequency, here 0.4 ms at 3 Hz.
     EXPECT_NEAR(delay.value, 3 + (lags ? lag : 0), 0.05);
     EXPECT_LT(delay.half_width, 0.05);
     for (Eigen::Index i = 0; i < truth.size(); ++i) {
@@ -70,7 +71,8 @@ TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
   }
 }
 
-/// One tick, and as good as one: no command acts before the first tick's end either way.
+/// One tick and almost one tick agree: no command acts before the end of the first tick in either
+/// case.
 TEST(Identify, ADelayIsContinuousAtAWholeTick) {
   const Recording run = hidden_run(2);
   const Parameters parameters(run.scenario, {Kind::delay});
@@ -81,8 +83,9 @@ TEST(Identify, ADelayIsContinuousAtAWholeTick) {
   EXPECT_LT((residual(1) - residual(1 - 1e-6)).cwiseAbs().maxCoeff(), 1e-7);
 }
 
-/// A parameter that one of 20 blocks tells nine tenths of, as a run's start does of a delay: the
-/// estimate follows that block's noise, and what is left of the noise there is no measure of it.
+/// One of 20 blocks determines nine tenths of a parameter, as the start of a run determines a
+/// delay. The estimate follows that block's noise. The residual in that block therefore does not
+/// measure the noise.
 TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
@@ -99,14 +102,14 @@ TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
     const Precision found = precision(J, J.colwise().norm().transpose(), residual);
     held += (error.array().abs() <= found.half_width.array()).cast<double>() / runs;
   }
-  // 95 % of 300, with three standard deviations of 1.3 %; the first's degree of freedom is one, and
-  // its interval wider than needed.
+  // 95 % of 300, less three standard deviations of 1.3 %. The first interval has one degree of
+  // freedom, so it is wider than needed.
   EXPECT_GE(held.minCoeff(), 0.91);
   EXPECT_LE(held[1], 0.99);
 }
 
-/// The arm goes to its place within 0.1 s, of which the filtered rows have nothing, and rests
-/// there.
+/// The arm reaches its goal within 0.1 s and rests there. The filtered rows leave that interval
+/// out.
 TEST(Identify, DoubtsAnAbsurdIntervalWhereTheMotionIsInTheFirstInstants) {
   const scenario::Scenario scenario = scenario::load_scenario(
       TACHLESS_SOURCE_DIR "/scenarios/regulation.yaml",
@@ -114,7 +117,7 @@ TEST(Identify, DoubtsAnAbsurdIntervalWhereTheMotionIsInTheFirstInstants) {
   const Identified found =
       identify({record(scenario, scenario)}, {Kind::rotor, Kind::viscous}, {}, ignore);
   for (const Identified::Parameter& each : found.parameters) {
-    // Half a newton metre second of 5 would be an answer.
+    // An interval of 0.5 N m s about 5 would be an answer.
     if (each.half_width > 0.1 * 5) {
       EXPECT_THAT(each.doubt, HasSubstr("its interval reaches zero and is")) << each.entry.name;
     }
@@ -136,7 +139,7 @@ TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
   EXPECT_THROW(identify({run, strange}, all, {}, ignore), base::Failure);
 }
 
-/// A log has no offset, and the controller of a table is not known.
+/// A log has no offset, and a table has no known controller.
 TEST(Identify, RefusesToIdentifyNothing) {
   Recording run = hidden_run(2);
   for (const Kind kind : {Kind::offset, Kind::delay}) {
@@ -151,7 +154,7 @@ TEST(Identify, RefusesToIdentifyNothing) {
   }
 }
 
-/// What was simulated: static friction as Coulomb's.
+/// The simulation treats static friction as Coulomb friction, so that is written.
 TEST(Identify, WritesTheStaticFrictionThatItTookForCoulombs) {
   scenario::Scenario believed = scenario("practical_rigid", "20", 2);
   const Parameters parameters(believed, {Kind::coulomb});
@@ -173,7 +176,7 @@ scenario::Scenario beginning_at(const std::string& position, const std::string& 
 
 const ExcitationGoal short_motion{.duration_s = 5};
 
-/// Gravity takes 80.7 N m of the stretched arm's shoulder.
+/// Gravity takes 80.7 N m of the stretched arm's shoulder torque.
 TEST(Excite, KeepsToFourFifthsOfTheTorquesOrRefuses) {
   for (const double limit : {104.0, 120.0, 200.0}) {
     const scenario::Scenario arm =

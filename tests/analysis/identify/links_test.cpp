@@ -1,5 +1,5 @@
-// Masses and inertias of links by least squares, from tables of another logger, and the URDF that
-// they make.
+// Identification of masses and inertias of links by least squares from another logger's tables, and
+// the resulting URDF.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -27,8 +27,8 @@ const std::vector<Kind> everything = {Kind::rotor, Kind::viscous, Kind::coulomb,
                                       Kind::offset};
 constexpr double h = 0.005;
 
-/// A motion of several sines per joint, `seed` for another one, and the torques of an arm without
-/// a controller that is known.
+/// Returns a motion of several sines per joint, which depends on `seed`, and the torques of an arm
+/// whose controller is unknown.
 Recording motion(const scenario::Scenario& scenario, const robot::Model& arm, double seconds,
                  double seed) {
   const auto ticks = static_cast<Index>(seconds / h), n = Index{arm.num_joints};
@@ -56,7 +56,7 @@ Recording motion(const scenario::Scenario& scenario, const robot::Model& arm, do
   return run;
 }
 
-/// Another mass, centre and inertia for every link, and rotors.
+/// Returns a model with another mass, centre and inertia for every link, and with rotors.
 robot::Model changed(robot::Model model) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> by(-0.25, 0.25);
@@ -80,9 +80,9 @@ TEST(Links, SaysWhichCombinationsAreDetermined) {
   const LeastSquares found =
       least_squares({regression(run, parameters)}, parameters, *scenario.model);
   EXPECT_EQ(parameters.size(), 91);
-  // The same number as an independent program's base parameters of this arm.
+  // An independent program finds as many base parameters of this arm.
   EXPECT_EQ(found.rank, 62);
-  // The first joint's rotor and its link turn about one axis; its mass does nothing.
+  // The first joint's rotor and its link turn about one axis. The link's mass has no effect.
   EXPECT_THAT(found.sums[0], HasSubstr("Izz " + scenario.model->bodies[0].link));
   EXPECT_EQ(found.sums[static_cast<std::size_t>(parameters.first(Kind::inertia))], "nothing");
   EXPECT_EQ(found.sums[static_cast<std::size_t>(parameters.first(Kind::viscous))], "");
@@ -95,7 +95,7 @@ TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
   const Identified found = identify({run}, everything, {other}, ignore);
   EXPECT_FALSE(found.simulated);
   for (const Identified::Check& each : found.checks) {
-    // The filtered signs of the velocity are what is left.
+    // The filtered signs of the velocity cause the remaining error.
     EXPECT_LT(each.after, 0.01) << each.joint;
     EXPECT_GT(each.before, 5 * each.after) << each.joint;
     EXPECT_FALSE(each.position_error);
@@ -114,7 +114,7 @@ TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
   EXPECT_THAT(said, HasSubstr("by least squares, as no controller is known"));
   EXPECT_THAT(said, HasSubstr("combinations are determined"));
 
-  // The URDF that is written is this model, whatever was fixed to the links.
+  // The written URDF gives this model, whatever was fixed to the links.
   const robot::Model read = robot::model_from_urdf(urdf_of(found, scenario), "written");
   ASSERT_EQ(read.bodies.size(), model.bodies.size());
   for (std::size_t i = 0; i < read.bodies.size(); ++i) {
@@ -124,7 +124,7 @@ TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
   }
 }
 
-/// A payload's inertia that the scenario gives is known, and no part of what its mass does.
+/// A payload's inertia from the scenario is known and does not depend on the mass that is found.
 TEST(Links, OfAPayloadWithAnInertiaTheMassIsFound) {
   scenario::Scenario scenario = iiwa();
   scenario.plant.payload.inertia_kgm2 = {0.3, 0, 0, 0.3, 0, 0.3};
@@ -135,7 +135,7 @@ TEST(Links, OfAPayloadWithAnInertiaTheMassIsFound) {
       identify({run}, {Kind::viscous, Kind::coulomb, Kind::payload, Kind::offset}, {}, ignore);
   const auto& payload = found.parameters[14];
   EXPECT_EQ(payload.entry.name, "payload");
-  // The filtered signs of the velocity are what is left.
+  // The filtered signs of the velocity cause the remaining error.
   EXPECT_NEAR(payload.value, 0.5, 0.01);
 }
 
@@ -151,7 +151,7 @@ TEST(Links, OfALogTheLoopIsSimulatedWithThem) {
   EXPECT_TRUE(found.simulated);
   EXPECT_NEAR(found.parameters[0].value, 2, 0.02);
   EXPECT_NEAR(found.parameters[1].value, 1, 0.01);
-  // What is left is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad.
+  // The residual is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad.
   for (const Identified::Check& each : found.checks) EXPECT_LT(each.position_error, 4e-6);
 }
 
@@ -192,7 +192,7 @@ TEST_F(Table, IsPutOnAnEvenGridInOurUnits) {
   EXPECT_FALSE(run.controlled);
   EXPECT_NEAR(run.scenario.loop.period_s, 0.01, 1e-9);
   ASSERT_GT(run.num_ticks(), 390);
-  // Lines stay lines.
+  // Interpolation keeps straight lines.
   for (const Index k : {0, 1, 200}) {
     const double t = 5 + run.scenario.loop.period_s * static_cast<double>(k);
     EXPECT_NEAR(run.q(k, 0), t * M_PI / 6, 1e-8);
@@ -208,29 +208,41 @@ TEST_F(Table, MayHaveTextInOtherColumns) {
   const Recording run =
       read(text, "time_column: 2\nposition_columns: [3, 4]\ntorque_columns: [5, 6]\n");
   ASSERT_GT(run.num_ticks(), 390);
-  EXPECT_NEAR(run.q(200, 0), 20, 1e-9);  // numbers as they are written, on a line
+  EXPECT_NEAR(run.q(200, 0), 20, 1e-9);  // the numbers of the table lie on a line
+}
+
+TEST_F(Table, HasColumnsByNameAndItsOwnUnitOfTime) {
+  std::string text = "stamp,tau2,q1,q2,tau1\n";
+  for (int k = 0; k < 400; ++k) text += fmt::format("{},3,{},2,1\n", 10 * k, 0.1 * k);
+  const std::string columns =
+      "position_columns: [q1, q2]\ntorque_columns: [tau1, 2]\ntime_column: stamp\n";
+  EXPECT_THAT(refusal(text, columns), HasSubstr("time_scale: 0.001 for milliseconds"));
+  const Recording run = read(text, columns + "time_scale: 0.001\ntime_offset: 7\n");
+  EXPECT_NEAR(run.scenario.loop.period_s, 0.01, 1e-9);
+  EXPECT_NEAR(run.q(200, 0), 20, 1e-9);
+  EXPECT_EQ(run.tau(200, 0), 1);
+  EXPECT_EQ(run.tau(200, 1), 3);
 }
 
 TEST_F(Table, IsRefusedWithTheLineAndWhatIsAllowed) {
   EXPECT_THAT(refusal(rows(400), "position_columns: [2, 3]\ntorque_columns: [5, 6]\n"),
-              HasSubstr("run.csv:2: 5 columns, but column 6"));
-  EXPECT_THAT(refusal(rows(400), "time_column: 9\nposition_columns: [2, 3]\ntorque_columns: 5\n"),
-              HasSubstr("run.csv:2: 5 columns, but column 9"));
-  // Fields behind an empty one would be those of other columns.
-  const std::string as_wide = "the first row of numbers has 5; allowed: as many in each";
+              HasSubstr("column 6 is asked for; allowed: 1 to 5"));
+  EXPECT_THAT(
+      refusal(rows(400), "time_column: 9\nposition_columns: [2, 3]\ntorque_columns: [5, 4]\n"),
+      HasSubstr("column 9 is asked for; allowed: 1 to 5"));
+  // A row with an empty field would shift the following columns.
   for (const char* row : {"9.5; 1; 2\n", "9.5; ; 1; 2; 3\n", "; 9.5; 1; 2; 3\n",
                           "9.5,, 1; 2; 3; 4\n", "9.5; 1; 2; 3; 4; 5\n"}) {
-    EXPECT_THAT(refusal(rows(400, row)), AllOf(HasSubstr("run.csv:402: "), HasSubstr(as_wide)))
-        << row;
+    EXPECT_THAT(refusal(rows(400, row)), HasSubstr("run.csv:402: ")) << row;
   }
   EXPECT_THAT(refusal(rows(400, "9; 1; 2; 3; 4;\r\n")), "nothing") << "nothing is behind it";
-  EXPECT_THAT(refusal(rows(400, "9.5; 1; nan; 2; 2\n")), HasSubstr("\"nan\" in column 3"));
-  EXPECT_THAT(refusal(rows(400, "1e308; 1; 2; 3; 4\n")), HasSubstr("\"1e308\" in column 1"));
+  EXPECT_THAT(refusal(rows(400, "9.5; 1; nan; 2; 2\n")), HasSubstr("\"nan\" in column \"q2\""));
+  EXPECT_THAT(refusal(rows(400, "1e308; 1; 2; 3; 4\n")), HasSubstr("cut the table there"));
   EXPECT_THAT(refusal(rows(400, "5; 1; 2; 3; 4\n")), HasSubstr("allowed: increasing times"));
   EXPECT_THAT(refusal(rows(400, "15; 1; 2; 3; 4\n")), HasSubstr("cut the table there"));
   EXPECT_THAT(refusal(rows(100)), HasSubstr("at least 2 s"));
   EXPECT_THAT(refusal(rows(1)), HasSubstr("1 rows of numbers"));
-  EXPECT_THAT(refusal("a, b\n"), HasSubstr("0 rows of numbers"));
+  EXPECT_THAT(refusal("a, b\n"), HasSubstr("no column for the time"));
   EXPECT_THAT(refusal(rows(400), "position_columns: [2, 3]\n"), HasSubstr("torque_columns"));
   EXPECT_THAT(refusal(rows(400), "position_columns: [2, 0]\ntorque_columns: [5, 4]\n"),
               HasSubstr("position_columns"));

@@ -1,4 +1,5 @@
-// What identification takes from a log: of a real arm also where it began, and under which torque.
+// The data that identification takes from a log: for a real arm also its initial position and
+// torque.
 
 #include "identify/recording.h"
 
@@ -22,7 +23,7 @@ namespace {
 
 class RecordingOfALog : public testing::Test {
  protected:
-  /// A motion about a posture where gravity pulls.
+  /// Returns a motion about a posture where gravity pulls.
   static scenario::Scenario arm(std::vector<std::string> overrides = {}) {
     overrides.insert(overrides.begin(),
                      {"plant.mechanics=native", "plant.integrator.accuracy=1e-8",
@@ -30,7 +31,7 @@ class RecordingOfALog : public testing::Test {
     return support::shortened("practical_rigid.yaml", "3", overrides);
   }
 
-  /// The log of a run of `there` as it is recorded by whom believes it to be `believed`.
+  /// Returns the recording of a run of `there` whose RUN_INFO states the scenario `believed`.
   Recording recorded(const scenario::Scenario& there, const scenario::Scenario& believed) const {
     auto messages = support::in_process_log(there);
     const auto info =
@@ -43,7 +44,7 @@ class RecordingOfALog : public testing::Test {
   TemporaryDirectory directory_;
 };
 
-/// A driver may begin within 10 mrad of the scenario's start, and holds the arm from then on.
+/// A driver may begin within 10 mrad of the scenario's start. From then on it holds the arm.
 TEST_F(RecordingOfALog, BeginsWhereARealArmBeganAndUnderItsTorque) {
   const scenario::Scenario there =
       arm({"plant.initial.position_rad=[0.805, -0.308]", "plant.initial.torque=hold"});
@@ -54,7 +55,7 @@ TEST_F(RecordingOfALog, BeginsWhereARealArmBeganAndUnderItsTorque) {
   EXPECT_GT(initial.torque_Nm.norm(), 10);
   const Parameters parameters(run.scenario, {Kind::payload});
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(1);
-  // Both positions are within half a count of 2 pi / 2^20, or 3e-6 rad, at the start and later.
+  // At the start and later, both positions are within half a count of 2 pi / 2^20, or 3e-6 rad.
   EXPECT_LT(simulated_residual(run, parameters, none).cwiseAbs().maxCoeff(), 1e-5);
   Recording as_the_scenario_says = run;
   as_the_scenario_says.scenario.plant.initial.torque_Nm = Eigen::Vector2d::Zero();

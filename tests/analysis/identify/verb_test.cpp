@@ -1,5 +1,4 @@
-// `tachless excite` and `tachless identify` as they are typed: what they write, and what they
-// refuse.
+// The commands `tachless excite` and `tachless identify`: the files they write and their refusals.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -36,7 +35,7 @@ class IdentifyVerb : public testing::Test {
     return {code, program.output(), program.errors()};
   }
 
-  /// A run of the two-link arm with friction; its directory.
+  /// Runs the two-link arm with friction. Returns the run's directory.
   [[nodiscard]] std::string run(const std::string& name, Words more) const {
     Words words = {
         "run",
@@ -82,7 +81,7 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   ASSERT_EQ(result.code, 0) << result.errors;
   const auto found = nlohmann::json::parse(result.output);
   EXPECT_TRUE(found["validated"].get<bool>());
-  // The interval of 5 s of data at 20 bits is some 1e-3 of the value.
+  // The interval from 5 s of data at 20 bits is about 1e-3 of the value.
   EXPECT_NEAR(found["parameters"][2]["value"].get<double>(), 2, 0.02);
   EXPECT_NEAR(found["parameters"][4]["value"].get<double>(), 5, 0.02);
   EXPECT_LT(found["joints"][1]["torque_error"].get<double>(), 0.01);
@@ -117,8 +116,8 @@ TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
   EXPECT_THAT(step({"excite", directory_ / "soft.yaml", "--write", directory_ / "move.yaml",
                     "--duration", "10", "--quiet"}),
               HasSubstr("type: tachless run"));
-  // The emulated arm has friction, a gear's rotors and 16 bits; neither identify nor the law reads
-  // what the plant's keys say of them.
+  // The emulated arm has friction, a gear's rotors and 16 bits. Neither identify nor the law reads
+  // the plant's keys for them.
   step({"run", directory_ / "move.yaml", "--in-process", "--quiet", "--any-outcome", "--out",
         directory_ / "move", "--set", "plant.mechanics=native", "--set",
         "plant.drive.coulomb_friction_Nm=[4, 0.6]", "--set",
@@ -133,8 +132,8 @@ TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
 }
 
 TEST_F(IdentifyVerb, FindsLinksFromTheTableOfAnotherLogger) {
-  // Any program's table would do: this one is exported from a run of an arm with a heavier forearm,
-  // and read without the controller that ran.
+  // Any program's table would serve. This table is exported from a run of an arm with a heavier
+  // forearm, and read without the run's controller.
   const std::string log =
       run("log", {"--set", "plant.payload={mass_kg: 0.4, center_of_mass_m: [0, 0, -0.1]}"});
   ASSERT_EQ(tachless({"export", log, "-o", directory_ / "run.csv"}).code, 0);
@@ -160,7 +159,7 @@ TEST_F(IdentifyVerb, FindsLinksFromTheTableOfAnotherLogger) {
     EXPECT_LT(joint["torque_error"].get<double>(), 0.02) << joint;
     EXPECT_FALSE(joint.contains("position_error"));
   }
-  // The payload is part of the last link now; the scenario and its URDF say so.
+  // The payload is now part of the last link, in the scenario and in its URDF.
   const Result robot = tachless({"robot", directory_ / "known.urdf"});
   EXPECT_EQ(robot.code, 0) << robot.errors;
   EXPECT_THAT(contents(directory_ / "known.yaml"), HasSubstr("urdf: known.urdf"));
@@ -176,7 +175,7 @@ TEST_F(IdentifyVerb, ExciteStaysWithinLimitsAndIsRefusedWhereItCannot) {
     words.insert(words.end(), more.begin(), more.end());
     return tachless(words);
   };
-  // Too fast gains for 20 ms: nothing is written.
+  // The gains are too fast for 20 ms, so nothing is written.
   const Result unstable = excite({"--set", "loop.period_s=0.02"});
   EXPECT_EQ(unstable.code, 1);
   EXPECT_THAT(unstable.errors, AllOf(HasSubstr("unstable"), HasSubstr("nothing written")));
@@ -185,7 +184,7 @@ TEST_F(IdentifyVerb, ExciteStaysWithinLimitsAndIsRefusedWhereItCannot) {
   const Result again = excite({});
   EXPECT_EQ(again.code, 2);
   EXPECT_THAT(again.errors, HasSubstr("move.yaml: exists already"));
-  // The run keeps to what the motion was made for.
+  // The run stays within the motion's limits.
   const Result run = tachless(
       {"run", directory_ / "move.yaml", "--in-process", "--quiet", "--out", directory_ / "move"});
   EXPECT_EQ(run.code, 0) << run.errors;
@@ -265,7 +264,7 @@ TEST_F(IdentifyVerb, WhatIsWrittenIntoAnotherFolderFindsItsFiles) {
 }
 
 TEST_F(IdentifyVerb, SaysWhatIsNotIdentifiableAndWritesNothing) {
-  // One joint alone moves.
+  // Only one joint moves.
   const std::string log = run(
       "one",
       {"--set", "reference={multi_sine: {terms: [{amplitude_rad: [0.5, 0], frequency_hz: 0.1}]}}"});

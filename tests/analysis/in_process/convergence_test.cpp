@@ -7,8 +7,8 @@
 
 #include "tests/analysis/in_process/golden.h"
 
-/// The sampled loop approaches the paper's continuous one as h goes to 0, with the first order that
-/// a torque held over the tick implies.
+/// The sampled loop approaches the paper's continuous loop as h goes to 0. The order is one because
+/// the torque is held over the tick.
 namespace tachless::in_process {
 namespace {
 
@@ -41,7 +41,7 @@ TEST_P(ContinuousTable, IsApproachedWithFirstOrder) {
                                   std::to_string(error[1] * 1e9) + " " +
                                   std::to_string(error[2] * 1e9) + " e-9");
   RecordProperty("order", std::to_string(first) + " " + std::to_string(second));
-  // Order 1 plus what the second-order term leaves at these periods; it must shrink with h.
+  // The order is 1 plus the contribution of the second-order term, which must shrink with h.
   EXPECT_NEAR(second, 1, 0.15);
   EXPECT_LT(std::abs(second - 1), std::abs(first - 1) + 0.02);
 }
@@ -52,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(, ContinuousTable,
                                            Case{"flexible_continuous_paper_rest", 5e-6, 0.04},
                                            Case{"flexible_continuous_practical_rest", 2.5e-4, 1}));
 
-/// Largest |e| of both joints from `from_s` on.
+/// Returns the largest |e| of each joint from `from_s` on.
 Vector steady_error(const scenario::Scenario& scenario, double from_s) {
   Vector peak = Vector::Zero(2);
   run_in_process(scenario, [&](const TickRecord& record) {
@@ -62,8 +62,8 @@ Vector steady_error(const scenario::Scenario& scenario, double from_s) {
   return peak;
 }
 
-// Figures of an independent simulation, given to three digits; its own fit is good to some per
-// cent.
+// An independent simulation gave these figures with three digits. Its own fit is accurate to some
+// per cent.
 TEST(SteadyError, OfThePapersRigidGainsIsProportionalToThePeriod) {
   const Vector expected = Eigen::Vector2d(2.48e-2, 3.37e-3);
   for (const double h : {5e-5, 2.5e-5}) {
@@ -80,14 +80,14 @@ TEST(SteadyError, IsThreeTimesAsLargeWithOneTickOfDelay) {
   };
   const Vector ratio = error("rigid_paper_foh_d1_on_reference")
                            .cwiseQuotient(error("rigid_paper_foh_d0_on_reference"));
-  // 3 to first order in h.
+  // The ratio is 3 to first order in h.
   EXPECT_NEAR(ratio[0], 3, 0.1);
   EXPECT_NEAR(ratio[1], 3, 0.1);
 }
 
 TEST(SlowPole, OfThePapersRigidGainsIsThatOfTheTable) {
-  // At whole periods of the reference the error is the transient alone: it shrinks by
-  // exp(-0.7145 0.2) and exp(-0.6814 0.2).
+  // At whole periods of the reference the error is the transient alone. It shrinks by exp(-0.7145
+  // 0.2) and exp(-0.6814 0.2).
   Vector error[2];
   run_in_process(testing::golden_scenario("rigid_paper_foh_d0_rest", 5e-5, 0.6),
                  [&](const TickRecord& record) {

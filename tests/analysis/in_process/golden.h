@@ -36,7 +36,7 @@ class Golden {
 
   [[nodiscard]] std::size_t size() const { return rows_.size(); }
   [[nodiscard]] double time(std::size_t row) const { return rows_[row][0]; }
-  /// Both joints' values of a quantity, e.g. "q" or "nu1".
+  /// Returns both joints' values of a quantity such as "q" or "nu1".
   [[nodiscard]] Vector value(std::size_t row, const std::string& quantity) const {
     Vector x(2);
     for (int i = 0; i < 2; ++i) {
@@ -62,8 +62,8 @@ inline bool contains(const std::string& name, const std::string& part) {
   return name.find(part) != std::string::npos;
 }
 
-/// The scenario of a table, by the parts of its name, at period `h_s` [s] for `duration_s` and one
-/// tick more, so that the row at the end has a record.
+/// Returns the scenario of a table from the parts of its name, at period `h_s` [s]. It lasts
+/// `duration_s` and one tick more, so that the last row has a record.
 inline scenario::Scenario golden_scenario(const std::string& name, double h_s, double duration_s) {
   const bool flexible = contains(name, "flexible");
   const bool paper = contains(name, "paper");

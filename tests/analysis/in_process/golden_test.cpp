@@ -6,7 +6,7 @@
 
 #include "tests/analysis/in_process/golden.h"
 
-/// The sampled-data tables of tests/golden, tick for tick.
+/// Compares the loop with the sampled-data tables of tests/golden, tick by tick.
 namespace tachless::in_process {
 namespace {
 
@@ -54,12 +54,15 @@ TEST_P(GoldenTable, IsReproducedTickForTick) {
       flexible ? std::max(golden.peak("nu1"), golden.peak("nu2")) : golden.peak("nu");
   RecordProperty("position_rad", std::to_string(q));
 
-  // Two programs, each integrated to 1e-11 or better; what is left is rounding, amplified by the
-  // loop gain (7e6 N m/rad rigid, 5e9 flexible). Measured at most: rigid q 4e-13, v 1e-10, nu 5e-12
-  // and tau 3e-12 of their peaks; flexible q 2e-12, v 6e-10, theta 6e-11, nu 2e-9, tau 2e-9, but nu
-  // on the reference, where its peak is 1e-5 rad/s, 4e-6. Allowed: some ten times as much. With
-  // lead the tables hold the exact reference ahead of time where the law expands it to snap, which
-  // differs by 1e-5 of the acceleration (measured 4e-7 rad).
+  // Two programs agree, each integrated to 1e-11 or better. The difference is rounding, amplified
+  // by the loop gain (7e6 N m/rad rigid, 5e9 flexible). Largest measured differences as a share of
+  // the peaks:
+  //   rigid:    q 4e-13, v 1e-10, nu 5e-12, tau 3e-12
+  //   flexible: q 2e-12, v 6e-10, theta 6e-11, nu 2e-9, tau 2e-9
+  // A start on the reference has a peak of nu of 1e-5 rad/s only, and nu differs by 4e-6 of that.
+  // The limits are about ten times as large. With lead, the tables hold the exact reference ahead
+  // of time, where the law expands it to snap. The two differ by 1e-5 of the acceleration (measured
+  // 4e-7 rad).
   if (lead) {
     EXPECT_LT(q, 1e-6);
     EXPECT_LT(v, 1e-4);

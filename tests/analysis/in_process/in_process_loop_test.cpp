@@ -119,7 +119,7 @@ TEST(InProcessLoop, SaysInWhichTickAnUnstableLoopEnds) {
   }
 }
 
-/// zhang_dawson has no torque where its filter reaches 1, as after a start 5 rad/s beside the
+/// zhang_dawson has no torque when its filter reaches 1, as after a start 5 rad/s off the
 /// reference.
 TEST(InProcessLoop, SaysInWhichTickALawHasNoFiniteTorque) {
   const auto run = [](const char* speed) {

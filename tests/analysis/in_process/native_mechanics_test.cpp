@@ -1,4 +1,4 @@
-// The shipped experiments on the plant's native mechanics, against Simbody's.
+// Compares the shipped experiments on the plant's native mechanics with Simbody's.
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -17,14 +17,15 @@ namespace {
 
 constexpr double finest_accuracy = 1e-12;
 
-/// Largest difference, of values above 1 relative to them; 0 of what a rigid robot has not.
+/// Returns the largest difference, relative for values above 1; 0 for quantities that a rigid robot
+/// lacks.
 double distance(const Vector& got, const Vector& expected) {
   if (got.size() == 0) return 0;
   const Vector scale = expected.cwiseAbs().cwiseMax(1.0);
   return (got - expected).cwiseQuotient(scale).cwiseAbs().maxCoeff();
 }
 
-/// The scenario with that mechanics.
+/// Returns the scenario with that mechanics.
 scenario::Scenario moved_by(std::string_view mechanics, const scenario::Scenario& scenario) {
   const double accuracy = std::min(scenario.plant.integrator.accuracy, finest_accuracy);
   return scenario::parse_scenario(
@@ -33,18 +34,18 @@ scenario::Scenario moved_by(std::string_view mechanics, const scenario::Scenario
        fmt::format("plant.integrator.accuracy={}", accuracy)});
 }
 
-/// How far Simbody and the library's own mechanics are apart over a run.
+/// Differences between Simbody and the library's own mechanics over a run.
 struct CrossCheck {
-  std::int64_t ticks = 0;  ///< compared
-  // Largest difference of a true value, of links and motors; of values above 1 relative to them.
+  std::int64_t ticks = 0;  ///< number of compared ticks
+  // Largest difference of a true value of links and motors, relative for values above 1.
   double position = 0;    ///< [rad; m]
   double velocity = 0;    ///< [rad/s; m/s]
-  std::int64_t tick = 0;  ///< of the largest in position
+  std::int64_t tick = 0;  ///< tick of the largest difference in position
 };
 
-/// The closed loop of the scenario stepped twice in this process, with plant.mechanics simbody and
-/// native, compared tick by tick. Both with ideal encoders (a difference of rounding would turn
-/// into one of a count) and at an accuracy of 1e-12 or the scenario's, whichever is finer.
+/// Steps the closed loop of the scenario twice in this process, with plant.mechanics simbody and
+/// native, and compares every tick. Encoders are ideal, because a rounding difference could become
+/// a difference of one count. The accuracy is 1e-12 or the scenario's, whichever is finer.
 CrossCheck cross_check(const scenario::Scenario& scenario) {
   std::vector<plant::ArmState> expected;
   run_in_process(moved_by("simbody", scenario), [&](const TickRecord& record) {
@@ -68,8 +69,8 @@ CrossCheck cross_check(const scenario::Scenario& scenario) {
   return result;
 }
 
-// The loops are stable and integrated to a local error of 1e-12, so the difference of the two
-// mechanics does not grow: some ticks' worth of it at most. Velocities are off by that times the
+// The loops are stable and integrated to a local error of 1e-12. The difference of the two
+// mechanics therefore does not grow beyond that of some ticks. Velocities differ by that times the
 // rates of the loops' fastest modes, up to 1e4 1/s.
 constexpr double agreement = 1e-10, agreement_of_velocity = 1e-8;
 

@@ -8,9 +8,9 @@
 
 #include "in_process/in_process_loop.h"
 
-/// With K to infinity, eq. 9-12 of the paper become eq. 4-5 for the rigid robot M = M_l + J with
-/// summed gains: theta_ref to q_ref, K (theta_ref - q_ref) stays, and with equal filters
-/// tau = ID(q, v_ref, a_ref) - (Kp1 + Kp2) e - (Kd1 + Kd2) nu.
+/// When K goes to infinity, eq. 9-12 of the paper become eq. 4-5 for the rigid robot M = M_l + J
+/// with summed gains. theta_ref approaches q_ref, and K (theta_ref - q_ref) stays finite. With
+/// equal filters tau = ID(q, v_ref, a_ref) - (Kp1 + Kp2) e - (Kd1 + Kd2) nu.
 namespace tachless::in_process {
 namespace {
 
@@ -18,7 +18,7 @@ scenario::Scenario scenario(const std::string& joints, const std::string& law_an
   std::ifstream urdf(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf");
   std::ostringstream urdf_text;
   urdf_text << urdf.rdbuf();
-  // The payload, unknown to the controller, keeps the error away from zero.
+  // The controller does not know the payload, which keeps the error away from zero.
   return scenario::parse_scenario(
       "name: limit\n"
       "robot: {urdf: two_link.urdf, joints: " +
@@ -64,8 +64,8 @@ TEST(RigidLimit, IsApproachedWithOrderOneInTheCompliance) {
   }
   const double first = std::log2(error[0] / error[1]), second = std::log2(error[1] / error[2]);
   RecordProperty("order", std::to_string(first) + " " + std::to_string(second));
-  ASSERT_GT(error[0], 1e-6);  // there is something to shrink
-  // Order 1 in 1/K plus what the second-order term leaves.
+  ASSERT_GT(error[0], 1e-6);  // the error is large enough to shrink
+  // The order in 1/K is 1 plus the contribution of the second-order term.
   EXPECT_NEAR(first, 1, 0.1) << error[0] << " " << error[1] << " " << error[2];
   EXPECT_NEAR(second, 1, 0.1);
 }

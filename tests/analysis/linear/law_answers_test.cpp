@@ -76,7 +76,7 @@ TEST(LawAnswers, AreThoseOfTheLawsModel) {
       return Eigen::MatrixXcd(of.C * state + of.D);
     };
     const Eigen::MatrixXcd is = response(model), expected = response(law);
-    // Of the second integral, 1e-10 of the filter's gain, a part in 1e4 is above rounding.
+    // The second integral is 1e-10 of the filter's gain. A part in 1e4 of it is above rounding.
     for (Index j = 0; j < 2; ++j) {
       EXPECT_LT(std::abs(is(j, j) - expected(j, j)), 1e-3 * std::abs(expected(j, j))) << w;
     }
@@ -93,7 +93,7 @@ TEST(LawAnswers, NeedNoMemory) {
   EXPECT_LT((model.D - law.D).cwiseAbs().maxCoeff(), 1e-6);
 }
 
-/// As gravity is, beside small gains.
+/// Gravity curves the torque in this way, beside small gains.
 TEST(LawAnswers, MayBeCurved) {
   LinearLaw law = filtered();
   for (MatrixXd* rows : {&law.C, &law.D}) rows->row(1) *= 1e-2;
@@ -137,34 +137,32 @@ std::string refusal(const Ask& ask, Index inputs = 2) {
 
 TEST(LawAnswers, AreRefusedWhereNoLinearLawAnswersSo) {
   const LinearLaw law = filtered();
-  EXPECT_THAT(refusal(mean_of(600), 1),
-              HasSubstr("a model of 288 ticks of its answers does not"));
-  EXPECT_THAT(refusal(asked(
-                  law,
-                  [n = std::make_shared<int>(0)](const VectorXd& tau, Index, const VectorXd&) {
-                    return VectorXd(tau.array() + 1e-6 * (++*n % 5));
-                  })),
-              HasSubstr("two identical experiments differ by "));
+  EXPECT_THAT(refusal(mean_of(600), 1), HasSubstr("a model of 288 ticks of its answers does not"));
+  EXPECT_THAT(
+      refusal(asked(law,
+                    [n = std::make_shared<int>(0)](const VectorXd& tau, Index, const VectorXd&) {
+                      return VectorXd(tau.array() + 1e-6 * (++*n % 5));
+                    })),
+      HasSubstr("two identical experiments differ by "));
   EXPECT_THAT(refusal(asked(law,
-                                     [](const VectorXd& tau, Index, const VectorXd&) {
-                                       return VectorXd(tau.cwiseMin(0.3).cwiseMax(-0.3));
-                                     })),
+                            [](const VectorXd& tau, Index, const VectorXd&) {
+                              return VectorXd(tau.cwiseMin(0.3).cwiseMax(-0.3));
+                            })),
               HasSubstr("that to deviations of 1e-05 is not 10 times that to 1e-06"));
-  EXPECT_THAT(refusal(
-                  asked(law, [](const VectorXd& tau, Index,
-                                const VectorXd& e) { return VectorXd(tau + 400 * e.cwiseAbs()); })),
-              HasSubstr("that to -1e-05 is not the opposite of that to 1e-05"));
+  EXPECT_THAT(
+      refusal(asked(law, [](const VectorXd& tau, Index,
+                            const VectorXd& e) { return VectorXd(tau + 400 * e.cwiseAbs()); })),
+      HasSubstr("that to -1e-05 is not the opposite of that to 1e-05"));
   EXPECT_THAT(refusal(asked(law,
-                                     [](const VectorXd& tau, Index, const VectorXd& e) {
-                                       const double both =
-                                           std::abs(e[0] + e[1]) > std::abs(e[0] - e[1]);
-                                       return VectorXd(tau + 400 * both * e);
-                                     })),
+                            [](const VectorXd& tau, Index, const VectorXd& e) {
+                              const double both = std::abs(e[0] + e[1]) > std::abs(e[0] - e[1]);
+                              return VectorXd(tau + 400 * both * e);
+                            })),
               HasSubstr("that to all inputs is not the sum of those to each"));
   EXPECT_THAT(refusal(asked(law,
-                                     [](const VectorXd& tau, Index k, const VectorXd&) {
-                                       return VectorXd(tau * (1 + 1e-3 * static_cast<double>(k)));
-                                     })),
+                            [](const VectorXd& tau, Index k, const VectorXd&) {
+                              return VectorXd(tau * (1 + 1e-3 * static_cast<double>(k)));
+                            })),
               HasSubstr("or it depends on the time"));
 }
 

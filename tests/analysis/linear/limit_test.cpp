@@ -98,7 +98,8 @@ void expect_limit(const scenario::Scenario& scenario, const std::string& what) {
   EXPECT_GT(restlessness(beyond, 1.05 * limit), 100 * restlessness(other, 0.97 * limit));
 }
 
-/// Of a run at 1.2 times the limit, long enough for an e-fold of growth.
+/// Returns the outcome of a run at 1.2 times the limit, which `ticks` makes long enough for an
+/// e-fold of growth.
 study::Outcome outcome_beyond_limit(const std::string& name, std::vector<std::string> overrides,
                                     std::int64_t ticks) {
   scenario::Scenario scenario = shipped(name, overrides);
@@ -129,8 +130,8 @@ TEST(SampledLimit, ARunBeyondItIsNoSuccess) {
   EXPECT_EQ(outcome_beyond_limit("paper_flexible",
                                  {"loop.command_delay=1", "plant.mechanics=native"}, 4000),
             study::Outcome::diverging);
-  // With the gains that `design` finds for the arm without delay. What grows ends at the limits of
-  // its torques, in a limit cycle; where limits are not `warn` the run is stopped.
+  // `design` finds these gains for the arm without delay. The growth ends at the limits of its
+  // torques, in a limit cycle. With `on_limit` other than `warn` the run would be stopped.
   const study::Outcome limited = outcome_beyond_limit(
       "xarm7",
       {"loop.command_delay=0", "plant.mechanics=native", "plant.on_limit=warn",

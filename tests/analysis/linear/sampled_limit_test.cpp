@@ -132,6 +132,23 @@ TEST_F(SampledLimit, IsTheOneNextToWhereItIsSought) {
   EXPECT_FALSE(largest_stable_period(reversed, 1e-3));
 }
 
+/// A window of instability of 1.7 %, which steps of a tenth pass over.
+TEST_F(SampledLimit, FindsANarrowWindowOfInstability) {
+  const double window_s = 3.07e-3;
+  const auto law = [=](double h) {
+    const double x = (h / window_s - 1) / 8e-3, kp = 100 * (1 - 3 * std::exp(-x * x));
+    return LinearLaw{Eigen::MatrixXd(0, 0),
+                     Eigen::MatrixXd(0, 2),
+                     Eigen::MatrixXd(1, 0),
+                     Eigen::MatrixXd{{-kp, -20}},
+                     {Part::q, Part::v}};
+  };
+  const SampledLoop loop{
+      {Eigen::Matrix2d{{0, 1}, {0, 0}}, Eigen::Vector2d(0, 1), 1}, law, 0};
+  EXPECT_NEAR(*largest_stable_period(loop, 1e-3),
+              window_s * (1 - 8e-3 * std::sqrt(std::log(3.0))), 1e-6);
+}
+
 TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
   const controller::law::FilterGains g = practical_rigid();
   const Eigen::MatrixXd loop_gain =

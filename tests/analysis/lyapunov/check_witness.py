@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Checks what `tachless certify --witness FILE` wrote, in interval arithmetic of its own.
 
-    check_witness.py FILE
+    check_witness.py FILE [SCENARIO]
 
-Accepts (exit code 0) or rejects, with the reason (exit code 1). It shares no code with the product.
+Accepts (exit code 0) or rejects, with the reason (exit code 1). It shares no code with the product. With SCENARIO it
+also checks that the file is about that scenario and its URDF; without it nothing ties the file to an arm.
 
 Claim: x = (e, v, p, t) is the deviation of a loop of n = 1 or 2 revolute joints from rest at q, t the
 torque that acts over the tick, p = phi nu - beta e what the filter carries over; |x| is the norm of L' x.
@@ -25,6 +26,8 @@ does not pass, the box is halved.
 import json
 import re
 import sys
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 from interval import TINY, Iv, Rejected, cos_sin, positive_definite, product, require
@@ -34,8 +37,9 @@ NORM_SLACK = 1e-10  # of Cholesky's factorisation of matrices of size 8, relativ
 
 class Loop:
     def __init__(self, w):
-        self.n = n = int(w["joints"])
-        require(n in (1, 2), "joints is not 1 or 2")
+        self.n = n = w["joints"]
+        require(type(n) is int and n in (1, 2), "joints is not the whole number 1 or 2")
+        require(type(w["boxes"]) is int, "boxes is no whole number")
         take = lambda key, *shape: self.array(w, key, shape)
         self.q, self.kp, self.kd = take("q_ref", n), take("kp", n), take("kd", n)
         self.phi, self.beta, self.D = take("phi", n), take("beta", n), take("viscous", n)
@@ -43,6 +47,10 @@ class Loop:
         self.g = take("g", n, 3, 3)  # 1, cos q1, sin q1 by 1, cos q2, sin q2
         self.quantum, self.L = take("quantum", n), take("L", 4 * n, 4 * n)
         self.limit = None if w["torque_limit"] is None else take("torque_limit", n)
+        require(np.all(self.quantum >= 0), "quantum is negative")
+        require(np.array_equal(self.M, self.M.transpose(0, 2, 1)), "M is not symmetric")
+        require(self.limit is None or np.all(self.limit > 0), "torque_limit is not above 0")
+        require(np.all(self.D >= 0), "viscous is negative")
         at = lambda q: [[float(x.middle()) for x in row] for row in self.gradient([Iv(np.float64(y)) for y in q])]
         self.G = np.array(at(self.q))
         self.h, self.rho, self.gamma = float(w["period_s"]), float(w["rho"]), float(w["gamma"])
@@ -336,6 +344,133 @@ class Loop:
                     "a torque of the set is beyond its limit")
 
 
+def rotation(axis, angle):
+    """Rodrigues' formula."""
+    x, y, z = axis / np.linalg.norm(axis)
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def origin_of(element):
+    origin = element.find("origin")
+    get = lambda key: np.array([float(x) for x in (origin.get(key, "0 0 0") if origin is not None else "0 0 0").split()])
+    xyz, (r, p, y) = get("xyz"), get("rpy")
+    return rotation(np.eye(3)[2], y) @ rotation(np.eye(3)[1], p) @ rotation(np.eye(3)[0], r), xyz
+
+
+class Mechanics:
+    """Inertia matrix and gravity torque of a URDF, by the Jacobians of its bodies. Joints are in the file's order."""
+
+    def __init__(self, urdf, gravity):
+        robot = ElementTree.parse(urdf).getroot()
+        self.joints = {j.find("child").get("link"): j for j in robot.findall("joint")}
+        self.moving = [j.get("name") for j in robot.findall("joint")
+                       if j.get("type") != "fixed" and j.find("mimic") is None]
+        require(all(j.get("type") in ("revolute", "continuous", "fixed") for j in self.joints.values()),
+                "the URDF has joints that do not turn")
+        self.links, self.gravity = robot.findall("link"), np.array([0, 0, -gravity])
+
+    def pose(self, link, q):
+        """Rotation and place of a link, and the axes that move it: number, direction times multiplier, place."""
+        if link not in self.joints:
+            return np.eye(3), np.zeros(3), []
+        joint = self.joints[link]
+        R, at, axes = self.pose(joint.find("parent").get("link"), q)
+        turned, offset = origin_of(joint)
+        at, R = at + R @ offset, R @ turned
+        if joint.get("type") != "fixed":
+            mimic, axis = joint.find("mimic"), joint.find("axis")
+            of = lambda key, default: float(mimic.get(key, default)) if mimic is not None else float(default)
+            i = self.moving.index(joint.get("name") if mimic is None else mimic.get("joint"))
+            axis = np.array([float(x) for x in (axis.get("xyz") if axis is not None else "1 0 0").split()])
+            axes = axes + [(i, of("multiplier", "1") * (R @ axis) / np.linalg.norm(axis), at)]
+            R = R @ rotation(axis, of("multiplier", "1") * q[i] + of("offset", "0"))
+        return R, at, axes
+
+    def at(self, q):
+        n = len(self.moving)
+        M, g = np.zeros((n, n)), np.zeros(n)
+        for link in self.links:
+            inertial = link.find("inertial")
+            if inertial is None:
+                continue
+            R, at, axes = self.pose(link.get("name"), q)
+            turned, offset = origin_of(inertial)
+            centre, R = at + R @ offset, R @ turned
+            m, I = float(inertial.find("mass").get("value")), inertial.find("inertia")
+            xx, yy, zz, xy, xz, yz = (float(I.get(key)) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+            I = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+            Jv, Jw = np.zeros((3, n)), np.zeros((3, n))
+            for i, axis, place in axes:
+                Jv[:, i] += np.cross(axis, centre - place)
+                Jw[:, i] += axis
+            M += m * Jv.T @ Jv + Jw.T @ I @ Jw
+            g -= m * Jv.T @ self.gravity
+        return M, g
+
+
+FILTERS = {
+    "tustin": lambda a, b, h: ((2 - a * h) / (2 + a * h), 2 * b / (2 + a * h)),
+    "first_order_hold": lambda a, b, h: (np.exp(-a * h), -b * np.expm1(-a * h) / (a * h)),
+    "backward_euler": lambda a, b, h: (1 / (1 + a * h), b / (1 + a * h)),
+    "zero_order_hold": lambda a, b, h: (np.exp(-a * h), b),
+}
+
+
+def require_is_of(loop, scenario):
+    """@raise Rejected unless the loop is that of the scenario: its period, gains, filter, drives, encoders and arm."""
+    import yaml  # Debian's python3-yaml
+
+    class Loader(yaml.SafeLoader):
+        """YAML 1.2: 1e-3 is a number."""
+
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$"),
+                                 list("-+0123456789."))
+    with open(scenario, encoding="utf-8") as file:
+        s = yaml.load(file, Loader)
+    n, law, plant, robot = loop.n, s["controller"], s.get("plant", {}), s["robot"]
+    drive, encoder = plant.get("drive", {}), plant.get("encoder", {})
+    each = lambda x: np.broadcast_to(np.array(x, dtype=float), (n,))
+
+    def same(is_, should, what):
+        require(np.allclose(is_, should, rtol=1e-9, atol=1e-12), f"{what} is not that of {scenario}")
+
+    require(law["law"] == "loria_ortega_rigid" and s["loop"].get("command_delay", 0) == 1,
+            f"{scenario} has another law or delay")
+    require(law.get("filter_start", "at_error") == "at_error", f"{scenario} starts the filter elsewhere")
+    gains = law["gains"]
+    same(loop.h, s["loop"]["period_s"], "period_s")
+    same(loop.kp, each(gains["kp"]), "kp")
+    same(loop.kd, each(gains["kd"]), "kd")
+    phi, beta = FILTERS[law.get("filter", "tustin")](each(gains["a"]), each(gains["b"]), loop.h)
+    same(loop.phi, phi, "phi")
+    same(loop.beta, beta, "beta")
+    limit = drive.get("torque_limit_Nm", "urdf")
+    require(limit != "urdf", f"{scenario} leaves plant.drive.torque_limit_Nm to the URDF: give it, or null")
+    require((limit is None) == (loop.limit is None), f"torque_limit is not that of {scenario}")
+    if limit is not None:
+        same(loop.limit, each(limit), "torque_limit")
+    if "viscous_friction_Nms_per_rad" in drive:
+        same(loop.D, each(drive["viscous_friction_Nms_per_rad"]), "viscous")
+    bits = encoder.get("resolution_bits")
+    rounds = np.zeros(n) if bits is None else np.pi * 2.0 ** -each(bits)
+    require(np.all(loop.quantum >= rounds), f"quantum is less than the encoders of {scenario} round by")
+    reference = s["reference"]
+    if "hold" in reference:
+        same(loop.q, each(reference["hold"]["position_rad"]), "q_ref")
+    arm = Mechanics(Path(scenario).parent / robot["urdf"], float(robot.get("gravity_m_per_s2", 9.81)))
+    require(len(arm.moving) == n and not set(robot) - {"name", "urdf", "joints", "gravity_m_per_s2"},
+            f"the robot of {scenario} has other joints, or keys that are not read here")
+    rotors = robot["joints"]["rigid"]["rotor_inertia_kgm2"] if isinstance(robot["joints"], dict) else 0.0
+    for q in np.random.default_rng(1).uniform(-np.pi, np.pi, (20, n)):
+        M, g = arm.at(q)
+        first, second = [1, np.cos(q[0]), np.sin(q[0])], [1, 0, 0]
+        if n == 2:
+            second = [1, np.cos(q[1]), np.sin(q[1])]
+        same(np.einsum("k,kij->ij", second, loop.M), M + np.diag(each(rotors)), "the inertia matrix")
+        same(np.einsum("iab,a,b->i", loop.g, first, second), g, "the torque of gravity")
+
+
 def checksum(text):
     """FNV-1a, 64 bit, of the text without the line of the checksum."""
     value = 0xCBF29CE484222325
@@ -344,23 +479,27 @@ def checksum(text):
     return f"{value:016x}"
 
 
-def check(text):
-    """@return the loop and the number of boxes. @raise Rejected"""
+def check(text, scenario=None):
+    """@return the loop and the number of boxes. @param scenario that it has to be about. @raise Rejected"""
     try:
         witness = json.loads(text)
         require(witness["checksum"] == checksum(text), "the checksum is not that of the text: it was changed")
+        require(isinstance(witness, dict), "the file is no object")
         loop = Loop(witness)
+        if scenario is not None:
+            require_is_of(loop, scenario)
         loop.check_rounding()
         return loop, loop.cover()
-    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as problem:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError,
+            np.linalg.LinAlgError) as problem:
         raise Rejected(f"{type(problem).__name__}: {problem}") from None
 
 
 def main():
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
     try:
-        loop, boxes = check(open(sys.argv[1], encoding="utf-8").read())
+        loop, boxes = check(open(sys.argv[1], encoding="utf-8").read(), *sys.argv[2:])
     except (OSError, Rejected) as problem:
         print(f"{sys.argv[1]}: rejected: {problem}")
         sys.exit(1)

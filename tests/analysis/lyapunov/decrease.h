@@ -12,7 +12,7 @@
 #include "lyapunov/matrix_condition.h"
 #include "numerics/decompositions.h"
 
-/// What V's derivative is, and the matrix condition by another way.
+/// The derivative of V, and the matrix condition by another way.
 namespace tachless::lyapunov::testing {
 
 /// C(q, x).
@@ -58,9 +58,9 @@ inline double delta_by_V(const ErrorSystem& system, const Weights& weights,
   return numerics::largest_eigenvalue(of_x * P.inverse() * of_x.transpose());
 }
 
-/// The condition for two joints with polygons around v_ref and delta in place of sums of squares,
-/// positive at the corners, hence inside, and with the Euclidean norm of delta. Of the postures of
-/// `condition` alone.
+/// The condition for two joints with polygons around v_ref and delta in place of sums of squares.
+/// It is positive at the corners, hence inside. The norm of delta is the Euclidean one. The
+/// condition covers the postures of `condition` alone.
 class PolygonCondition {
  public:
   PolygonCondition(MatrixCondition condition, int sides)
@@ -92,7 +92,7 @@ class PolygonCondition {
     return region;
   }
 
-  /// Of V, at delta = 0.
+  /// Returns the rate at which V falls, at delta = 0.
   [[nodiscard]] double rate(const Weights& weights) const {
     double least = std::numeric_limits<double>::infinity();
     for_each_corner(weights, [&](const numerics::Inertia& inertia, const Eigen::MatrixXd& Mm) {

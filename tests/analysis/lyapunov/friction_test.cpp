@@ -17,8 +17,8 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   const std::vector<std::string> damped = {"plant.drive.viscous_friction_Nms_per_rad=[30, 5]"};
   const auto fastest = [](const std::vector<std::string>& overrides) {
     std::string why_not;
-    auto found =
-        stability_certificate(linear::testing::shipped("practical_rigid", overrides), linear::Effort::full, why_not);
+    auto found = stability_certificate(linear::testing::shipped("practical_rigid", overrides),
+                                       linear::Effort::full, why_not);
     return std::pair(*found->fastest, found->provisos);
   };
   const auto [none, no_proviso] = fastest({});
@@ -37,11 +37,12 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   RecordProperty("dry", certify::list_text(*dry.friction_error));
 }
 
-/// Of drives and motors; it was said of links' joints alone.
+/// The provisos name offset, eccentricity and the friction of motors.
 TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
   const auto provisos = [](const std::string& scenario, const std::string& value) {
     std::string why_not;
-    return stability_certificate(linear::testing::shipped(scenario, {value}), linear::Effort::quick, why_not)
+    return stability_certificate(linear::testing::shipped(scenario, {value}), linear::Effort::quick,
+                                 why_not)
         ->provisos;
   };
   const std::string motors = "robot.joints.flexible.motor_";

@@ -29,7 +29,7 @@ using namespace linear;
 using namespace linear::testing;
 using controller::law::LoopState;
 
-/// What one run from the boundary of the level set did to V.
+/// The course of V and the torque in one run from the boundary of the level set.
 struct Descent {
   double V0 = 0, end = 0;   ///< [J]
   double over_level = 0;    ///< most that V was above the level
@@ -51,7 +51,8 @@ LoopState begin_of(const plant::InitialState& x) {
   return loop;
 }
 
-/// Where along a ray V first is the level, looked for from `outside` on in steps of that factor.
+/// Returns where V first is the level along a ray. The search goes on from `outside` in steps of
+/// `factor`.
 double reached(const std::function<double(double)>& V, double level, double outside,
                double factor) {
   double inside = 0;
@@ -111,14 +112,16 @@ class FromTheLevelSet {
       : scenario_(scenario),
         lyapunov_(controller::lyapunov_function(scenario, weights)),
         reference_(reference::make_trajectory(scenario).at(0)) {
-    const MatrixCondition condition{{system}, numerics::Postures(*scenario.model), linear::testing::paper_B_d};
+    const MatrixCondition condition{
+        {system}, numerics::Postures(*scenario.model), linear::testing::paper_B_d};
     const Region region = condition.region(weights).value();
     level_ = region.level;
     // From V on, |delta| stays below sqrt(2 w V).
     rate_ = condition.rate(weights, std::sqrt(2 * region.w * level_ / 4));
   }
 
-  /// Where a random direction of all states meets the level; the filters begin at rest.
+  /// Returns the state where a random direction of all states meets the level. The filters begin at
+  /// rest.
   [[nodiscard]] plant::InitialState boundary(std::uint64_t seed) const {
     const bool flexible = scenario_.robot.flexible.has_value();
     std::mt19937_64 random(seed);
@@ -158,10 +161,11 @@ class FromTheLevelSet {
 void expect_descents(const std::string& name, const ErrorSystem& system, std::size_t runs,
                      const std::string& period_s) {
   const FromTheLevelSet from(
-      linear::testing::shipped(name, {"loop.period_s=" + period_s, "loop.duration_s=0.15",
-                     "plant.integrator.accuracy=1e-7", "loop.command_delay=0",
-                     "controller.feedforward_lead=none", "plant.drive.torque_limit_Nm=null",
-                     "plant.mechanics=native"}),
+      linear::testing::shipped(
+          name,
+          {"loop.period_s=" + period_s, "loop.duration_s=0.15", "plant.integrator.accuracy=1e-7",
+           "loop.command_delay=0", "controller.feedforward_lead=none",
+           "plant.drive.torque_limit_Nm=null", "plant.mechanics=native"}),
       system);
   ASSERT_GT(from.rate(), 0);
   std::vector<Descent> descents(runs);
@@ -181,7 +185,8 @@ TEST(CertifiedLevelSet, OfTheRigidLoopIsLeftByNoRunAndAllConverge) {
 }
 
 TEST(CertifiedLevelSet, OfTheFlexibleLoopIsLeftByNoRunAndAllConverge) {
-  expect_descents("practical_flexible", linear::testing::flexible(practical_link(), practical_motor()), 250, "5e-5");
+  expect_descents("practical_flexible",
+                  linear::testing::flexible(practical_link(), practical_motor()), 250, "5e-5");
 }
 
 TEST(CertifiedTorque, IsReachedByNoRunFromItsLevel) {
@@ -282,8 +287,8 @@ class Boundary {
   controller::LyapunovFunction lyapunov_;
 };
 
-/// As many starts as TACHLESS_MONTE_CARLO says, and from the tenth of them in which V falls least
-/// an ascent of its growth.
+/// Expects that no run leaves the level set. There are as many starts as TACHLESS_MONTE_CARLO says.
+/// From the tenth of them in which V falls least, an ascent of its growth follows.
 void expect_none_leaves(const Boundary& from) {
   const char* const given = std::getenv("TACHLESS_MONTE_CARLO");
   const std::size_t starts = given != nullptr ? std::stoul(given) : 6;

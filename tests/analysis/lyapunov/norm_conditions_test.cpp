@@ -65,9 +65,9 @@ struct StateNorms {
   double e_minus_nu = 0;  ///< of the links
 };
 
-/// What (22) prints as an upper bound of Vdot, which it is not: the term
+/// Returns what (22) prints as an upper bound of Vdot, for rigid joints. It is none: the term
 /// eps (e - nu)' (Cd' - Cd) edot is missing. With `completed`, its bound
-/// 2 k_c B_d eps |e - nu| |edot| is added. Of rigid joints.
+/// 2 k_c B_d eps |e - nu| |edot| is added.
 double printed_decrease_bound(const ErrorSystem& s, const RobotConstants& constants, double B_d,
                               double epsilon, const StateNorms& x, bool completed) {
   const double k_c = constants.k_c.value, M_max = constants.lambda_max_M.value;
@@ -99,7 +99,8 @@ class NormConditions : public ::testing::Test {
 };
 
 TEST_F(NormConditions, PrintedBoundsOfThePapersGains) {
-  const PrintedConditions c = printed_conditions(linear::testing::rigid(paper_rigid()), constants, linear::testing::paper_B_d);
+  const PrintedConditions c = printed_conditions(linear::testing::rigid(paper_rigid()), constants,
+                                                 linear::testing::paper_B_d);
   EXPECT_NEAR(c.eq7, 22.3, 0.05);
   EXPECT_NEAR(c.eq19, 7.9205, 5e-5);
   EXPECT_NEAR(c.eq20, 0.29636, 5e-6);
@@ -112,26 +113,35 @@ TEST_F(NormConditions, PrintedBoundsOfThePapersGains) {
 }
 
 TEST_F(NormConditions, AreInfeasibleForFastReferencesFlexibleJointsAndDeployableGains) {
-  EXPECT_FALSE(printed_conditions(linear::testing::rigid(paper_rigid()), constants, 44.43).feasible);
-  EXPECT_FALSE(printed_conditions(linear::testing::rigid(practical_rigid()), constants, linear::testing::paper_B_d).feasible);
+  EXPECT_FALSE(
+      printed_conditions(linear::testing::rigid(paper_rigid()), constants, 44.43).feasible);
+  EXPECT_FALSE(printed_conditions(linear::testing::rigid(practical_rigid()), constants,
+                                  linear::testing::paper_B_d)
+                   .feasible);
   const PrintedConditions c =
-      printed_conditions(linear::testing::flexible(paper_flexible(), paper_flexible()), constants, linear::testing::paper_B_d);
+      printed_conditions(linear::testing::flexible(paper_flexible(), paper_flexible()), constants,
+                         linear::testing::paper_B_d);
   EXPECT_FALSE(c.feasible);
   EXPECT_NEAR(c.eq7, 99.6, 0.05);
 }
 
 TEST_F(NormConditions, AreMetByGainsThatFlatterNorms) {
-  EXPECT_NEAR(printed_conditions(linear::testing::rigid({both(6000), both(8000), both(300), both(3000)}), constants,
+  EXPECT_NEAR(
+      printed_conditions(linear::testing::rigid({both(6000), both(8000), both(300), both(3000)}),
+                         constants, linear::testing::paper_B_d)
+          .c1,
+      4.01, 5e-3);
+  const FilterGains gains{both(3e4), both(5e4), both(500), both(2000)};
+  EXPECT_NEAR(printed_conditions(linear::testing::flexible(gains, gains), constants,
                                  linear::testing::paper_B_d)
                   .c1,
-              4.01, 5e-3);
-  const FilterGains gains{both(3e4), both(5e4), both(500), both(2000)};
-  EXPECT_NEAR(printed_conditions(linear::testing::flexible(gains, gains), constants, linear::testing::paper_B_d).c1, 0.055, 5e-4);
+              0.055, 5e-4);
 }
 
 /// (25) is 0 there; the other bounds know nothing of the reference.
 TEST_F(NormConditions, AtAConstantReferenceHoldForAllSmallWeights) {
-  const ErrorSystem system = linear::testing::rigid({both(6000), both(8000), both(300), both(3000)});
+  const ErrorSystem system =
+      linear::testing::rigid({both(6000), both(8000), both(300), both(3000)});
   const PrintedConditions moving = printed_conditions(system, constants, 1e-6);
   const PrintedConditions held = printed_conditions(system, constants, 0);
   EXPECT_EQ(held.eq25, 0);
@@ -147,7 +157,8 @@ TEST_F(NormConditions, AtAConstantReferenceHoldForAllSmallWeights) {
 TEST_F(NormConditions, OfMatricesAreThoseOfTheirEigenvalues) {
   const Eigen::Matrix2d turn = Eigen::Rotation2Dd(0.6).toRotationMatrix();
   ErrorSystem turned = linear::testing::rigid(paper_rigid());
-  const PrintedConditions straight = printed_conditions(turned, constants, linear::testing::paper_B_d);
+  const PrintedConditions straight =
+      printed_conditions(turned, constants, linear::testing::paper_B_d);
   turned.kp = turn * turned.kp * turn.transpose();
   turned.kd = turn * turned.kd * turn.transpose();
   const PrintedConditions c = printed_conditions(turned, constants, paper_B_d);
@@ -160,8 +171,9 @@ TEST_F(NormConditions, OfMatricesAreThoseOfTheirEigenvalues) {
 
 TEST_F(NormConditions, NeedAThresholdOnAHoweverLargeBIs) {
   const auto feasible = [&](double a, double b) {
-    return printed_conditions(linear::testing::rigid({both(5000, 6000), both(7000, 8800), both(a), both(b)}),
-                              constants, linear::testing::paper_B_d)
+    return printed_conditions(
+               linear::testing::rigid({both(5000, 6000), both(7000, 8800), both(a), both(b)}),
+               constants, linear::testing::paper_B_d)
         .feasible;
   };
   for (const double b : {1e3, 1e5, 1e7, 1e9}) EXPECT_FALSE(feasible(10, b)) << b;
@@ -176,7 +188,8 @@ TEST_F(NormConditions, PrintedBound22IsViolatedAndTheCompletedOneIsNot) {
   const double exact = exact_rate(system, 0.01, std::numbers::pi / 2, z);
   // Ten decimals are given.
   EXPECT_NEAR(exact, -49.9999941752, 6e-11);
-  const double printed = printed_decrease_bound(system, constants, linear::testing::paper_B_d, 0.01, norms, false);
+  const double printed =
+      printed_decrease_bound(system, constants, linear::testing::paper_B_d, 0.01, norms, false);
   const double completed = printed_decrease_bound(system, constants, paper_B_d, 0.01, norms, true);
   EXPECT_NEAR(printed, -50.0000127181, 1.1e-10);
   EXPECT_NEAR(completed, -49.9999652746, 1.1e-10);
@@ -185,7 +198,8 @@ TEST_F(NormConditions, PrintedBound22IsViolatedAndTheCompletedOneIsNot) {
 }
 
 TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
-  const ErrorSystem system = linear::testing::rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
+  const ErrorSystem system =
+      linear::testing::rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
   const PrintedConditions c = printed_conditions(system, constants, linear::testing::paper_B_d);
   EXPECT_TRUE(c.feasible);
   const double eps = 0.0095, beta_1 = 0.3, beta_2 = 0.4, beta_3 = 0.3, gamma = 0.5;
@@ -211,14 +225,16 @@ TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundAtRandomStates) {
   for (int i = 0; i < 100000; ++i) {
     const Vector q = random.vector(2, std::numbers::pi);
     const double angle = random.uniform(0, 2 * std::numbers::pi);
-    const Eigen::VectorXd v_ref = linear::testing::paper_B_d * both(std::cos(angle), std::sin(angle));
+    const Eigen::VectorXd v_ref =
+        linear::testing::paper_B_d * both(std::cos(angle), std::sin(angle));
     // Sizes over six decades.
     Eigen::VectorXd z(6);
     z << random.vector(2, std::pow(10, random.uniform(-4, 2))),
         random.vector(2, std::pow(10, random.uniform(-4, 2))),
         random.vector(2, std::pow(10, random.uniform(-4, 2)));
     if (i % 2 == 0) z.segment(2, 2).setZero();
-    // Where the printed bound leaves no room: e along the joint of the smallest kp, edot small.
+    // The printed bound leaves no room here: e is along the joint of the smallest kp, edot is
+    // small.
     if (i % 4 == 0) {
       z[1] = 0;
       z.tail(2) *= 1e-3 * std::abs(z[0]) / z.tail(2).norm();

@@ -58,12 +58,12 @@ TEST(OneTick, HasTheLinearLoopAsItsGradient) {
 /// Current loops are states of their own; rest is at the reference whatever the torques' scale.
 TEST(OneTick, OfLaggingScaledDrivesHasTheLinearLoopAsItsGradient) {
   for (const bool flexible : {false, true}) {
-    const scenario::Scenario scenario =
-        linear::testing::shipped(flexible ? "practical_flexible" : "practical_rigid",
-                {"loop.period_s=1e-3", "loop.command_delay=2", "plant.encoder.resolution_bits=null",
-                 "reference={hold: {position_rad: [0.3, 0.8]}}", "loop.duration_s=0.4",
-                 "plant.drive.current_loop_hz=[100, 60]", "plant.drive.torque_scale=[1.1, 0.9]",
-                 "plant.integrator.accuracy=1e-12"});
+    const scenario::Scenario scenario = linear::testing::shipped(
+        flexible ? "practical_flexible" : "practical_rigid",
+        {"loop.period_s=1e-3", "loop.command_delay=2", "plant.encoder.resolution_bits=null",
+         "reference={hold: {position_rad: [0.3, 0.8]}}", "loop.duration_s=0.4",
+         "plant.drive.current_loop_hz=[100, 60]", "plant.drive.torque_scale=[1.1, 0.9]",
+         "plant.integrator.accuracy=1e-12"});
     const OneTick F(scenario, Eigen::Vector2d(0.3, 0.8));
     const Eigen::MatrixXd A = F.linear();
     const Eigen::Index size = A.rows();
@@ -100,12 +100,13 @@ TEST(SampledRegion, IsNotClaimedWhereThereIsNone) {
       sampled_region(held_at("[0, 0]", {"plant.drive.coulomb_friction_Nm=[1, 1]"}), why_not));
   EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
   EXPECT_FALSE(sampled_region(
-      linear::testing::shipped("practical_flexible", {"robot.joints.flexible.motor_coulomb_friction_Nm=1"}),
+      linear::testing::shipped("practical_flexible",
+                               {"robot.joints.flexible.motor_coulomb_friction_Nm=1"}),
       why_not));
   EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
 }
 
-/// What check_witness.py claims, of the loop as coded: |F(x)| <= rho |x| + gamma where |x| <= 1.
+/// The loop as coded keeps the claim of check_witness.py: |F(x)| <= rho |x| + gamma where |x| <= 1.
 TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
   const scenario::Scenario held = held_at("[0, 1.5]", {"plant.encoder.resolution_bits=20"});
   const auto json = nlohmann::json::parse(witness(held, Vector(Eigen::Vector2d(0.3, 0.6))));
@@ -139,9 +140,14 @@ TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
       nlohmann::json::parse(witness(limited, Vector(Eigen::Vector2d(0.3, 0.6))))["torque_limit"];
   EXPECT_EQ(written[0], 1e5);
   EXPECT_GT(written[1], 1e300);
-  EXPECT_THROW((void)witness(linear::testing::shipped("iiwa_point_to_point"), Vector(Vector::Constant(7, 0.3))),
+  EXPECT_THROW((void)witness(linear::testing::shipped("iiwa_point_to_point"),
+                             Vector(Vector::Constant(7, 0.3))),
                base::Failure);
   EXPECT_THROW((void)witness(held, Vector(Eigen::Vector2d(30, 30))), base::Failure);
+  // Its errors are those of a filter that is at rest at the start.
+  scenario::Scenario kicked = held;
+  kicked.controller.filter_start = controller::law::FilterStart::zero;
+  EXPECT_THROW((void)witness(kicked, Vector(Eigen::Vector2d(0.3, 0.6))), base::Failure);
 }
 
 /// The loop of a run, from random directions of (q, v) on the boundary, as many as
@@ -222,10 +228,11 @@ TEST(SampledRegion, WithTorqueLimitsIsLeftByNoRun) {
 }
 
 TEST(SampledRegion, OfSevenJointsIsLeftByNoRun) {
-  expect_none_leaves(linear::testing::shipped("iiwa_point_to_point",
-                             {"reference={hold: {position_rad: [0.3, 0.5, 0, -1.2, 0, 0.8, 0]}}",
-                              "plant.encoder.resolution_bits=null", "plant.mechanics=native",
-                              "plant.on_limit=warn", "loop.duration_s=3", "loop.command_delay=1"}),
+  expect_none_leaves(linear::testing::shipped(
+                         "iiwa_point_to_point",
+                         {"reference={hold: {position_rad: [0.3, 0.5, 0, -1.2, 0, 0.8, 0]}}",
+                          "plant.encoder.resolution_bits=null", "plant.mechanics=native",
+                          "plant.on_limit=warn", "loop.duration_s=3", "loop.command_delay=1"}),
                      20);
 }
 

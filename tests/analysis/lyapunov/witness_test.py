@@ -8,7 +8,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from check_witness import check, checksum
+from check_witness import Loop, check, checksum, require_is_of
 from interval import Rejected
 
 TACHLESS, SCENARIOS = sys.argv[1], Path(sys.argv[2])
@@ -65,13 +65,15 @@ class Witness(unittest.TestCase):
             other = text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1:]
             with self.assertRaises(Rejected, msg=f"digit {at}"):
                 check(other)
-        # What is not so, with the right checksum; few boxes, or refusals would take as long as proofs.
+        # False values have the right checksum. The boxes are few: refusals would take as long as
+        # proofs.
         for key, value in wrong.items():
             with self.assertRaises(Rejected, msg=key):
                 check(changed(json.loads(text), **{key: value, "boxes": 300}))
 
     def test_two_joints_at_one_kilohertz(self):
         text = witness(SCENARIOS / "practical_rigid.yaml", "0.3,0.6")
+        require_is_of(Loop(json.loads(text)), SCENARIOS / "practical_rigid.yaml")
         loop, boxes = check(text)
         print("practical_rigid:", boxes, "boxes, from rest", loop.alone())
         self.assertTrue((loop.alone() >= [0.3, 0.6]).all())
@@ -91,6 +93,45 @@ class Witness(unittest.TestCase):
             "kd": [10 * right["kd"][0]], "kp": [0.0], "phi": [-1.5], "period_s": 5e-3, "rho": 0.9, "gamma": 0.0,
             "quantum": [1e-2], "torque_limit": [100.0], "M": [[[0.05]], [[0.0]], [[0.0]]], "viscous": [-200.0],
             "L": scaled(right["L"], 0.05)})
+
+
+    def test_malformed_and_vacuous_claims(self):
+        forged = (Path(__file__).parent / "cases/forged_quantum.json").read_text(encoding="utf-8")
+        with self.assertRaisesRegex(Rejected, "quantum is negative"):
+            check(forged)
+        right = json.loads(forged)
+        right["quantum"] = [0.0]
+        check(changed(right))
+        for key, value in {"joints": 1.7, "boxes": 1e3, "torque_limit": [-1.0], "viscous": [-0.1]}.items():
+            with self.assertRaises(Rejected, msg=key):
+                check(changed(right, **{key: value}))
+        two = {**right, "joints": 2, "M": [[[2.0, 0.3], [0.2, 1.0]], [[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2]}
+        for key in ("q_ref", "kp", "kd", "phi", "beta", "viscous", "quantum", "torque_limit"):
+            two[key] = right[key] * 2
+        two["g"], two["L"] = right["g"] * 2, [[float(i == j) for j in range(8)] for i in range(8)]
+        with self.assertRaisesRegex(Rejected, "M is not symmetric"):
+            check(changed(two))
+
+    def test_is_of_its_scenario(self):
+        forged = json.loads((Path(__file__).parent / "cases/forged_quantum.json").read_text(encoding="utf-8"))
+        text = changed({**forged, "quantum": [(1 + 1e-9) * 3.141592653589793 * 2.0 ** -20], "gamma": 0.0009})
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "pendulum.urdf").write_text(URDF, encoding="utf-8")
+            file = Path(folder) / "pendulum.yaml"
+            file.write_text(SCENARIO, encoding="utf-8")
+            loop = Loop(json.loads(text))
+            require_is_of(loop, file)
+            for was, is_ in (("kp: [1500]", "kp: [1400]"), ("period_s: 1.0e-3", "period_s: 1.1e-3"),
+                             ("filter: tustin", "filter: backward_euler"), ("bits: 20", "bits: 19"),
+                             ("limit_Nm: 2000", "limit_Nm: 1900"), ("command_delay: 1", "command_delay: 0")):
+                file.write_text(SCENARIO.replace(was, is_), encoding="utf-8")
+                with self.assertRaises(Rejected, msg=is_):
+                    require_is_of(loop, file)
+            file.write_text(SCENARIO, encoding="utf-8")
+            for was, is_ in (('mass value="2"', 'mass value="2.1"'), ("0 0 -0.4", "0 0 -0.41")):
+                (Path(folder) / "pendulum.urdf").write_text(URDF.replace(was, is_), encoding="utf-8")
+                with self.assertRaises(Rejected, msg=is_):
+                    require_is_of(loop, file)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@
 namespace tachless::numerics {
 namespace {
 
-/// Two joints, and a third that turns with the second times `multiplier`.
+/// Returns two joints, and a third that turns with the second times `multiplier`.
 robot::Model with_mimic(const std::string& multiplier) {
   std::string text = robot::testing::chain_urdf(2, 1);
   const std::string old = "joint='j1' multiplier='0.5'";
@@ -16,7 +16,7 @@ robot::Model with_mimic(const std::string& multiplier) {
   return robot::model_from_urdf(text, "chain");
 }
 
-// The constant is not among the harmonics: compared are differences to q2 = 0.
+// The harmonics leave out the constant, so differences to q2 = 0 are compared.
 TEST(PosturesOfTwoJoints, HaveHarmonicsThatAddUpToMAndC) {
   for (const robot::Model& model :
        {robot::testing::two_link(), with_mimic("0.5"), with_mimic("-1.25"), with_mimic("2")}) {
@@ -31,7 +31,7 @@ TEST(PosturesOfTwoJoints, HaveHarmonicsThatAddUpToMAndC) {
         for (std::size_t j = 0; j < 2; ++j) sum.C[j] += c * cosine.C[j] + s * sine.C[j];
       }
       const Inertia expected = inertia_at(model, Eigen::Vector2d(0.7, q2));
-      // Rounding of some 500 samples, and what is left out below 1e-13 of M in each harmonic.
+      // Rounding of some 500 samples, and harmonics below 1e-13 of M that are left out.
       const double rounding = 1e-11 * at_zero.M.norm();
       EXPECT_LT((sum.M - expected.M).norm(), rounding) << q2;
       for (std::size_t j = 0; j < 2; ++j) {
@@ -42,13 +42,13 @@ TEST(PosturesOfTwoJoints, HaveHarmonicsThatAddUpToMAndC) {
 }
 
 TEST(PosturesOfTwoJoints, AreNotProvedWhereTheSumsDoNotReach) {
-  const Postures fast(with_mimic("20"));  // cos(21 q2) in M, of samples that tell 16 orders apart
+  const Postures fast(with_mimic("20"));  // cos(21 q2) in M exceeds the 16 orders that are accepted
   EXPECT_EQ(fast.kind, Postures::Kind::circle);
   EXPECT_FALSE(fast.proved);
   EXPECT_TRUE(fast.harmonics.empty());
   EXPECT_EQ(fast.chord_factor, 0);
 
-  const Postures uneven(with_mimic("0.3141592"));  // no period of which 8 turns are a multiple
+  const Postures uneven(with_mimic("0.3141592"));  // no multiple of 1/d for any d <= 8
   EXPECT_EQ(uneven.kind, Postures::Kind::sampled);
   EXPECT_FALSE(uneven.proved);
 }

@@ -27,7 +27,7 @@ Outcome tachless(const std::string& arguments) {
   return tachless::support::shell(TACHLESS_BINARY_DIR "/bin/tachless " + arguments);
 }
 
-/// Where the last byte of joint `joint`'s torque of tick `tick` is in the log.
+/// Returns the place in the log of the last byte of joint `joint`'s torque in tick `tick`.
 std::optional<std::uint64_t> last_torque_byte(const fs::path& log, std::int64_t tick, int joint) {
   logger::LogReader reader(log);
   std::int64_t commands = 0;
@@ -55,7 +55,7 @@ class ReplayOfARun : public ::testing::Test {
 };
 
 TEST_F(ReplayOfARun, IsTheSameBitForBit) {
-  // Shortened: the whole scenarios take a minute.
+  // The runs are shortened, because the whole scenarios take a minute.
   for (const auto& [scenario, options] : std::initializer_list<std::pair<const char*, const char*>>{
            {"paper_rigid", "--duration 0.2"},
            {"practical_rigid", "--duration 1"},
@@ -85,7 +85,7 @@ TEST_F(ReplayOfARun, NamesTheTickAndTheJointOfAFlippedBit) {
   EXPECT_EQ(std::count(replayed.output.begin(), replayed.output.end(), '\n'), 1);
   const Outcome as_json = tachless("replay --json " + log.string());
   EXPECT_EQ(as_json.exit_code, 1);
-  // The JSON is on stdout, the line for people on stderr; here they come together.
+  // The JSON is on stdout and the line for people on stderr. Here both are in one output.
   const std::size_t begin = as_json.output.find('{');
   ASSERT_NE(begin, std::string::npos);
   const auto json =
@@ -105,7 +105,8 @@ TEST_F(ReplayOfARun, TellsWhatAnotherLawWouldHaveCommanded) {
   const auto json = nlohmann::json::parse(same.output);
   EXPECT_EQ(json["law"], "kelly_regulation");
   EXPECT_EQ(json["compared_ticks"], 200);
-  // At a constant reference the laws are the same but for rounding of g(q) and torques of 2e4 N m.
+  // At a constant reference the laws are equal except for rounding of g(q) and of torques of 2e4 N
+  // m.
   EXPECT_LT(json["joints"][0]["max_Nm"].get<double>(), 1e-9);
   EXPECT_THAT(logger::read_file(out / "replay.csv"),
               ::testing::StartsWith("tick,t_s,tau_shoulder_Nm,tau_elbow_Nm,tau_replayed_shoulder_"

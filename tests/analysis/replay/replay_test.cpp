@@ -17,7 +17,8 @@ namespace {
 using logger::Recorded;
 using ::testing::HasSubstr;
 
-// Canonical order: RUN_INFO, then TICK, measurement, REFERENCE, COMMAND, CONTROLLER_STATE, TRUTH.
+// The canonical order is RUN_INFO, then TICK, measurement, REFERENCE, COMMAND, CONTROLLER_STATE,
+// TRUTH.
 std::size_t index_of(std::int64_t tick, int piece) {
   return 1 + 6 * static_cast<std::size_t>(tick) + static_cast<std::size_t>(piece);
 }
@@ -25,7 +26,8 @@ constexpr int measurement = 1;
 constexpr int reference = 2;
 constexpr int command = 3;
 
-// A message's vector of doubles ends its bytes: the last byte of joint j, counted from the back.
+// Returns the last byte of joint j. A message ends with a vector of doubles, so j is counted from
+// the end.
 std::size_t last_byte(const Recorded& message, int joint, int num_joints) {
   return message.data.size() - 8 * static_cast<std::size_t>(num_joints - 1 - joint) - 1;
 }
@@ -125,7 +127,8 @@ TEST_F(ReplayTest, ARunThatWasEndedBetweenTwoMessagesHasNoGap) {
 
 TEST_F(ReplayTest, ReadsALogInOrderOfArrivalWithCopies) {
   auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.2"));
-  // RUN_INFO comes late, messages out of order by up to ten ticks, every seventh twice.
+  // RUN_INFO comes late, messages are out of order by up to ten ticks, and every seventh comes
+  // twice.
   std::mt19937_64 random(3);
   std::vector<std::pair<std::size_t, Recorded>> arrivals;
   for (std::size_t i = 0; i < messages.size(); ++i) {
@@ -161,7 +164,7 @@ TEST_F(ReplayTest, AnotherGainGivesTheDifferenceThatTheLawSays) {
   for (std::size_t k = 0; log.next(record); ++k) {
     const double e = std::get<messages::PositionMeasurement>(*record.measurement).q[0] -
                      record.reference->q_ref[0];
-    // Torques of up to 1e3 N m, rounded a few times: 1e3 * 2.2e-16 * 10.
+    // Torques of up to 1e3 N m with a few roundings: 1e3 * 2.2e-16 * 10.
     EXPECT_NEAR(differences[k], 10000 * e, 3e-12);
     largest = std::max(largest, std::abs(10000 * e));
   }

@@ -20,7 +20,7 @@ SweepPlan plan_of(const std::vector<std::string>& axes, std::int64_t drawn = 0) 
   plan.num_joints = scenario.num_joints;
   plan.laws = {{scenario.controller.law, {}}};
   plan.drawn = drawn;
-  for (const std::string& axis : axes) plan.axes.push_back(parse_axis(axis, drawn > 0));
+  for (const std::string& axis : axes) plan.add(parse_axis(axis, drawn > 0));
   return plan;
 }
 
@@ -54,11 +54,14 @@ TEST(Axis, SaysWhatIsWrongWithIt) {
   };
   EXPECT_EQ(problem("loop.period_s"), "--vary loop.period_s: no '='; write KEY=from:to:number");
   EXPECT_NE(problem("loop.period_s=1:2").find("KEY=from:to:number"), std::string::npos);
-  EXPECT_NE(problem("loop.period_s=2:1:3").find("KEY=from:to:number"), std::string::npos);
-  EXPECT_NE(problem("loop.period_s=1:2:2.5").find("must be whole"), std::string::npos);
-  EXPECT_NE(problem("loop.period_s=0:2:3:log").find("greater than 0"), std::string::npos);
+  EXPECT_NE(problem("loop.period_s=2:1:3").find("from 2 to 1; write 1:2"), std::string::npos);
+  EXPECT_NE(problem("loop.period_s=1:2:2.5").find("2.5 values; allowed: a whole"),
+            std::string::npos);
+  EXPECT_NE(problem("loop.period_s=0:2:3:log").find("log from 0; allowed: above 0"),
+            std::string::npos);
   EXPECT_NE(problem("loop.period_s=1,x").find("\"x\" is no number"), std::string::npos);
   EXPECT_NE(problem("plant.initial.position_rad[x]=0:1:2").find("whole number"), std::string::npos);
+  EXPECT_NE(problem("5]=1:2:3").find("no '[' before ']'"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1:2:3", true).find("with --random"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1,2", true).find("cannot be drawn"), std::string::npos);
 }
@@ -89,7 +92,7 @@ TEST(SweepPlan, SetsMultipliesAndChangesSingleJoints) {
       plan_of({"controller.gains.kp*=2,3", "plant.initial.position_rad[1]=0.25,1",
                "plant.payload.mass_kg=0.5,1"});
   const scenario::Scenario scenario = plan.scenario(plan.at(0));
-  // As written in the scenario: kp [40000, 2400], position [0, 0].
+  // The scenario has kp [40000, 2400] and position [0, 0].
   EXPECT_EQ(scenario.controller.gains.at("kp")[0], 80000);
   EXPECT_EQ(scenario.controller.gains.at("kp")[1], 4800);
   EXPECT_EQ(scenario.plant.initial.position_rad[0], 0);
@@ -111,9 +114,34 @@ TEST(SweepPlan, AVariedPeriodKeepsWholePeriodsInTheRun) {
   const scenario::LoopSpec loop = plan.scenario(plan.at(0)).loop;
   EXPECT_EQ(loop.num_ticks, 7143);  // 5 s / 0.7 ms = 7142.9
   EXPECT_NEAR(loop.duration_s, 5, 7e-4);
-  // Of a factor the period is that times what the scenario has: 1 ms.
+  // A factor multiplies the period of the scenario: 1 ms.
   const SweepPlan factor = plan_of({"loop.period_s*=0.7,3"});
   EXPECT_EQ(factor.scenario(factor.at(0)).loop.num_ticks, 7143);
+}
+
+TEST(SweepPlan, AVariedPeriodKeepsWholePeriodsInADurationThatIsVariedToo) {
+  const SweepPlan plan = plan_of({"loop.period_s=1e-3,1.5e-3", "loop.duration_s=1,1.0005"});
+  EXPECT_EQ(plan.scenario(plan.at(3)).loop.num_ticks, 667);
+}
+
+TEST(SweepPlan, RefusesTwoAxesOfOneNumber) {
+  const auto problem = [](const std::string& first, const std::string& second) {
+    return problem_of([&] { plan_of({first, second}); });
+  };
+  EXPECT_NE(problem("controller.gains.kp*=1,2", "controller.gains.kp*=1,3").find("same number"),
+            std::string::npos);
+  EXPECT_NE(problem("controller.gains.kp=1,2", "controller.gains.kp[0]=1,3").find("same number"),
+            std::string::npos);
+  EXPECT_EQ(problem("controller.gains.kp[0]=1,2", "controller.gains.kp[1]=1,3"), "no failure");
+}
+
+TEST(SweepPlan, RefusesAFileWithoutLaws) {
+  const SweepPlan plan = plan_of({"loop.duration_s=1,2"});
+  const std::string whole = plan.json();
+  const std::string json = whole.substr(0, whole.find('[', whole.find("\"laws\""))) + "[]" +
+                           whole.substr(whole.find(",\n \"vary\""));
+  EXPECT_NE(problem_of([&] { SweepPlan::from_json(json, "plan.json"); }).find("no laws"),
+            std::string::npos);
 }
 
 TEST(SweepPlan, VariesLargeWholeNumbers) {

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <fstream>
 #include <numbers>
+#include <thread>
 
 #include "base/failure.h"
 #include "base/file_text.h"
@@ -40,7 +41,7 @@ SweepPlan small_plan() {
   return plan;
 }
 
-/// As one thread makes it, undisturbed.
+/// Returns the table that one undisturbed thread makes.
 const std::string& expected_table() {
   static const std::string table = [] {
     const TemporaryDirectory directory;
@@ -177,6 +178,26 @@ TEST_F(ASweep, SaysWhichValuesTheScenarioDoesNotTake) {
 // 1/s is (707e3, 42.4e3); the filter's decay gives the answer back: over white errors the variance
 // is (Kp + Kd beta)^2 + (Kd beta (1 - phi))^2 / (1 - phi^2), with phi = (2 - a h) / (2 + a h) =
 // 1/3.
+TEST(Sweep, ShardsThatBeginTogetherAllBegin) {
+  const SweepPlan plan = small_plan();
+  for (int round = 0; round < 50; ++round) {
+    const TemporaryDirectory directory;
+    std::atomic<int> waiting = 4;
+    std::vector<std::string> problems(4);
+    std::vector<std::thread> shards;
+    for (std::string& problem : problems) {
+      shards.emplace_back([&] {
+        for (--waiting; waiting > 0;) {
+        }
+        problem = problem_of([&] { Sweep::begin(directory.path(), plan); });
+      });
+    }
+    for (std::thread& shard : shards) shard.join();
+    EXPECT_THAT(problems, testing::Each(problem_of([] {}))) << round;
+    EXPECT_EQ(base::file_text(directory.path() / "plan.json"), plan.json());
+  }
+}
+
 TEST(Measures, TorqueNoiseIsThatOfTheLawsGainOnCounts) {
   const auto scenario = [](std::vector<std::string> overrides) {
     overrides.insert(overrides.begin(), {"plant.mechanics=native", "loop.duration_s=0.5"});
@@ -193,7 +214,7 @@ TEST(Measures, TorqueNoiseIsThatOfTheLawsGainOnCounts) {
   const double rounding = 2 * std::numbers::pi / (1 << 20) / std::sqrt(12);
   EXPECT_NEAR(torque_noise(scenario({})) / (rounding * std::sqrt(sum / 2)), 1, 0.1);
   EXPECT_TRUE(std::isnan(torque_noise(scenario({"plant.encoder.resolution_bits=null"}))));
-  // Of a run that diverges there is none.
+  // A run that diverges has no torque noise.
   EXPECT_TRUE(std::isnan(torque_noise(
       scenario({"controller.gains.kd=[20000, 1200]", "plant.integrator.accuracy=1e-5"}))));
 }

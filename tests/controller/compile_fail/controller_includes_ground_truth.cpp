@@ -1,5 +1,5 @@
-// What is linked as the controller is cannot include the ground truth's message: it is in another
-// package, with an include root of its own.
+// A program that is linked as the controller cannot include the ground truth's message. That
+// message is in another package, with its own include root.
 #include "controller/law/loria_ortega_rigid.h"
 #include "messages/wire.h"
 #ifdef FORBIDDEN

@@ -1,4 +1,4 @@
-// A law that is fed positions cannot read velocity: its measurement has none.
+// A law that measures positions cannot read velocity: its measurement has none.
 #include "controller/law/law.h"
 
 using namespace tachless;

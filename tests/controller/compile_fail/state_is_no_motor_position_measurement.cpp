@@ -1,5 +1,5 @@
-// Nor to a law that is fed motor positions.
-#include "controller/law/kelly_flexible.h"
+// The full state cannot be handed to a law that measures motor positions.
+#include "controller/law/rivals/kelly_flexible.h"
 
 using namespace tachless;
 

@@ -1,4 +1,4 @@
-// The full state cannot be handed to a law that is fed positions: there is no conversion.
+// The full state cannot be handed to a law that measures positions: there is no conversion.
 #include "controller/law/loria_ortega_rigid.h"
 
 using namespace tachless;

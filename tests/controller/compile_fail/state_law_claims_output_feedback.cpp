@@ -1,4 +1,4 @@
-// A law that measures the state is no output-feedback law, whatever it says of itself.
+// A law that measures the state is no output-feedback law, whatever it declares.
 #include <array>
 #include <tuple>
 

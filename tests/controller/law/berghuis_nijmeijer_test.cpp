@@ -1,4 +1,4 @@
-#include "controller/law/berghuis_nijmeijer.h"
+#include "controller/law/rivals/berghuis_nijmeijer.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ namespace {
 const BerghuisNijmeijer::Gains gains{vector(20, 20), vector(300, 60), 400};
 const State<4> beside = rigid_state({0.1, -0.1}, {0, 0});
 
-/// (q, v, q_hat, z) in continuous time, as the source's equations stand, with the closed form.
+/// The continuous-time loop in (q, v, q_hat, z), by the source's equations with the closed form.
 struct Continuous {
   TwoLink<double> arm;
   Sine reference;

@@ -6,14 +6,14 @@
 
 #include "tests/controller/law/two_link.h"
 
-/// A law in closed loop with the paper's arm, and a solver for the continuous-time equations that
-/// it stands for: what the laws with observers are checked against.
+/// A law in closed loop with the paper's arm, and a solver for the law's continuous-time equations.
+/// Tests compare the laws with observers with this solution.
 namespace tachless::controller::law {
 
 template <int N>
 using State = Eigen::Matrix<double, N, 1>;
 
-/// One step of the classical Runge-Kutta method of order four of xdot = rate(t, x).
+/// Returns one step of the classical Runge-Kutta method of order four for xdot = rate(t, x).
 template <class X, class Rate>
 X runge_kutta_4(const Rate& rate, double t, const X& x, double dt) {
   const X a = rate(t, x), b = rate(t + dt / 2, X(x + dt / 2 * a)),
@@ -21,7 +21,7 @@ X runge_kutta_4(const Rate& rate, double t, const X& x, double dt) {
   return x + dt / 6 * (a + 2 * b + 2 * c + d);
 }
 
-/// The states at 0, h, 2 h, ... of xdot = rate(t, x), in steps of at most `dt`.
+/// Returns the states at 0, h, 2 h, ... of xdot = rate(t, x), in steps of at most `dt`.
 template <class X, class Rate>
 std::vector<X> solution(const Rate& rate, X x, double h, int ticks, double dt) {
   const int pieces = static_cast<int>(std::ceil(h / dt - 1e-9));
@@ -36,7 +36,7 @@ std::vector<X> solution(const Rate& rate, X x, double h, int ticks, double dt) {
   return at;
 }
 
-/// amplitude sin(omega t) on both joints.
+/// The reference amplitude sin(omega t) on both joints.
 struct Sine {
   Pair amplitude = {0.5, 0.5};
   double omega = 1;
@@ -48,8 +48,8 @@ struct Sine {
   }
 };
 
-/// The states at the ticks of a loop whose torque is held between them, over `ticks` periods.
-/// `rate(x, tau)` is the robot, `measure(x)` what the law gets.
+/// Returns the states at the ticks of a loop whose torque is held between them, over `ticks`
+/// periods. `rate(x, tau)` is the robot and `measure(x)` the law's measurement.
 template <class L, class X, class Rate, class Measure>
 std::vector<X> sampled_loop(const L& law, X x, const Rate& rate, const Measure& measure,
                             const Sine& reference, double h, int ticks) {
@@ -60,14 +60,14 @@ std::vector<X> sampled_loop(const L& law, X x, const Rate& rate, const Measure& 
     const auto step = law.step(memory, measure(x), reference.at(k * h));
     memory = step.memory;
     const Pair tau = step.command.tau;
-    // The robot alone: its fastest mode, the springs', is some 350 rad/s.
+    // The robot's fastest mode, that of the springs, is some 350 rad/s.
     x = solution([&](double /*t*/, const X& y) -> X { return rate(y, tau); }, x, h, 1, 1e-4).back();
     at.push_back(x);
   }
   return at;
 }
 
-/// The rigid arm as `sampled_loop` wants it: x = (q, v).
+/// The rigid arm for `sampled_loop`: x = (q, v).
 struct RigidArm {
   TwoLink<double> arm;
 
@@ -107,12 +107,12 @@ struct FlexibleArm {
   static messages::MotorPositionMeasurement motor(const State<8>& x) { return {x.segment<2>(2)}; }
 };
 
-/// The same arm with a payload as `robot/` sees it.
+/// Returns the same arm with a payload as a model of `robot/`.
 inline robot::Model model_with(double payload) {
   return payload > 0 ? robot::with_payload(two_link_model(), {.mass = payload}) : two_link_model();
 }
 
-/// Largest |q - q_ref| of both joints in the last `tail` of the states.
+/// Returns the largest |q - q_ref| of both joints in the last `tail` of the states.
 template <class X>
 double final_error(const std::vector<X>& states, const Sine& reference, double h,
                    std::size_t tail) {
@@ -124,7 +124,7 @@ double final_error(const std::vector<X>& states, const Sine& reference, double h
   return error;
 }
 
-/// Largest distance of the arms' positions at the ticks of the coarser grid.
+/// Returns the largest distance of the arms' positions at the ticks of the coarser grid.
 template <class X, class Y>
 double distance(const std::vector<X>& sampled, const std::vector<Y>& continuous) {
   const std::size_t every = (continuous.size() - 1) / (sampled.size() - 1);

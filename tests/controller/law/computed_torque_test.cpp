@@ -1,4 +1,4 @@
-#include "controller/law/computed_torque.h"
+#include "controller/law/rivals/computed_torque.h"
 
 #include <gtest/gtest.h>
 
@@ -37,7 +37,8 @@ const State<4> from_afar = rigid_state({0.2, -0.2}, {0, 0});
 TEST(ComputedTorque, Converges) {
   const auto states =
       sampled_loop(law_at(1e-3), from_afar, RigidArm{}, full_state, reference, 1e-3, 3000);
-  // A held torque is half a period late: 0.5e-3 s times jerks of some 10 rad/s^3, over kp.
+  // A held torque is half a period late. The error is 0.5e-3 s times jerks of some 10 rad/s^3, over
+  // kp.
   EXPECT_LT(final_error(states, reference, 1e-3, 1000), 1e-4);
 }
 

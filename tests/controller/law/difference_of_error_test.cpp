@@ -1,4 +1,4 @@
-#include "controller/law/difference_of_error.h"
+#include "controller/law/rivals/difference_of_error.h"
 
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ TEST(DifferenceOfError, ApproachesWenBayardAtFirstOrder) {
 }
 
 TEST(DifferenceOfError, HasNoLagOnTheReference) {
-  // On the reference, which starts 0.1 rad beside it: there a difference of positions lags.
+  // The run starts 0.1 rad off the reference, where a difference of positions lags.
   const DifferenceOfError law = law_at(1e-3, 8);
   const auto measured = [&](double t) {
     return messages::PositionMeasurement{reference.at(t).q_ref + vector(0.1, 0.1)};

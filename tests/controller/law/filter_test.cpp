@@ -20,7 +20,7 @@ constexpr std::array all_kinds{Discretisation::first_order_hold, Discretisation:
 
 Vector one(double x) { return Vector::Constant(1, x); }
 
-/// nu after each of n + 1 samples of e(t).
+/// Returns nu after each of n + 1 samples of e(t).
 std::vector<double> outputs(Discretisation kind, double a, double b, double h, int n,
                             const std::function<double(double)>& e,
                             FilterStart start = FilterStart::at_error) {
@@ -45,7 +45,7 @@ TEST(Filter, FirstOrderHoldIsExactOnARamp) {
 }
 
 TEST(Filter, FirstOrderHoldIsExactBetweenSamplesOfABrokenLine) {
-  // Two samples per piece against one: the corners lie on samples in both.
+  // Two samples per piece are compared with one; the corners lie on samples in both.
   const double a = 11, b = 5, h = 0.1;
   const auto line = [](double t) { return t < 0.45 ? t : 0.9 - t; };
   const auto coarse = outputs(Discretisation::first_order_hold, a, b, h / 2, 20, line);
@@ -60,7 +60,7 @@ TEST(Filter, ZeroOrderHoldIsExactOnAStep) {
   const auto nu = outputs(Discretisation::zero_order_hold, a, b, h, 50,
                           [](double t) { return t > 0 ? 1.0 : 0.0; });
   for (int k = 1; k <= 50; ++k) {
-    // The step is seen, and answered in full, at the first sample after it.
+    // The first sample after the step contains it and answers it fully.
     EXPECT_NEAR(nu[k], b * std::exp(-a * h * (k - 1)), 200 * eps * b) << k;
   }
 }
@@ -109,7 +109,7 @@ TEST(Filter, AllKindsApproachTheContinuousFilterWithTheirOrder) {
 }
 
 TEST(Filter, ZeroOrderHoldInflatesTheGainAsDocumented) {
-  // On a ramp, in the long run: b h / (1 - phi) instead of b / a.
+  // On a ramp nu tends to b h / (1 - phi) instead of b / a.
   const double a = 1000, b = 1000, h = 1e-3;
   const auto nu =
       outputs(Discretisation::zero_order_hold, a, b, h, 200, [](double t) { return t; });
@@ -168,7 +168,7 @@ TEST(Filter, RefusesWhatIsNotPositive) {
   EXPECT_THROW(make(std::nan(""), 1, 1), std::invalid_argument);
 }
 
-/// The dirty derivative of a position, as an estimate of velocity.
+/// The dirty derivative of a position as an estimate of velocity.
 struct DirtyDerivative {
   Filter filter;
 
@@ -182,7 +182,7 @@ struct DirtyDerivative {
   [[nodiscard]] static Vector velocity(const Filter::Memory& memory) { return memory.nu; }
 };
 
-/// A figure of an independent simulation; what other estimators have is in their tests.
+/// The value is from an independent simulation; the tests of other estimators hold their values.
 TEST(Filter, OfAPositionHasTheVelocityErrorThatCountsAndLagGive) {
   double least = 1;
   for (double a = 100; a < 1e4; a *= 1.2) {

@@ -1,6 +1,7 @@
-// The laws against tests/golden: closed loops on the paper's arm simulated by an independent
-// program (closed-form model, its own code of the laws, Runge-Kutta). Fed a row's state and filter
-// outputs, a law must give the row's torque. (The closed loops themselves are in tests/study.)
+// Tests of the laws against tests/golden. These closed loops on the paper's arm were simulated by
+// an independent program: closed-form model, its own code of the laws, Runge-Kutta. With a row's
+// state and filter outputs, a law must return the row's torque. (tests/study tests the closed loops
+// themselves.)
 
 #include <gtest/gtest.h>
 
@@ -18,7 +19,7 @@ namespace {
 
 using Row = std::vector<double>;
 
-/// The columns' values row by row, t first; the line of names is skipped.
+/// Returns the columns' values row by row, t first; skips the line of names.
 std::vector<Row> rows_of(const std::string& name) {
   const std::string path = TACHLESS_SOURCE_DIR "/tests/golden/" + name + ".csv";
   std::ifstream file(path);
@@ -39,15 +40,15 @@ std::vector<Row> rows_of(const std::string& name) {
 
 Vector two(const Row& row, int column) { return vector(row[column], row[column + 1]); }
 
-/// Both joints: sin(10 pi t) / (10 pi).
+/// The reference of both joints: sin(10 pi t) / (10 pi).
 messages::ReferencePoint papers_reference(double t) {
   const double w = 10 * std::numbers::pi, s = std::sin(w * t), c = std::cos(w * t);
   const auto both = [](double x) { return vector(x, x); };
   return {both(s / w), both(c), both(-w * s), both(-w * w * c), both(w * w * w * s)};
 }
 
-/// The filter's coefficients as the table of docs/laws/loria_ortega_rigid.md has them, apart from
-/// the law's own: a wrong one there does not cancel here.
+/// Returns the filter's coefficients by the table of docs/laws/loria_ortega_rigid.md. They are
+/// computed apart from the law, so that an error in the law does not cancel here.
 FilterCoefficients tabulated(Discretisation kind, double a, double b, double h) {
   const long double ah = static_cast<long double>(a) * h;
   const auto pair = [](long double phi, long double beta) {
@@ -66,8 +67,8 @@ FilterCoefficients tabulated(Discretisation kind, double a, double b, double h) 
   throw std::logic_error("no such discretisation");
 }
 
-/// A filter memory from which a step at error e gives the output nu. Both coefficients count: the
-/// error before was another one, by some 1e-6 rad, which is 1e-3 rad/s of nu.
+/// Returns a filter memory from which a step at error e gives the output nu. Both coefficients
+/// matter: the previous error differs by some 1e-6 rad, which is 1e-3 rad/s of nu.
 Filter::Memory memory_before(const Vector& nu, const Vector& e, const FilterCoefficients& filter) {
   const Vector e_previous = e + vector(1e-6, -2e-6);
   return {(nu - filter.beta * (e - e_previous)) / filter.phi, e_previous};
@@ -105,9 +106,9 @@ TEST_P(GoldenRigid, GivesTheRecordedTorqueForEachRecordedState) {
   }
 }
 
-// Rounding of what is summed: ten times what was measured. With lead, the golden reference ahead is
-// exact: Taylor's remainder of vdot_ref is (h / 2)^3 / 6 (10 pi)^4 = 2.1e-5 rad/s^2, on joints of
-// 11.3 and 1.9 kg m2 (row sums of M).
+// Bounds on rounding of sums: ten times the measured values. With lead, the golden reference ahead
+// is exact. Taylor's remainder of vdot_ref is (h / 2)^3 / 6 (10 pi)^4 = 2.1e-5 rad/s^2, on joints
+// of 11.3 and 1.9 kg m2 (row sums of M).
 INSTANTIATE_TEST_SUITE_P(
     Cases, GoldenRigid,
     testing::Values(Case{"rigid_paper_foh_h5e-5_d0_rest", Discretisation::first_order_hold, 5e-5,
@@ -152,7 +153,7 @@ TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
     const auto step = law.step({memory_before(two(row, 9), measured.q - ref.q_ref, link),
                                 memory_before(two(row, 11), measured.theta - theta_ref, motor)},
                                measured, ref);
-    // One count of eps in theta_ref, a sum of terms of 1 rad, is kd2 beta = 9e6 of it in torque.
+    // One eps in theta_ref, a sum of terms of 1 rad, is kd2 beta = 9e6 of it in torque.
     ASSERT_LE((measured.theta - step.signals.value[2] - theta_ref).norm(), 1e-15) << row[0];
     ASSERT_LE((step.command.tau - two(row, 13)).norm(), c.torque_tolerance_Nm) << row[0];
   }

@@ -1,4 +1,4 @@
-#include "controller/law/kalman_velocity.h"
+#include "controller/law/rivals/kalman_velocity.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ struct TimeVarying {
     P = R * MatrixXd::Identity(order, order);
     x = Eigen::VectorXd::Zero(order);
   }
-  /// dP/dt = F P + P F' + Q and dx/dt = F x in small steps; then the sample y.
+  /// Integrates dP/dt = F P + P F' + Q and dx/dt = F x in small steps, then takes the sample y.
   void step(double time_s, double y) {
     constexpr int pieces = 128;  // P is of the fifth degree in time: (1/128)^4 of that term
     const double dt = time_s / pieces;
@@ -67,7 +67,8 @@ TEST(KalmanVelocity, IsTheTimeVaryingFilterInItsSteadyState) {
       full.step(1e-3, position(k));
       memory = estimator.step(memory, vector(position(k), 0));
     }
-    // Both forgot their start in 0.5 s, the slowest filter (order 3 with 1e2: 220 1/s) too.
+    // Both have forgotten their start after 0.5 s, also the slowest filter (order 3 with 1e2: 220
+    // 1/s).
     EXPECT_NEAR(memory.v[0], full.x[1], 1e-9) << row.order << " " << row.Q;
     EXPECT_NEAR(memory.q[0], full.x[0], 1e-10);
     if (row.order == 3) {
@@ -77,7 +78,7 @@ TEST(KalmanVelocity, IsTheTimeVaryingFilterInItsSteadyState) {
 }
 
 KalmanVelocity law_at(double period_s, int order, double fast_per_s) {
-  // Noise that grows as the period shrinks: a density r of white noise in continuous time.
+  // The noise grows as the period shrinks: a density r of white noise in continuous time.
   constexpr double r = 1e-12;
   const double Q = r * std::pow(fast_per_s, 2 * order);
   return {two_link_model(), chain(order, Q, std::sqrt(r / period_s)), {period_s}};
@@ -94,7 +95,8 @@ TEST(KalmanVelocity, Converges) {
   };
   // The filter of order 3 lags by the jerk alone, of some 8 rad/s^3, over 200^2: 2e-4 rad/s.
   EXPECT_LT(error(3), 1e-3);
-  // That of order 2 by the acceleration, of 3 rad/s^2, over 200: kd * 0.015 rad/s over kp.
+  // The filter of order 2 lags by the acceleration, of 3 rad/s^2, over 200: kd * 0.015 rad/s over
+  // kp.
   EXPECT_LT(error(2), 3e-3);
 }
 
@@ -131,7 +133,7 @@ TEST(KalmanVelocity, HasTheVelocityErrorOfItsOrderAtItsBestTuning) {
     }
     return least;
   };
-  // Figures of an independent simulation.
+  // The values are from an independent simulation.
   EXPECT_NEAR(best(2, 0.01, 100), 0.028, 0.0028);
   EXPECT_NEAR(best(3, 1e2, 1e6), 0.0096, 0.00096);
 }

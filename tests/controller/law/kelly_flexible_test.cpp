@@ -1,4 +1,4 @@
-#include "controller/law/kelly_flexible.h"
+#include "controller/law/rivals/kelly_flexible.h"
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ messages::ReferencePoint goal_at(const Vector& q_ref) {
 }
 
 TEST(KellyFlexible, BalancesGravityAtItsGoal) {
-  // theta = q_ref + K^-1 g(q_ref): the springs carry the links, the motors get g.
+  // theta = q_ref + K^-1 g(q_ref): the springs carry the links, and the motors get g.
   const TwoLink<double> arm;
   const KellyFlexible law = law_at(1e-3);
   Random random(1);

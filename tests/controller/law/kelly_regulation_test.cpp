@@ -1,4 +1,4 @@
-#include "controller/law/kelly_regulation.h"
+#include "controller/law/rivals/kelly_regulation.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/lanari_wen.h"
+#include "controller/law/rivals/lanari_wen.h"
 
 #include <gtest/gtest.h>
 
@@ -13,8 +13,8 @@ LanariWen law_with(double payload) {
   return {{model_with(payload), stiffness, rotor_inertia}, gains, {}};
 }
 
-/// theta_ref and its derivatives by differences of the closed form along the reference, in extended
-/// precision.
+/// Returns theta_ref and its derivatives by differences of the closed form along the reference, in
+/// extended precision.
 struct MotorReference {
   Pair theta, thetadot, thetaddot, torque;
 };
@@ -41,7 +41,7 @@ MotorReference motor_reference(double payload, const Sine& reference, double t) 
           torque(t).cast<double>()};
 }
 
-/// The loop in continuous time; K (theta_ref - q_ref) = ID on the reference.
+/// The loop in continuous time, with K (theta_ref - q_ref) = ID on the reference.
 struct Continuous {
   FlexibleArm robot;
   Sine reference;
@@ -55,7 +55,7 @@ struct Continuous {
   }
 };
 
-/// Links and motors beside the reference, springs unloaded but for that, at rest.
+/// Returns a state beside the reference, at rest, with links and motors displaced equally.
 State<8> beside() {
   State<8> x;
   x << 0.05, -0.05, 0.05, -0.05, 0, 0, 0, 0;
@@ -88,8 +88,8 @@ TEST(LanariWen, ApproachesItsContinuousEquationsWithFirstOrder) {
                                      reference, h, 800 << i),
                         continuous);
   }
-  // Order 1, of a torque held over the period, and what the second order leaves, which shrinks by
-  // half: measured 1.952 and 1.977.
+  // The order is 1, because the torque is held over the period. The second-order term's effect
+  // shrinks by half: measured 1.952 and 1.977.
   EXPECT_NEAR(error[0] / error[1], 2, 0.2) << error[0];
   EXPECT_NEAR(error[1] / error[2], 2, 0.1) << error[1];
 }

@@ -37,9 +37,9 @@ struct Draw {
 
 LongPair lengthen(const Vector& x) { return x.cast<Long>(); }
 
-/// theta_ref and its second time derivative, apart from the law: the display after eq. 10, by the
-/// closed form in extended precision along a path through the state, with an arbitrary link jerk,
-/// and an eighth-order second difference over it.
+/// Returns theta_ref and its second time derivative, computed apart from the law (the display after
+/// eq. 10). It uses the closed form in extended precision along a path through the state with an
+/// arbitrary link jerk. The second derivative is an eighth-order difference over this path.
 struct Independent {
   LongPair theta_ref, thetaddot_ref;
 
@@ -124,8 +124,8 @@ TEST(LoriaOrtegaFlexible, ClosedLoopIsThePapersErrorEquation) {
 }
 
 TEST(LoriaOrtegaFlexible, LinkJerkDoesNotEnterTheMotorReference) {
-  // The independent second derivative is the same whatever jerk its path has, so there is nothing
-  // the law could want to know about it.
+  // The independent second derivative is the same for any jerk of its path, so the law needs no
+  // jerk.
   Random random(2);
   const Draw draw(random);
   const auto step = draw.law.step(draw.memory, draw.measured, draw.ref);
@@ -134,13 +134,13 @@ TEST(LoriaOrtegaFlexible, LinkJerkDoesNotEnterTheMotorReference) {
       Vector(stiffness.cwiseProduct(draw.measured.theta - draw.measured.q)));
   const Independent none(draw, step.signals.value[1], vdot, vector(0, 0));
   const Independent much(draw, step.signals.value[1], vdot, vector(3e4, -2e4));
-  // The jerk is in the fourth derivative of theta_ref, where the difference formula has no error;
-  // in its eighth order, with h^8 / 3150, there is a trace.
+  // The fourth derivative of theta_ref contains the jerk; the difference formula has no error
+  // there. Its eighth-order term, h^8 / 3150, has a trace of the jerk.
   EXPECT_LE((none.thetaddot_ref - much.thetaddot_ref).norm(), 1e-9L * none.thetaddot_ref.norm());
   EXPECT_GT(none.thetaddot_ref.norm(), 1);
 }
 
-/// Motor velocity, acceleration or jerk under any name this project uses.
+/// A measurement with motor velocity, acceleration or jerk, by the project's names for them.
 template <class Measurement>
 concept HoldsMoreThanLinkStateAndMotorPosition = requires(Measurement m) {
   m.thetadot;
@@ -157,7 +157,8 @@ TEST(LoriaOrtegaFlexible, MeasuresLinkStateAndMotorPositionAndNoMore) {
 }
 
 TEST(LoriaOrtegaFlexible, TorqueDoesNotDependOnWhatIsNotMeasured) {
-  // A pure function of memory, measurement and reference: called again, it says the same.
+  // The step is a pure function of memory, measurement and reference: a second call returns the
+  // same.
   Random random(3);
   for (int i = 0; i < 20; ++i) {
     const Draw draw(random);

@@ -59,7 +59,7 @@ TEST(LoriaOrtegaIntegral, TakesUpAConstantTorqueThatLeavesAnErrorOtherwise) {
       end(LoriaOrtegaRigid(two_link_model(), {gains.kp, gains.kd, gains.a, gains.b}, {h}));
   const double count = 2 * std::numbers::pi / (1 << 20);
   EXPECT_LT(with.cwiseAbs().maxCoeff(), count);
-  // After 8 s, tens of time constants kp / kd of the slowest mode.
+  // 8 s are tens of time constants kp / kd of the slowest mode.
   EXPECT_LT((without - d.cwiseQuotient(Pair(gains.kp))).norm(), 1e-6);
 }
 
@@ -69,7 +69,7 @@ TEST(LoriaOrtegaIntegral, BeginsWithoutTorqueWhereverTheFilterBegins) {
     const messages::PositionMeasurement measured{vector(0.5, -0.3)};
     const messages::ReferencePoint goal = Sine{{0, 0}}.at(0);
     const auto step = law.step(law.start(measured, goal), measured, goal);
-    // Of 1500 N m/rad times terms of up to b / a |e|: rounding.
+    // Rounding of 1500 N m/rad times terms of up to b / a |e|.
     EXPECT_LT(step.signals.value[2].norm(), 1e-10);
   }
 }

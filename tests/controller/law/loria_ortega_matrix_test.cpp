@@ -9,7 +9,8 @@ namespace tachless::controller::law {
 namespace {
 
 TEST(LoriaOrtegaMatrix, IsThePapersLawInOtherCoordinatesOfTheErrors) {
-  // Diagonal matrices are the paper's law; off the diagonal each error meets its column.
+  // With diagonal matrices the law is the paper's; other entries multiply the errors by their
+  // columns.
   Random random(1);
   const Vector a = vector(300, 300), b = vector(200, 200);
   const Vector kp = vector(4000, 1500), kd = vector(300, 60);

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "controller/law/kelly_regulation.h"
+#include "controller/law/rivals/kelly_regulation.h"
 #include "tests/controller/law/two_link.h"
 
 namespace tachless::controller::law {
@@ -119,7 +119,7 @@ TEST(LoriaOrtegaRigid, LeadMovesTheFeedForwardAndNothingElse) {
 }
 
 TEST(FeedforwardAhead, IsTheTaylorExpansionOfASmoothReference) {
-  // q_ref = sin(10 pi t) / (10 pi): what is left out is lead^4 / 24 (10 pi)^4 of v_ref and
+  // q_ref = sin(10 pi t) / (10 pi). The neglected terms are lead^4 / 24 (10 pi)^4 of v_ref and
   // lead^3 / 6 (10 pi)^4 of a_ref.
   const double w = 10 * M_PI, t = 0.0123, lead = 1.5e-3;
   const auto at = [&](double x) {

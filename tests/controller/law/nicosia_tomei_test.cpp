@@ -1,4 +1,4 @@
-#include "controller/law/nicosia_tomei.h"
+#include "controller/law/rivals/nicosia_tomei.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ namespace {
 const NicosiaTomei::Gains gains{vector(4000, 1000), vector(400, 60), 300, vector(4e5, 4e4)};
 const State<4> beside = rigid_state({0.1, -0.1}, {0, 0});
 
-/// (q, v, x1, x2) in continuous time, as the source's equations stand, with the closed form.
+/// The continuous-time loop in (q, v, x1, x2), by the source's equations with the closed form.
 struct Continuous {
   TwoLink<double> arm;
   Sine reference;
@@ -83,8 +83,9 @@ TEST(NicosiaTomei, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
   }
 }
 
-/// The observer alone, beside an arm that moves under a torque held, which it is told. What the
-/// term in C, taken at the period's begin, adds with order one is divided by KO and not seen here.
+/// Tests the observer alone, beside an arm that moves under a held torque known to the observer.
+/// The first-order error of the term in C, taken at the period's start, is divided by KO and not
+/// visible here.
 TEST(NicosiaTomei, ObserverHasSecondOrderUnderATorqueThatIsHeld) {
   const TwoLink<double> arm;
   const Pair tau(30, -8);
@@ -121,7 +122,8 @@ TEST(NicosiaTomei, ObserverHasSecondOrderUnderATorqueThatIsHeld) {
   EXPECT_NEAR(middle / fine, 4, 0.2) << middle;
 }
 
-/// An arm under a torque that changes with every tick and acts `delay` ticks after its command.
+/// Simulates an arm under a torque that changes with every tick and acts `delay` ticks after its
+/// command.
 /// @return the largest error of v_hat [rad/s]
 double observer_error(int delay, int told) {
   constexpr double h = 1e-4;  // short, for a straight line between measured positions
@@ -145,7 +147,7 @@ double observer_error(int delay, int told) {
             .back();
     const auto step = law.step(memory, {x.head<2>()}, at_zero);
     memory = step.memory;
-    memory.tau[0] = command(k);  // in place of the law's own
+    memory.tau[0] = command(k);  // instead of the law's own command
     if (k > 1200) largest = std::max(largest, (step.signals.value[1] - x.tail<2>()).norm());
   }
   return largest;

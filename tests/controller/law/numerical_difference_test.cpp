@@ -1,4 +1,4 @@
-#include "controller/law/numerical_difference.h"
+#include "controller/law/rivals/numerical_difference.h"
 
 #include <gtest/gtest.h>
 
@@ -56,8 +56,8 @@ TEST(NumericalDifference, HasTheVelocityErrorThatCountsAndLagGive) {
   const auto error = [](int samples) {
     return velocity_error(PositionDifference({{}, {}, samples}, {1e-3}));
   };
-  // Counts alone: sqrt(2) Delta / sqrt(12) / (m h) = 0.039 / m rad/s; lag alone: m h / 2 of 22.2
-  // rad/s^2 = 0.011 m.
+  // With counts alone the error is sqrt(2) Delta / sqrt(12) / (m h) = 0.039 / m rad/s. With lag
+  // alone it is m h / 2 of 22.2 rad/s^2 = 0.011 m.
   EXPECT_NEAR(error(1), 0.047, 0.0047);
   EXPECT_NEAR(error(2), 0.031, 0.0031);  // m h = sqrt(2 Delta / sup |vdot|) = 2.5 ms: the best
   EXPECT_NEAR(error(3), 0.036, 0.0036);

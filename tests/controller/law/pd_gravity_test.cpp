@@ -1,4 +1,4 @@
-#include "controller/law/pd_gravity.h"
+#include "controller/law/rivals/pd_gravity.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,8 @@ PdGravity law_at(double period_s) {
 }
 
 TEST(PdGravity, Converges) {
-  // From half a turn away; 3.5 s are 35 time constants of kd / kp = 0.1 s. Then rounding.
+  // The start is half a turn away. 3.5 s are 35 time constants of kd / kp = 0.1 s, so only rounding
+  // remains.
   const auto states = sampled_loop(law_at(1e-3), rigid_state({3, 2}, {0, 0}), RigidArm{},
                                    full_state, rest, 1e-3, 4000);
   EXPECT_LT(final_error(states, rest, 1e-3, 500), 1e-10);

@@ -1,4 +1,4 @@
-#include "controller/law/robust_differentiator.h"
+#include "controller/law/rivals/robust_differentiator.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@ LevantDifferentiator::Gains gains(double L) {
   return {vector(4000, 1000), vector(400, 60), vector(L, L)};
 }
 
-/// Largest error of velocity and acceleration on the paper's reference from 0.1 s on, from a start
-/// that is 1 rad/s off.
+/// Returns the largest errors of velocity and acceleration on the paper's reference from 0.1 s on.
+/// The start is 1 rad/s off.
 Pair largest_error(double period_s) {
   const LevantDifferentiator estimator(gains(3000), {period_s});
   messages::ReferencePoint first = paper_reference(0);
@@ -31,7 +31,8 @@ Pair largest_error(double period_s) {
 }
 
 TEST(RobustDifferentiator, IsExactAfterAFiniteTimeButForItsSampling) {
-  // Homogeneity: L h^2 in velocity and L h in acceleration, times constants of the order of 1.
+  // By homogeneity the errors are L h^2 in velocity and L h in acceleration, times constants of
+  // order 1.
   for (const double h : {1e-3, 5e-4, 2.5e-4}) {
     const Pair error = largest_error(h);
     EXPECT_LT(error[0], 3 * 3000 * h * h);
@@ -56,7 +57,8 @@ TEST(RobustDifferentiator, CorrectsAsTheRecursiveFormOfTheSourceDoes) {
           -2 * std::pow(L, 1.0 / 3) * std::pow(std::abs(z0 - q[j]), 2.0 / 3) * sign(z0 - q[j]) + z1;
       const double v1 = -1.5 * std::sqrt(L) * std::sqrt(std::abs(z1 - v0)) * sign(z1 - v0) + z2;
       const double v2 = -1.1 * L * sign(z2 - v1);
-      // What the chain of integrators does is done: v0 without z1, v1 without z2. Rounding only.
+      // The prediction already contains the chain of integrators, so v0 counts without z1, and v1
+      // without z2. Only rounding remains.
       EXPECT_NEAR(after.z0[j], z0 + h * (v0 - z1), 1e-14);
       EXPECT_NEAR(after.z1[j], z1 + h * (v1 - z2), 1e-13);
       EXPECT_NEAR(after.z2[j], z2 + h * v2, 1e-12);
@@ -81,14 +83,15 @@ TEST(RobustDifferentiator, ConvergesWhereTheLoopKeepsWithinItsBound) {
     return final_error(states, reference, h, 4000);
   };
   EXPECT_LT(error(0.01), 1e-3);
-  // From afar they are 20 times as large: the estimate comes too late, and the loop diverges.
+  // From farther away the accelerations are 20 times as large: the estimate is too late, and the
+  // loop diverges.
   EXPECT_GT(error(0.2), 1);
 }
 
 TEST(RobustDifferentiator, ApproachesWenBayardAtFirstOrder) {
-  // From the reference the differentiator starts exact, and stays exact in continuous time; where
-  // it starts wrong its own equation has no classical solution to compare with.
-  const double L = 20;  // of the reference: 7.8 rad/s^3
+  // On the reference the differentiator starts exact and stays exact in continuous time. From
+  // another start its own equation has no classical solution to compare with.
+  const double L = 20;  // L; the reference has 7.8 rad/s^3
   expect_first_order([&](double h) { return law_at(h, L); }, RigidArm::position,
                      WenBayardLoop{{4000, 1000}, {400, 60}, reference},
                      rigid_state({0, 0}, reference.at(0).v_ref), reference, 5e-4);

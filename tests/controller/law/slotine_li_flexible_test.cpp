@@ -1,4 +1,4 @@
-#include "controller/law/slotine_li_flexible.h"
+#include "controller/law/rivals/slotine_li_flexible.h"
 
 #include <gtest/gtest.h>
 
@@ -42,7 +42,7 @@ TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
                    th0 = lengthen(measured.theta), thd0 = lengthen(measured.thetadot);
     const LongPair spring = K.cwiseProduct(th0 - q0);
     const LongPair w0 = arm.acceleration(q0, v0, spring);
-    // Jerk: the acceleration's change along the motion, by a fourth-order difference.
+    // Link jerk is the change of the acceleration along the motion, by a fourth-order difference.
     const auto acceleration = [&](Long t) -> LongPair {
       const LongPair q = q0 + t * (v0 + t / 2 * w0), v = v0 + t * w0, th = th0 + t * thd0;
       return arm.acceleration(q, v, K.cwiseProduct(th - q));
@@ -86,14 +86,15 @@ TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
     const LongPair rotor = J.cwiseProduct(s2dot) + ks2.cwiseProduct(s2) + K.cwiseProduct(e2 - e1);
     const Long size = spring.norm() + K.cwiseProduct(e1 - e2).norm() + J.cwiseProduct(ddot).norm() +
                       (arm.M(q0) * s1dot).norm();
-    // The first line holds by theta_ref alone, in extended precision; the second is the law's:
-    // measured 4.7e-15 of the terms at worst, allow ten times that.
+    // theta_ref alone fulfils the first line, in extended precision. The law fulfils the second:
+    // measured 4.7e-15 of the terms at worst, bound ten times that.
     EXPECT_LE(link.norm(), 2e-17L * size);
     EXPECT_LE(rotor.norm(), 4.7e-14L * size);
   }
 }
 
-/// Without memory its torque is one of the state and the time alone: the test above has checked it.
+/// The law has no memory, so its torque depends on state and time alone; the test above has checked
+/// this torque.
 TEST(SlotineLiFlexible, ConvergesAndApproachesItsContinuousLoopAtFirstOrder) {
   const SlotineLiFlexible law = example();
   const Sine reference;
@@ -134,7 +135,7 @@ TEST(SlotineLiFlexible, IsTunedToPolesOfTheBandwidthAndDamping) {
   tuning.inertia = vector(2, 0.5);
   tuning.rotor = tuning.stiffness = vector(1, 1);
   const SlotineLiFlexible::Gains tuned = SlotineLiFlexible::tuned(tuning);
-  // Of the link alone: s^2 + (ks1 / M + lambda) s + ks1 lambda / M.
+  // The link alone has s^2 + (ks1 / M + lambda) s + ks1 lambda / M.
   EXPECT_EQ(tuned.ks1.cwiseProduct(tuned.lambda), 100 * tuning.inertia);
   EXPECT_EQ(tuned.ks1, vector(10, 2.5));
 }

@@ -1,4 +1,4 @@
-#include "controller/law/slotine_li.h"
+#include "controller/law/rivals/slotine_li.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 #include "messages/signals.h"
 #include "robot/model.h"
 
-/// The paper's two-link arm (Berghuis and Nijmeijer 1992) in closed form, written apart from
-/// robot/: what the laws are checked against.
+/// The paper's two-link arm (Berghuis and Nijmeijer 1992) in closed form. It is written apart from
+/// robot/, as a reference for the laws' tests.
 namespace tachless::controller::law {
 
 template <class Scalar>
@@ -43,7 +43,7 @@ struct TwoLink {
     const Scalar far = g0 * (Scalar(63) / 100 + payload) * sin(q[0] + q[1]);
     return {g0 * (Scalar(76) / 10 + payload) * sin(q[0]) + far, far};
   }
-  /// M a + C(q, x) y + g.
+  /// Returns M a + C(q, x) y + g.
   [[nodiscard]] Pair torque(const Pair& q, const Pair& x, const Pair& y, const Pair& a) const {
     return M(q) * a + C(q, x) * y + g(q);
   }
@@ -63,7 +63,7 @@ inline Vector vector(double x, double y) {
   return v;
 }
 
-/// The same arm as `robot/` sees it.
+/// Returns the same arm as a model of `robot/`.
 inline const robot::Model& two_link_model() {
   static const robot::Model model = [] {
     const std::string path = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";

@@ -20,8 +20,8 @@ inline messages::ReferencePoint paper_reference(double t) {
 /// Width of a count of a 16-bit encoder [rad].
 inline constexpr double count_16_bit = 2 * std::numbers::pi / 65536;
 
-/// RMS error [rad/s] of an estimator alone, over 2 s of the paper's reference after 0.4 s, read by
-/// a 16-bit encoder every millisecond.
+/// Returns the RMS error [rad/s] of an estimator alone, over 2 s of the paper's reference after 0.4
+/// s. A 16-bit encoder reads the position every millisecond.
 template <class Estimator>
 double velocity_error(const Estimator& estimator) {
   constexpr double h = 1e-3;

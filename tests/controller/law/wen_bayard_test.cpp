@@ -1,4 +1,4 @@
-#include "controller/law/wen_bayard.h"
+#include "controller/law/rivals/wen_bayard.h"
 
 #include <gtest/gtest.h>
 

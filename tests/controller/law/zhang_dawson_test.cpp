@@ -1,4 +1,4 @@
-#include "controller/law/zhang_dawson.h"
+#include "controller/law/rivals/zhang_dawson.h"
 
 #include <gtest/gtest.h>
 
@@ -13,8 +13,8 @@ namespace {
 const ZhangDawson::Gains gains{vector(150, 150)};
 const State<4> beside = rigid_state({0.1, -0.1}, {0, 0});
 
-/// (q, v, p) in continuous time, in the source's signs (error = q_ref - q) and with p, the state
-/// that the law does not keep.
+/// The continuous-time loop in (q, v, p), with the source's signs (error = q_ref - q) and the
+/// source's state p, which the law does not keep.
 struct Continuous {
   TwoLink<double> arm;
   Sine reference;
@@ -82,7 +82,7 @@ TEST(ZhangDawson, StartsWithYZero) {
   }
 }
 
-/// On an error that is a straight line, so that it is the filter's own order that is seen.
+/// Uses an error that is linear in time, so that only the filter's own order is visible.
 TEST(ZhangDawson, FilterHasSecondOrder) {
   const Pair from(0.2, -0.3), slope(0.6, 0.4);
   const auto rate = [&](double t, const Pair& y) -> Pair {

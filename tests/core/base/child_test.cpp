@@ -6,6 +6,7 @@
 #include <chrono>
 #include <csignal>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "base/failure.h"
@@ -100,6 +101,34 @@ TEST(EndWithin, ReturnsTheExitCodeAndTheLastLines) {
   const End end = end_within(child, seconds(30), [&](std::string line) { lines.push_back(line); });
   EXPECT_EQ(end.exit_code, 5);
   EXPECT_THAT(lines, ElementsAre("last"));
+}
+
+TEST(Child, OutlivesTheThreadThatStartedIt) {
+  Child child;
+  std::thread([&] { child = start(shell("sleep 1; echo alive")); }).join();
+  std::vector<std::string> lines;
+  const End end = end_within(child, seconds(60), [&](std::string line) { lines.push_back(line); });
+  EXPECT_TRUE(end.well()) << text(end);
+  EXPECT_THAT(lines, ElementsAre("alive"));
+}
+
+TEST(Child, NeverWaitsForItsReaderWhenItsOutputIsRelayed) {
+  StartOptions relayed;
+  relayed.relayed = true;
+  Child child = start(shell("yes | head -c 4000000; echo last"), relayed);
+  EXPECT_TRUE(take_end(child, true)->well()) << "nobody has read anything";
+  std::vector<std::string> lines;
+  read_rest(child, seconds(60), [&](std::string line) { lines.push_back(std::move(line)); });
+  EXPECT_THAT(lines, ::testing::Contains(::testing::StartsWith(dropped_mark)));
+  EXPECT_EQ(lines.back(), "last");
+}
+
+TEST(Child, ReportsNotices) {
+  StartOptions noticed;
+  noticed.gives_notices = true;
+  Child child = start(shell("printf se >/proc/self/fd/$TACHLESS_NOTICE_FD"), noticed);
+  EXPECT_TRUE(take_end(child, true)->well());
+  EXPECT_THAT(take_notices(child), ElementsAre(Notice::robot_starts, Notice::robot_stopped));
 }
 
 }  // namespace

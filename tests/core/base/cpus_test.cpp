@@ -26,9 +26,9 @@ TEST(Cpus, AreTheOnesThatTheKernelAllows) {
 
 TEST(Cpus, AChildExecutesWhereItIsBound) {
   const int cpu = allowed_cpus().back();
-  sigset_t none;
-  sigemptyset(&none);
-  Child child = start({"grep", "Cpus_allowed_list", "/proc/self/status"}, none, {cpu});
+  StartOptions bound;
+  bound.cpus = {cpu};
+  Child child = start({"grep", "Cpus_allowed_list", "/proc/self/status"}, bound);
   waitpid(child.pid, nullptr, 0);
   std::vector<std::string> lines;
   read_lines(child, [&](std::string line) { lines.push_back(std::move(line)); });

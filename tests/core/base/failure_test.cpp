@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cerrno>
+#include <new>
 
 namespace tachless::base {
 namespace {
@@ -47,6 +48,9 @@ TEST(CurrentFailure, HasTheCodeThatTheProgramEndsWith) {
   EXPECT_THAT(refusal.what(), HasSubstr("system error: write: No space left on device"));
   EXPECT_EQ(current_failure_of(std::runtime_error("cable")).code(), ExitCode::protocol_violated);
   EXPECT_EQ(current_failure_of(42).code(), ExitCode::protocol_violated);
+  const Failure memory = current_failure_of(std::bad_alloc());
+  EXPECT_EQ(memory.code(), ExitCode::bad_usage);
+  EXPECT_THAT(memory.what(), HasSubstr("ulimit -v unlimited"));
 }
 
 }  // namespace

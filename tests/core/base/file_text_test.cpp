@@ -3,7 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <optional>
+#include <utility>
 
 #include "base/failure.h"
 
@@ -41,19 +45,59 @@ TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
   EXPECT_EQ(file_text(path), "earlier");
   UnfinishedFile(path, "name another").write("whole");
   EXPECT_EQ(file_text(path), "whole");
-  EXPECT_FALSE(std::filesystem::exists(path.string() + ".partial"));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(directory.path()), {}), 1);
 }
 
-TEST(AnUnfinishedFile, IsNotWrittenThroughALinkThatHasItsName) {
+/// A process that a signal ends cannot remove it.
+TEST(AnUnfinishedFile, IsNotInItsFolder) {
+  const TemporaryDirectory directory;
+  const std::filesystem::path path = directory.path() / "file";
+  UnfinishedFile file(path, "name another");
+  std::ofstream(file.name()) << "half of it";
+  EXPECT_TRUE(std::filesystem::is_empty(directory.path()));
+  file.finish();
+  EXPECT_EQ(file_text(path), "half of it");
+  std::filesystem::remove(path);
+  EXPECT_TRUE(std::filesystem::is_empty(directory.path()));
+}
+
+TEST(AnUnfinishedFile, OfTwoWritersIsWholeAndTheLastOneFinishedStays) {
   const TemporaryDirectory directory;
   const auto path = directory.path() / "table.csv";
-  const auto other = directory.path() / "other";
-  std::ofstream(other) << "untouched";
-  std::filesystem::create_symlink(other, path.string() + ".partial");
-  UnfinishedFile(path, "name another").write("whole");
-  EXPECT_EQ(file_text(path), "whole");
-  EXPECT_FALSE(std::filesystem::is_symlink(path));
-  EXPECT_EQ(file_text(other), "untouched");
+  UnfinishedFile first(path, "name another");
+  UnfinishedFile second(path, "name another");
+  std::ofstream(second.name()) << "half";
+  first.write("the first");
+  EXPECT_EQ(file_text(path), "the first");  // not the other one's half
+  second.write("the second, whole");
+  EXPECT_EQ(file_text(path), "the second, whole");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(directory.path()), {}), 1);
+}
+
+TEST(AnUnfinishedFile, ThatIsFinishedRemovesNoLaterWritersFile) {
+  const TemporaryDirectory directory;
+  const auto path = directory.path() / "table.csv";
+  std::optional<UnfinishedFile> first(std::in_place, path, "name another");
+  first->write("the first");
+  UnfinishedFile second(path, "name another");
+  first.reset();
+  second.write("the second");
+  EXPECT_EQ(file_text(path), "the second");
+}
+
+TEST(AnUnfinishedFile, ThatHasToBeNewLeavesAnEarlierOne) {
+  const TemporaryDirectory directory;
+  const auto path = directory.path() / "plan.json";
+  UnfinishedFile first(path, "name another");
+  UnfinishedFile second(path, "name another");
+  EXPECT_TRUE(second.write_new("the second"));
+  EXPECT_FALSE(first.write_new("the first"));
+  EXPECT_EQ(file_text(path), "the second");
+}
+
+TEST(AnUnfinishedFile, IsWrittenToADeviceDirectly) {
+  UnfinishedFile("/dev/null", "name another").write("text");
+  EXPECT_THROW(UnfinishedFile("/dev/full", "name another").write("text"), Failure);
 }
 
 TEST(AnUnfinishedFile, SaysWhyItCannotBeWrittenAndWhatToDo) {
@@ -62,9 +106,10 @@ TEST(AnUnfinishedFile, SaysWhyItCannotBeWrittenAndWhatToDo) {
     const UnfinishedFile refused(directory.path() / "missing/table.csv", "name another with -o");
     ADD_FAILURE() << "before anything is written";
   } catch (const Failure& failure) {
-    EXPECT_THAT(failure.what(),
-                HasSubstr("table.csv: cannot be written: No such file or directory; "
-                          "name another with -o"));
+    EXPECT_THAT(
+        failure.what(),
+        HasSubstr("table.csv: cannot be written: No such file or directory; type: mkdir -p " +
+                  (directory.path() / "missing").string()));
   }
   EXPECT_THROW(UnfinishedFile(directory.path() / ".", "name a file"), Failure);
 }

@@ -42,5 +42,15 @@ TEST(Logging, ShowsNoTerminalEscapesAndNoBytesThatAreNotUtf8) {
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), "tachless: a ?[31mred?K j?rg\n");
 }
 
+TEST(Logging, KeepsTheBeginAndTheEndOfALongLine) {
+  ::testing::internal::CaptureStderr();
+  start_logging("tachless", Verbosity::normal);
+  log_error("table.csv: no such column; there are " + std::string(9'000'000, 'x') + "; name one");
+  const std::string line = ::testing::internal::GetCapturedStderr();
+  EXPECT_LT(line.size(), 7000U);
+  EXPECT_EQ(line.substr(0, 23), "tachless: table.csv: no");
+  EXPECT_EQ(line.substr(line.size() - 10), " name one\n");
+}
+
 }  // namespace
 }  // namespace tachless::base

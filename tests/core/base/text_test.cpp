@@ -83,6 +83,7 @@ TEST(Text, CsvFieldIsQuotedOnlyWhereItHasToBe) {
   EXPECT_EQ(csv_field("q_elbow_rad"), "q_elbow_rad");
   EXPECT_EQ(csv_field(""), "");
   EXPECT_EQ(csv_field("a,b"), "\"a,b\"");
+  EXPECT_EQ(csv_field("a #b"), "\"a #b\"");
   EXPECT_EQ(csv_field("say \"a\"\n"), "\"say \"\"a\"\"\n\"");
 }
 

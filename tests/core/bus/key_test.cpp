@@ -95,7 +95,7 @@ TEST_F(AKeyFile, MakesTheMemoryOfWhoReadsItPrivate) {
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);
 }
 
-/// Flags of the mapping that holds the byte, as /proc/self/smaps has them.
+/// Returns the flags of the mapping that holds the byte, as in /proc/self/smaps.
 std::string flags_of(const unsigned char* byte) {
   const auto address = reinterpret_cast<std::uintptr_t>(byte);
   std::ifstream maps("/proc/self/smaps");
@@ -118,7 +118,7 @@ TEST_F(AKeyFile, IsKeptInMemoryThatIsLockedAndInNoDump) {
   write(digits);
   const bus::Key key = bus::read_key_file(path).value();
   const bus::Key copy = key;
-  ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);  // or this test may not look
+  ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);  // without it this test may not read them
   for (const bus::Key* each : {&key, &copy}) {
     const std::string flags = flags_of(each->bytes().data());
     EXPECT_THAT(flags, HasSubstr(" dd "));

@@ -17,7 +17,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// Every test starts in a network of its own that works, and breaks it.
+/// Fixture of tests that each start in a working network of their own and break it.
 class NetworkCheck : public testing::Test {
  protected:
   void SetUp() override { base::enter_private_network(); }
@@ -26,7 +26,8 @@ class NetworkCheck : public testing::Test {
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
   }
 
-  /// The check. It takes less than a second on an idle machine; where it hung it took 10.
+  /// Runs the check and bounds its time. It takes less than a second on an idle machine; a check
+  /// that hangs takes 10 s.
   static std::optional<NetworkProblem> check() {
     const auto start = base::Clock::now();
     const auto problem = check_network(url);

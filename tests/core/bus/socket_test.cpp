@@ -22,8 +22,8 @@ std::string fragment_header(char number) {
          std::string("\0\2", 2);
 }
 
-/// A pair of local sockets, one with the filter; what is sent gets eight bytes in front in the
-/// place of the UDP header.
+/// A pair of local sockets, one of them with the filter. Each message gets eight bytes in front
+/// instead of the UDP header.
 class Filtered {
  public:
   explicit Filtered(const std::vector<std::string>& channels) {
@@ -35,7 +35,7 @@ class Filtered {
     const sock_fprog handle{static_cast<unsigned short>(program.size()), program.data()};
     EXPECT_EQ(::setsockopt(out_.get(), SOL_SOCKET, SO_ATTACH_FILTER, &handle, sizeof handle), 0);
   }
-  /// Whether a datagram passes, whole.
+  /// Returns whether a datagram passes completely.
   bool passes(const std::string& datagram) {
     const std::string packet = std::string(8, '\xff') + datagram;
     EXPECT_EQ(::send(in_.get(), packet.data(), packet.size(), 0),

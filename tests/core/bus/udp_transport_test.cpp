@@ -32,12 +32,13 @@ std::string text(const Datagram& datagram) {
   return {reinterpret_cast<const char*>(datagram.payload.data()), datagram.payload.size()};
 }
 
-/// For what must come: loopback delivers before `sendmsg` returns, the rest is for a busy machine.
+/// Returns the deadline for expected messages. Loopback delivers before `sendmsg` returns; the rest
+/// is for a busy machine.
 base::Clock::time_point soon() { return base::Clock::now() + 5s; }
-/// For what must not come, because it was delivered (or dropped) before we look.
+/// Returns the deadline for messages that must not come: they were delivered or dropped before.
 base::Clock::time_point now() { return base::Clock::now(); }
 
-/// Sends any bytes to a bus.
+/// Sends arbitrary bytes to a bus.
 class Raw {
  public:
   explicit Raw(const LcmUrl& url) : fd_(::socket(AF_INET, SOCK_DGRAM, 0)) {
@@ -145,7 +146,7 @@ TEST(UdpTransport, TellsSendersApart) {
   UdpTransport receiver;
   receiver.subscribe("C");
   std::vector<std::string> names;
-  for (int i = 0; i < 12; ++i) {  // more than it remembers
+  for (int i = 0; i < 12; ++i) {  // more than the transport remembers
     UdpTransport sender;
     sender.publish("C", {});
     const auto got = receiver.receive(soon());
@@ -288,7 +289,7 @@ TEST(UdpTransport, ASignalThatIsHandledEndsAWait) {
   UdpTransport a;
   a.subscribe("C");
   const pthread_t waiting = ::pthread_self();
-  // One that comes before the wait ends none: again, until one has.
+  // A signal before the wait does not end the wait, so the test repeats it until one does.
   const std::jthread sender([&](const std::stop_token& over) {
     for (; !over.stop_requested(); std::this_thread::sleep_for(1ms)) {
       ::pthread_kill(waiting, SIGTERM);
@@ -340,7 +341,7 @@ TEST(UdpTransport, DoesNotAllocatePerMessage) {
   EXPECT_EQ(allocations, before);
 }
 
-// liblcm on the other side.
+// These tests use liblcm on the other side.
 
 struct Received {
   std::string channel;

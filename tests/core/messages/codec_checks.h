@@ -15,8 +15,8 @@
 
 #include "messages/wire.h"
 
-/// Checks that every codec must pass, whatever it carries, against what lcm-gen generates. Equality
-/// of values is equality of the bytes that a second codec makes of them.
+/// Checks of every codec against the code that lcm-gen generates. Two values count as equal if a
+/// second codec encodes them to the same bytes.
 namespace tachless::codec_checks {
 
 using Bytes = std::vector<std::byte>;
@@ -29,7 +29,7 @@ struct Pair {
   using Message = MessageType;
 };
 
-/// Every field filled at random, all legal.
+/// Returns a value with every field filled with random legal values.
 template <class Value>
 Value random_value(const messages::Layout& layout) {
   std::mt19937_64 engine{20240229};
@@ -93,7 +93,7 @@ Bytes sample(const messages::Layout& layout) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// What the generated code makes of a sample.
+/// Returns a sample as decoded by the generated code.
 template <class Type>
 typename Type::Message message_of(const messages::Layout& layout) {
   const Bytes bytes = sample<Type>(layout);
@@ -127,7 +127,8 @@ inline void overwrite_real(Bytes& bytes, std::size_t offset, double value) {
   overwrite(bytes, offset, bits, 8);
 }
 
-/// What we encode liblcm decodes, and encodes again to the very same bytes, and so do we.
+/// Checks that liblcm decodes our bytes and encodes them to the same bytes, and that our codec does
+/// too.
 template <class Type>
 void agrees_with_generated_code() {
   for (const messages::Layout& layout : layouts()) {
@@ -146,8 +147,8 @@ void agrees_with_generated_code() {
   }
 }
 
-/// No cut, no flipped bit and no appended byte crashes, and what is accepted is finite. A
-/// rejected message leaves stamp and value as they were.
+/// Checks that no cut, flipped bit or appended byte crashes, and that accepted values are finite. A
+/// rejected message must leave stamp and value unchanged.
 template <class Type>
 void survives_damage() {
   using messages::all_finite;
@@ -185,7 +186,7 @@ void survives_damage() {
   }
 }
 
-/// Every real of the message, set to each of the non-finite values, is found.
+/// Checks that a non-finite value in any real of the message is found.
 template <class Type>
 void rejects_non_finite(std::size_t first_real, std::size_t num_reals,
                         const messages::Layout& layout) {
@@ -200,7 +201,7 @@ void rejects_non_finite(std::size_t first_real, std::size_t num_reals,
   }
 }
 
-/// A count that contradicts the layout is found, whatever it would make of the length.
+/// Checks that a count that contradicts the layout is found, whatever length it implies.
 template <class Type>
 void rejects_counts(std::size_t offset, const messages::Layout& layout) {
   for (const std::int32_t count : {0x20000000, 0x7fffffff, -1, -0x7fffffff - 1, 3, 65}) {

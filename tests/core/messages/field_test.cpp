@@ -22,7 +22,7 @@ void PrintTo(const Declared& field, std::ostream* to) {
   *to << field.type << " " << field.name << field.size;
 }
 
-/// The fields of a message's .lcm file, without the stamp.
+/// Returns the fields of a message's .lcm file, without the stamp.
 std::vector<Declared> declared_in_file(std::string type) {
   std::replace(type.begin(), type.end(), '.', '_');
   std::ifstream file(std::string(TACHLESS_SOURCE_DIR "/lcmtypes/") + type + ".lcm");

@@ -26,7 +26,7 @@ constexpr std::size_t participant_role = body;  // length of the text; it is "co
 constexpr std::size_t participant_state = participant_role + 4 + 11;
 constexpr std::size_t participant_error_norm = participant_state + 1;
 
-/// A message with these bytes at `at` in place of its own, and what becomes of it.
+/// A message in which `bytes` replace the bytes at `at`, and the expected verdict.
 struct Altered {
   const char* what;
   Rejection (*verdict)(const messages::Layout&, std::span<const std::byte>);
@@ -91,8 +91,8 @@ TEST(Codecs, RejectSingleFieldsOutsideTheirRange) {
 TEST(ParticipantCodec, RejectsNonFiniteErrorNorm) {
   codec_checks::rejects_non_finite<ParticipantType>(participant_error_norm, 1, {});
 }
-// A line end in a signal's name was a command to gnuplot; one in any name is an order to a
-// terminal.
+// A line end in a signal's name would be a command to gnuplot. A control character in any name
+// would be an order to a terminal.
 TEST(ParticipantCodec, RejectsControlCharactersAndSignalsThatAreNoNames) {
   auto message = codec_checks::message_of<ParticipantType>({});
   message.signals = "error:rad,nu:rad/s\n!touch PWNED\n#";
@@ -101,6 +101,9 @@ TEST(ParticipantCodec, RejectsControlCharactersAndSignalsThatAreNoNames) {
   EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
   message.signals = "error:rad";
   message.law = "\x1b[2J";
+  EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
+  message.law = "law";
+  message.scenario = "two\nlines\tof text";
   EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
   auto info = codec_checks::message_of<RunInfoType>({});
   EXPECT_EQ(verdict<RunInfoType>({}, codec_checks::lcm_bytes(info)), Rejection::none);

@@ -1,11 +1,15 @@
 #include "messages/wire.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <algorithm>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <tachless/controller_state_t.hpp>
+#include <tachless/gains_ack_t.hpp>
+#include <tachless/gains_t.hpp>
 #include <tachless/link_state_measurement_t.hpp>
 #include <tachless/log_ack_t.hpp>
 #include <tachless/motor_position_measurement_t.hpp>
@@ -45,12 +49,14 @@ using ControllerStateType = Pair<messages::LawSignals, tachless::controller_stat
 using ParticipantType = Pair<messages::Participant, tachless::participant_t>;
 using RunInfoType = Pair<messages::RunInfo, tachless::run_info_t>;
 using LogAckType = Pair<messages::LogAck, tachless::log_ack_t>;
+using GainsType = Pair<messages::GainChange, tachless::gains_t>;
+using GainAckType = Pair<messages::GainAck, tachless::gains_ack_t>;
 
 template <class Type>
 class EveryCodec : public testing::Test {};
 using Types = testing::Types<TickType, PositionType, MotorPositionType, LinkStateType, StateType,
                              ReferenceType, CommandType, ControllerStateType, ParticipantType,
-                             RunInfoType, LogAckType>;
+                             RunInfoType, LogAckType, GainsType, GainAckType>;
 TYPED_TEST_SUITE(EveryCodec, Types);
 
 TYPED_TEST(EveryCodec, AgreesWithGeneratedCodeByteForByte) {
@@ -67,15 +73,43 @@ TYPED_TEST(EveryCodec, RejectsAnEmptyDatagram) {
 }
 
 TEST(Texts, HaveLinesOnlyWhereTheyAreFiles) {
+  const auto is_clean = [](std::string_view text, bool lines) {
+    auto field = messages::text("name", 99, &messages::RunInfo::version);
+    field.lines = lines;
+    return detail::is_clean(field, text);
+  };
   for (const char c : {'\n', '\t', '\r'}) {
-    for (const char* file : {"scenario", "robot_description"}) {
-      EXPECT_TRUE(detail::is_clean(file, std::string("a") + c + "b")) << int{c};
-      EXPECT_FALSE(detail::is_clean(file, std::string("a\x1b") + c)) << int{c};
-    }
-    EXPECT_FALSE(detail::is_clean("plant", std::string("a") + c + "b")) << int{c};
+    EXPECT_TRUE(is_clean(std::string("a") + c + "b", true)) << int{c};
+    EXPECT_FALSE(is_clean(std::string("a\x1b") + c, true)) << int{c};
+    EXPECT_FALSE(is_clean(std::string("a") + c + "b", false)) << int{c};
   }
-  EXPECT_FALSE(detail::is_clean("scenario", "\x7f"));
-  EXPECT_TRUE(detail::is_clean("plant", "a b"));
+  EXPECT_FALSE(is_clean("\x7f", true));
+  EXPECT_TRUE(is_clean("a b", false));
+}
+
+TEST(Texts, AreFilesInRunInfoAlone) {
+  std::vector<std::string> files;
+  messages::for_each_type(messages::Messages(),
+                          [&]<class Value>(std::type_identity<Value> /*type*/) {
+                            messages::for_each_field<Value>([&](const auto& field) {
+                              if (field.lines)
+                                files.push_back(fmt::format("{}.{}", Value::suffix, field.name));
+                            });
+                          });
+  EXPECT_THAT(files, testing::ElementsAre("RUN_INFO.scenario", "RUN_INFO.robot_description"));
+}
+
+TEST(AnyMeasurementCodec, LeavesTheValueAsItIsWhenItRejects) {
+  const messages::Layout layout{2, 2, 0};
+  const Codec<messages::AnyMeasurement> codec("MOTOR_POSITION", layout);
+  messages::Stamp stamp{1, 2, 3};
+  messages::PositionMeasurement before;
+  before.q = Vector::Constant(2, 5);
+  messages::AnyMeasurement value = before;
+  EXPECT_NE(codec.decode({}, stamp, value), Rejection::none);
+  ASSERT_TRUE(std::holds_alternative<messages::PositionMeasurement>(value));
+  EXPECT_EQ(std::get<messages::PositionMeasurement>(value).q, before.q);
+  EXPECT_EQ(stamp.tick, 3);
 }
 
 TYPED_TEST(EveryCodec, RefusesToEncodeAnyNumberThatIsNotFinite) {
@@ -101,8 +135,8 @@ TYPED_TEST(EveryCodec, RefusesToEncodeAnyNumberThatIsNotFinite) {
   });
 }
 
-// The bytes agree also if two fields are mixed up on the way in and on the way out again: each
-// member must be the field of its name.
+// The bytes also agree if encoder and decoder exchange the same two fields. The test therefore
+// checks that each member is the field of its name.
 template <class Type>
 auto both(const messages::Layout& layout) {
   return std::pair(codec_checks::random_value<typename Type::Value>(layout),
@@ -203,7 +237,7 @@ TYPED_TEST(CodecOfArrays, RejectsHostileCounts) {
   codec_checks::rejects_counts<TypeParam>(body, {2, 2, 2});
 }
 TYPED_TEST(CodecOfArrays, RejectsAMessageOfAnotherJointCount) {
-  // A text makes a message longer than another one, so that its count is looked at.
+  // The text makes a message longer than another one, so that the codec has to read the count.
   const auto rejection = messages::has_field<typename TypeParam::Value>("gains")
                              ? Rejection::wrong_count
                              : Rejection::wrong_size;

@@ -1,7 +1,10 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <limits>
 #include <locale>
 #include <stdexcept>
@@ -11,6 +14,7 @@
 #include "robot/dynamics.h"
 #include "robot/kinematics.h"
 #include "robot/model.h"
+#include "robot/urdf_xml.h"
 #include "tests/core/robot/robots.h"
 
 namespace tachless::robot {
@@ -28,11 +32,11 @@ constexpr double inf = Model::unlimited;
 
 std::vector<double> list(const Vector& x) { return {x.data(), x.data() + x.size()}; }
 
-const Body& body_of(const Model& model, const std::string& joint) {
+const Body& body_of(const Model& model, std::string_view joint) {
   for (const Body& body : model.bodies) {
     if (body.joint == joint) return body;
   }
-  throw std::runtime_error("no joint " + joint);
+  throw std::runtime_error("no joint " + std::string(joint));
 }
 
 TEST(Urdf, NumbersCoordinatesAndBodiesDepthFirstInTheOrderOfTheFile) {
@@ -181,7 +185,7 @@ TEST(Urdf, AcceptsAMasslessLinkThatCarriesMass) {
   EXPECT_EQ(model_from_urdf(text, "t").num_joints, 2);
 }
 
-/// A two-joint arm that is right, and what makes it wrong.
+/// A two-joint arm without faults.
 const char* const right_arm = R"(<?xml version="1.0"?>
 <robot name="r">
   <link name="base"/>
@@ -290,7 +294,7 @@ const std::vector<Wrong>& wrong_arms() {
       {"Xacro",
        "<child link=\"tool\"/>",
        "<child link=\"tool\"/><xacro:origin/>",
-       {"line 33", "\"<xacro:origin>\" is for xacro", "run `xacro arm.urdf > robot.urdf`"}},
+       {"line 33", "\"<xacro:origin>\" is for xacro", "run xacro arm.urdf > robot.urdf and give"}},
       {"XacroElement", "</robot>", "<xacro:arm/></robot>", {"\"<xacro:arm>\" is for xacro"}},
       {"XacroNumber", "upper=\"2\"", "upper=\"${2*pi}\"", {"\"${2*pi}\" is for xacro"}},
       {"LimitsClosed",
@@ -384,7 +388,7 @@ UrdfOptions options_with(const std::map<std::string, double>& locked,
   return options;
 }
 
-/// What the loading of `text` warns of.
+/// Returns the warnings from the loading of `text`.
 std::vector<std::string> warnings(const std::string& text, const UrdfOptions& options = {}) {
   return model_from_urdf(text, "arm.urdf", options).warnings;
 }
@@ -408,7 +412,7 @@ TEST(Urdf, AcceptsTheArmThatTheWrongOnesAreMadeFrom) {
   EXPECT_EQ(model_from_urdf(right_arm, "arm.urdf").num_joints, 2);
 }
 
-/// What does not touch the motion is a warning.
+/// Returns arms whose faults do not affect the motion. Each gives a warning.
 const std::vector<Wrong>& doubtful_arms() {
   static const std::vector<Wrong> arms{
       {"NoLimits",
@@ -592,7 +596,7 @@ TEST(Urdf, LocksAMimicWithTheJointThatDrivesIt) {
   const Model free = testing::branching();
   const Vector q = Eigen::Vector3d(0.1, -0.4, 0.7), q_free = Eigen::Vector4d(0.1, 0.2, -0.4, 0.7);
   for (const char* link : {"hand", "finger", "claw"}) {
-    // A handful of rotations of entries up to 1 each.
+    // The rounding is that of a few rotations with entries up to 1.
     EXPECT_LT((link_position(model, link, q) - link_position(free, link, q_free)).norm(), 32 * eps)
         << link;
   }
@@ -735,6 +739,127 @@ TEST(Urdf, RefusesMoreJointsAndBodiesThanThereIsRoomFor) {
   EXPECT_THAT(complaint(testing::chain_urdf(65)), HasSubstr("joint 'j65': more than 64 joints"));
   EXPECT_THAT(complaint(testing::chain_urdf(64, 65)),
               HasSubstr("joint 'j129': more than 128 moving bodies"));
+}
+
+/// Two joints about y; the texts that a case changes.
+constexpr const char* duo = R"(<robot name="duo"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 -0.2" rpy="0 0 0"/><mass value="2.5"/>
+  <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.004"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0 0 -0.15" rpy="0 0 0"/><mass value="1.5"/>
+  <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.002"/></inertial></link>
+<joint name="j1" type="revolute"><parent link="base"/><child link="upper"/>
+  <origin xyz="0 0 1" rpy="0 0 0"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2" effort="60" velocity="3"/></joint>
+<joint name="j2" type="revolute"><parent link="upper"/><child link="lower"/>
+  <origin xyz="0 0 -0.4" rpy="0 0 0"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2" effort="30" velocity="3"/></joint>
+</robot>)";
+
+std::string duo_with(const std::string& from, const std::string& to) {
+  std::string text = duo;
+  text.replace(text.find(from), from.size(), to);
+  return text;
+}
+
+/// Returns the warnings of a URDF, or the reason for its refusal, on lines.
+std::string said_of(const std::string& text) {
+  try {
+    return fmt::format("{}", fmt::join(model_from_urdf(text, "duo.urdf").warnings, "\n"));
+  } catch (const std::invalid_argument& refused) {
+    return std::string("refused: ") + refused.what();
+  }
+}
+
+TEST(Urdf, SaysWhatItDoesNotReadOfAnElementThatItReads) {
+  EXPECT_EQ(said_of(duo), "");
+  const std::array<std::array<std::string, 3>, 12> cases{{
+      {R"(<axis xyz="0 1 0"/>)", R"(<Axis xyz="0 1 0"/>)",
+       "duo.urdf: j1: <Axis> in <joint> is not read; the nearest known name is axis"},
+      {R"(<origin xyz="0 0 1")", R"(<origin pos="0 0 1")",
+       "duo.urdf: j1: the attribute pos of <origin> is not read; known are xyz, rpy, quat_xyzw"},
+      {R"(lower="-2" upper="2")", R"(min="-2" max="2")",
+       "the attribute max of <limit> is not read"},
+      {R"(<axis xyz="0 1 0"/>)", R"(<axis xyz="0 1 0"/><axis xyz="1 0 0"/>)",
+       "refused: duo.urdf: line 7: joint 'j1': its <joint> has two <axis>; remove one"},
+      {R"(<mass value="2.5"/>)", R"(<mass value="2.5"/><mass value="3"/>)",
+       "link 'upper': its <inertial> has two <mass>"},
+      {R"(<axis xyz="0 1 0"/>)", R"(<axis xyz="0 1 0">0 0 1</axis>)",
+       "j1: the text in <axis> is not read; known are xyz"},
+      {R"(<mass value="2.5"/>)", R"(<mass value="2.5" valeu="3"/>)",
+       "the nearest known name is value"},
+      {R"(<origin xyz="0 0 1" rpy="0 0 0"/>)", R"(<origin xyz="0 0 1" quat="0 0 0 1"/>)",
+       "refused: duo.urdf: line 7: joint 'j1': its <origin> has quat; allowed: quat_xyzw"},
+      {R"(<link name="base"/>)", R"(<link name="base"/><Link name="more"/>)",
+       "more: <Link> in <robot> is not read; the nearest known name is link"},
+      {R"(<link name="base"/>)", R"(<link name="base"/><include filename="x.urdf"/>)",
+       "refused: duo.urdf: line 1: <include> is not followed"},
+      {R"(<robot name="duo">)", R"(<!DOCTYPE robot [<!ENTITY h "0.4">]><robot name="duo">)",
+       "refused: duo.urdf: line 1: <!DOCTYPE … [: an internal DTD is not read"},
+      {R"(</robot>)",
+       R"(<transmission><joint name="j1"/><actuator name="m"><drake:rotor_inertia value="0.0001"/>
+          <drake:gear_ratio value="100"/></actuator></transmission></robot>)",
+       "j1: <drake:rotor_inertia> is not read; it is 0.0001 * 100^2 = 1 kg m2 at the joint"},
+  }};
+  for (const auto& [from, to, expected] : cases) {
+    EXPECT_THAT(said_of(duo_with(from, to)), HasSubstr(expected)) << to;
+  }
+}
+
+TEST(Urdf, ReadsQuaternions) {
+  const std::string turned =
+      duo_with(R"(xyz="0 0 -0.4" rpy="0 0 0")", R"(xyz="0 0 -0.4" rpy="0.7 0 0")");
+  const std::string quaternion =
+      duo_with(R"(xyz="0 0 -0.4" rpy="0 0 0")",
+               R"(xyz="0 0 -0.4" quat_xyzw="0.34289780745545134 0 0 0.9393727128473789")");
+  EXPECT_TRUE(model_from_urdf(quaternion, "q")
+                  .bodies[1]
+                  .R_PB.isApprox(model_from_urdf(turned, "r").bodies[1].R_PB, 1e-14));
+  const Model again = model_from_urdf(urdf_mechanics(quaternion, "q"), "again");
+  EXPECT_EQ(again.bodies[1].R_PB, model_from_urdf(quaternion, "q").bodies[1].R_PB);
+  for (const char* wrong : {"0 0 0", "0 0 0 2", "0 0 0 x", "0 0 0 1\" rpy=\"0 0 0"}) {
+    EXPECT_THAT(
+        said_of(duo_with(R"(rpy="0 0 0"/><axis)", fmt::format("quat_xyzw=\"{}\"/><axis", wrong))),
+        StartsWith("refused: "))
+        << wrong;
+  }
+}
+
+TEST(Urdf, TakesAWorldThatIsNoLinkForTheGround) {
+  const std::string text = duo_with(
+      "</robot>",
+      R"(<joint name="weld" type="fixed"><parent link="world"/><child link="base"/></joint></robot>)");
+  EXPECT_THAT(said_of(text), HasSubstr("its parent link 'world' is not in the file; it is "
+                                       "taken for the ground"));
+  EXPECT_EQ(model_from_urdf(text, "w").num_joints, 2);
+}
+
+TEST(Urdf, NamesNumbersThatAreImprobable) {
+  const auto lines = [](const std::string& text) {
+    return fmt::format("{}", fmt::join(improbable_numbers(text, "duo.urdf", {}), "\n"));
+  };
+  EXPECT_EQ(lines(duo), "");
+  const std::array<std::array<std::string, 3>, 9> cases{{
+      {R"(effort="60")", R"(effort="0")",
+       "duo.urdf: joint 'j1': effort 0: it is driven without limit"},
+      {R"(velocity="3")", R"(velocity="0")", "joint 'j1': velocity 0"},
+      {R"(lower="-2" upper="2")", R"(lower="-120" upper="120")",
+       "joint 'j1': its range is -120 to 120 rad; is it in degrees?"},
+      {R"(xyz="0 0 -0.4" rpy="0 0 0")", R"(xyz="0 0 -0.4" rpy="0 90 0")",
+       "joint 'j2': its origin has an angle of 90 rad; is it in degrees?"},
+      {R"(xyz="0 0 -0.4")", R"(xyz="0 0 -400")", "joint 'j2': its origin is 400 m away"},
+      {R"(xyz="0 0 -0.15")", R"(xyz="0 0 -150")", "link 'lower': its centre of mass is 150 m away"},
+      {R"(mass value="1.5")", R"(mass value="1500")",
+       "link 'lower': it has 1500 kg; is it in grams?"},
+      {R"(ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.002")",
+       R"(ixx="1.5" ixy="0" ixz="0" iyy="1.5" iyz="0" izz="1.5")",
+       "link 'lower': its radius of gyration is 1 m; the link is 0.4 m long"},
+      {R"(ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.002")",
+       R"(ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0")",
+       "link 'lower': 1.5 kg without inertia"},
+  }};
+  for (const auto& [from, to, expected] : cases) {
+    EXPECT_THAT(lines(duo_with(from, to)), HasSubstr(expected)) << to;
+  }
 }
 
 }  // namespace

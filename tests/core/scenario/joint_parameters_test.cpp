@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -70,7 +71,7 @@ TEST_F(JointParametersFile, OfMuJoCoAndOfYamlFillRotorAndFrictionOfTheJointsByNa
 TEST_F(JointParametersFile, OfMuJoCoHasItsOuterClassForAllJointsWhateverItsName) {
   const Scenario s = scenario(R"(<mujoco><default class="arm"><joint armature="0.2"/>
     <default class="small"><joint damping="3"/></default></default><worldbody>
-    <joint name="shoulder"/><joint name="elbow" class="small"/></worldbody></mujoco>)");
+    <body><joint name="shoulder"/><joint name="elbow" class="small"/></body></worldbody></mujoco>)");
   EXPECT_EQ(s.robot.rigid_rotor_inertia_kgm2, Eigen::Vector2d(0.2, 0.2));
   EXPECT_EQ(s.plant.drive.viscous_friction_Nms_per_rad, Eigen::Vector2d(0, 3));
 }
@@ -112,13 +113,42 @@ TEST_F(JointParametersFile, IsRefusedWithWhatIsWrongInIt) {
   EXPECT_THAT(refusal("shoulder: {coulomb_friction_Nm: -1}\nelbow: {}\n"), HasSubstr("-1"));
   EXPECT_THAT(refusal("<robot name='a'/>"), HasSubstr("no <mujoco> element: it is a URDF"));
   EXPECT_THAT(refusal("<mujoco><worldbody/></mujoco>"), HasSubstr("has no named joint"));
-  EXPECT_THAT(
-      refusal("<mujoco><worldbody><joint name='shoulder' damping='-1'/></worldbody></mujoco>"),
-      HasSubstr("damping=\"-1\"; allowed: a finite number from 0 on"));
-  EXPECT_THAT(refusal("<mujoco><worldbody><joint name='elbow' class='no'/></worldbody></mujoco>"),
+  const auto refusal_of_body = [&](const std::string& joint) {
+    return refusal("<mujoco><worldbody><body>" + joint + "</body></worldbody></mujoco>");
+  };
+  EXPECT_THAT(refusal_of_body("<joint name='shoulder' damping='-1'/>"),
+              HasSubstr("damping=\"-1\"; allowed: a finite number from 0 on"));
+  EXPECT_THAT(refusal_of_body("<joint name='elbow' class='no'/>"),
               HasSubstr("class \"no\" is not among its defaults"));
+  EXPECT_THAT(refusal("<mujoco><worldbody><joint name='elbow'/></worldbody></mujoco>"),
+              HasSubstr("<joint> in <worldbody> is not read; put joints into a <body>"));
   EXPECT_THAT(refusal("<mujoco><worldbody>"), HasSubstr("malformed XML"));
   EXPECT_THAT(refusal("<mujoco>" + std::string(100'000, '<')), HasSubstr("robot.joint_parameters"));
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  text.replace(text.find(from), from.size(), to);
+  return text;
+}
+
+TEST_F(JointParametersFile, RefusesWhatChangesTheNumbersAndIsNotRead) {
+  const std::array<std::array<std::string, 3>, 6> cases{{
+      {"<default>", "<include file=\"d1.xml\"/><default>",
+       "line 3: it includes d1.xml, which is not followed; give that file"},
+      {"</mujoco>",
+       "<actuator><motor joint=\"elbow\" gear=\"100\" armature=\"1e-5\"/></actuator></mujoco>",
+       "the armature of <motor> is not read; add gear^2 times it"},
+      {"armature=\"0.2\"", "armatur=\"0.2\"",
+       "the attribute armatur; the nearest known name is armature"},
+      {"damping=\"1\"", "damping=\"1 0 2\"", "coefficients of higher powers"},
+      {"name=\"elbow\"", "name=\"shoulder\"", "two joints \"shoulder\""},
+      {"<joint armature=\"0.2\"", "<joint/><joint armature=\"0.2\"", "<default> has two <joint>"},
+  }};
+  for (const auto& [from, to, expected] : cases) {
+    EXPECT_THAT(refusal(replaced(mjcf, from, to)), HasSubstr(expected)) << to;
+  }
+  EXPECT_EQ(refusal(replaced(mjcf, "armature=\"0.2\"", "armature=\" 0.2 \"")), "accepted");
+  EXPECT_EQ(refusal(replaced(mjcf, "damping=\"1\"", "damping=\"1 0 0\"")), "accepted");
 }
 
 }  // namespace

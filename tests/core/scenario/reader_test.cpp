@@ -6,7 +6,7 @@
 namespace tachless::scenario {
 namespace {
 
-/// What a law might want to be told: values of every simple shape.
+/// Settings that a law might have: values of every simple shape.
 struct Tuning {
   Vector kp, ki;
   double cutoff_hz = 50;

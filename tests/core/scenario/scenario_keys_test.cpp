@@ -9,52 +9,13 @@
 #include <variant>
 
 #include "base/schema.h"
+#include "scenario/key_paths.h"
 #include "scenario/scenario.h"
 
 namespace tachless::scenario {
 namespace {
 
 using ::testing::HasSubstr;
-
-/// Whether its entries stand under names of the user's choice.
-template <class T>
-constexpr bool has_names_of_choice = base::shape_of<T> == base::Shape::named_joints ||
-                                     base::shape_of<T> == base::Shape::named_numbers ||
-                                     base::shape_of<T> == base::Shape::named_texts;
-
-/// Calls `visit(path, key)` for each key of `Struct` and for each below, and `visit(path)` for what
-/// only has others below. Entries of a list go without index; "<name>" stands for the user's
-/// choice.
-template <class Struct, class Visit>
-void for_each_path(const std::string& prefix, const Visit& visit) {
-  base::for_each_key<Struct>([&]<class Owner, class Member>(const base::Key<Owner, Member>& key) {
-    using Value = typename base::ValueOf<Member>::Type;
-    constexpr base::Shape shape = base::shape_of<Member>;
-    const std::string path = prefix + std::string(key.name);
-    if constexpr (has_names_of_choice<Value>) {
-      visit(path);
-      visit(path + ".<name>", key);
-    } else if constexpr (shape == base::Shape::map) {
-      visit(path);
-      for_each_path<Value>(path + ".", visit);
-    } else {
-      visit(path, key);
-    }
-    if constexpr (shape == base::Shape::one_of) {
-      const auto add = [&]<class Alternative>(const Alternative* /*type*/) {
-        const std::string name = path + "." + std::string(Alternative::name);
-        visit(name);
-        for_each_path<Alternative>(name + ".", visit);
-      };
-      [&]<class... T>(const std::variant<T...>* /*type*/) {
-        (add(static_cast<const T*>(nullptr)), ...);
-      }(static_cast<const Value*>(nullptr));
-    }
-    if constexpr (shape == base::Shape::list_of_maps) {
-      for_each_path<typename Value::value_type>(path + ".", visit);
-    }
-  });
-}
 
 template <class T>
 std::string text_of(const T& value) {
@@ -73,7 +34,7 @@ std::string text_of(const std::variant<T...>& value) {
   return std::visit([](const auto& alternative) { return std::string(alternative.name); }, value);
 }
 
-/// What the documentation says stands in for the value of `key`.
+/// Returns the documentation's text for the default of `key`.
 template <class Struct, class Member>
 std::string fallback_text(const base::Key<Struct, Member>& key) {
   switch (key.fallback) {
@@ -96,7 +57,7 @@ std::string fallback_text(const base::Key<Struct, Member>& key) {
   }
 }
 
-/// The table of docs/scenario.md, in Markdown.
+/// Returns the table of docs/scenario.md, in Markdown.
 std::string scenario_key_table() {
   std::string table =
       "| key | unit | default | allowed | meaning |\n"

@@ -193,7 +193,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(s.loop.give_up_s, 2);
 }
 
-/// Of every key whose default is the struct's, in this struct and those in it.
+/// Expects the struct's default for every key that has it, also in nested structs.
 template <class Struct>
 void expect_defaults(const Struct& read) {
   const Struct fresh;
@@ -360,7 +360,13 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
       {"sinusoid:", "sinusiod:", {"f.yaml:27: reference.sinusiod: unknown", "reference.sinusoid"}},
       {"name: test",
        "name: test\nperiod_s: 1",
-       {"f.yaml:2: period_s: unknown; known keys of a scenario: name, robot, "}},
+       {"f.yaml:2: period_s: unknown; known here: loop.period_s"}},
+      {"name: test",
+       "name: test\nquux: 1",
+       {"f.yaml:2: quux: unknown; known keys of a scenario: "}},
+      {"joints: rigid",
+       "joints: rigid\n  mass_kg: 1",
+       {"f.yaml:7: robot.mass_kg: unknown; known here: plant.payload.mass_kg"}},
       {"  joints: rigid",
        "  joints: {rigid: {rotor_inertia: 1}}",
        {"f.yaml:6: robot.joints.rigid.rotor_inertia: unknown",
@@ -531,8 +537,8 @@ TEST(Scenario, MalformedReferencesAreRefused) {
   EXPECT_THAT(with("{hold: null}"), HasSubstr("reference.hold: null; allowed: a map"));
 }
 
-/// Processor time that it takes to read so many waypoints: the least of three, as others may be in
-/// the way.
+/// Returns the processor time to read so many waypoints. The least of three counts, as other
+/// processes may interfere.
 double time_to_read_waypoints(int num_waypoints) {
   std::string times, positions;
   for (int i = 0; i < num_waypoints; ++i) {
@@ -554,8 +560,7 @@ double time_to_read_waypoints(int num_waypoints) {
 }
 
 TEST(Scenario, ReadingWaypointsTakesTimeInProportionToTheirNumber) {
-  // Linear is 16 and quadratic 256 (a message about each entry made in advance was that). Between
-  // them is room for a busy machine: factors of 2 were seen.
+  // Linear time gives 16, quadratic time 256. A busy machine changes the ratio by a factor of 2.
   EXPECT_LT(time_to_read_waypoints(3200) / time_to_read_waypoints(200), 64);
 }
 
@@ -722,9 +727,9 @@ TEST_F(ScenarioFile, WhoseUrdfIsMissingOrRefusedSaysSo) {
 }
 
 TEST_F(ScenarioFile, ThatIsXmlIsAnsweredByWhatItIs) {
-  EXPECT_THAT(refusal_of_file("two.urdf"), HasSubstr("two.urdf --write SCENARIO.yaml` makes a"));
+  EXPECT_THAT(refusal_of_file("two.urdf"), HasSubstr("two.urdf --write SCENARIO.yaml makes a"));
   write("a.xacro", "\n<robot xmlns:xacro='http://ros.org/wiki/xacro'/>");
-  EXPECT_THAT(refusal_of_file("a.xacro"), HasSubstr("a.xacro > robot.urdf` and give robot.urdf"));
+  EXPECT_THAT(refusal_of_file("a.xacro"), HasSubstr("a.xacro > robot.urdf and give robot.urdf"));
   write("a.sdf", "<sdf version='1.6'/>");
   EXPECT_THAT(refusal_of_file("a.sdf"), HasSubstr("a.sdf: an SDF file"));
   write("a.xml", "\xef\xbb\xbf<mujoco/>");

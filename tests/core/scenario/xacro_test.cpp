@@ -23,6 +23,7 @@ class Xacro : public ::testing::Test {
     urdf << std::ifstream(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf").rdbuf();
     std::string text = urdf.str();
     text.replace(text.find("two_link"), 8, "$(arg name)");
+    text.insert(text.rfind("</robot>"), R"(<xacro:arg name="name"/><xacro:arg name="more" />)");
     std::ofstream(directory_ / "arm.urdf.xacro") << text;
     old_path_ = std::getenv("PATH");
   }
@@ -91,7 +92,8 @@ TEST_F(Xacro, SaysWhatIsMissingOrWrong) {
   EXPECT_THAT(refusal({}), HasSubstr("not on the PATH; type: pip install xacro"));
   install("echo 'Undefined substitution argument name' >&2\nexit 2");
   EXPECT_THAT(refusal({}), HasSubstr("arm.urdf.xacro: xacro ended with exit code 2: Undefined "
-                                     "substitution argument name"));
+                                     "substitution argument name; give robot.xacro: {name: …}, or "
+                                     "--set robot.xacro.name=…"));
   install("true");
   EXPECT_THAT(refusal({}), HasSubstr("arm.urdf.xacro: xacro ended"));
   install("head -c 2000000 /dev/zero > \"$3\"");  // more than a URDF may have
@@ -102,6 +104,21 @@ TEST_F(Xacro, SaysWhatIsMissingOrWrong) {
                        "robot.urdf=" TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf"}),
               HasSubstr("allowed: .xacro"));
   EXPECT_FALSE(fs::exists("x"));
+}
+
+/// The program passes over an argument that no file declares.
+TEST_F(Xacro, RefusesAnArgumentThatNoFileDeclares) {
+  std::ofstream(directory_ / "part.xacro") << R"(<r><xacro:arg default="1" name='inner'/></r>)";
+  install(
+      std::string("if [ \"$4\" = --deps ]; then echo \"$(dirname \"$1\")/part.xacro\" > \"$3\"; "
+                  "exit; fi\n") +
+      stand_in);
+  EXPECT_THAT(
+      refusal({"robot.xacro={naem: x}"}),
+      HasSubstr("arm.urdf.xacro: robot.xacro: it has no <xacro:arg> \"naem\"; the nearest is "
+                "name"));
+  EXPECT_THAT(refusal({"robot.xacro={'name:': x}"}), HasSubstr("the nearest is name"));
+  EXPECT_EQ(refusal({"robot.xacro={name: x, inner: 2}"}), "");
 }
 
 }  // namespace

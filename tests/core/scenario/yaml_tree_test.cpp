@@ -156,6 +156,16 @@ TEST(YamlTree, AnOverrideIsNamedAsTheSource) {
   EXPECT_EQ(root.find("a")->find("c")->find("d")->where, "--set a.c={d: 2}");
 }
 
+TEST(YamlTree, ALongOverrideIsNamedByItsBegin) {
+  std::string list = "a=[0";
+  for (int i = 0; i < 1000; ++i) list += ",1";
+  YamlNode root = parse_yaml("a: 1\n", "f.yaml");
+  apply_override(root, list + "]");
+  const std::string& where = root.find("a")->children.back().where;
+  EXPECT_THAT(where, StartsWith("--set a=[0,1,1,"));
+  EXPECT_LT(where.size(), 600U);
+}
+
 TEST(YamlTree, RefusesAMalformedOverride) {
   EXPECT_THAT(override_refusal("a.b"), AllOf(StartsWith("--set a.b: "), HasSubstr("key.path=")));
   EXPECT_THAT(override_refusal("a.b="), HasSubstr("no value"));

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <span>
 
-/// A number as the bytes of a message.
+/// The bytes of a number, as a message.
 struct BytesOf {
   explicit BytesOf(std::uint64_t value) { std::memcpy(bytes, &value, sizeof value); }
   operator std::span<const std::byte>() const { return bytes; }  // NOLINT: a test's shorthand

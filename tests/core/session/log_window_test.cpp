@@ -27,7 +27,7 @@ class ALogWindow : public testing::Test {
   int write() {
     int count = 0;
     while (window.complete_tick()) {
-      window.written();
+      window.on_written();
       ++count;
     }
     return count;

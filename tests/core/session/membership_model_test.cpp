@@ -1,8 +1,8 @@
-// All that an attacker can do to the handshake, to a stated depth: from each point of an
-// undisturbed rendezvous, every sequence of `depth` steps, where a step is an announcement of one
-// of the four, received by any of the other three, or one announcement of an earlier session with
-// the same run id, or of this one that was held back, delivered to anyone. The four are
-// session::Membership itself.
+// All attacks on the handshake to a stated depth. They start at each point of an undisturbed
+// rendezvous and consist of every sequence of `depth` steps. A step may be an announcement of one
+// of the four, received by any of the other three. It may also be a recorded announcement that is
+// delivered to any process. The recording is of an earlier session with the same run id, or of this
+// session. The four processes are session::Membership itself.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -37,7 +37,7 @@ Membership member(Role role, std::int64_t first_instance) {
   return {self, Membership::Time{}};
 }
 
-/// Four processes, and everything that was announced.
+/// Four processes and all their announcements.
 struct World {
   explicit World(std::int64_t first) : first_instance(first) {
     for (const Role role : all_roles) members.push_back(member(role, first));
@@ -53,10 +53,10 @@ struct World {
     return result;
   }
 
-  /// `role` announces; those whose bit is set hear it at once.
+  /// Lets `role` announce; the roles whose bit is set receive it at once.
   void announce(Role role, unsigned heard_by) {
     now += 20ms;
-    if (role == Role::plant && of(role).joined()) of(role).started(now);
+    if (role == Role::plant && of(role).has_joined()) of(role).on_started(now);
     announced.push_back(of(role).announce(now));
     const Membership::Announcement said = announced.back();
     for (const Role to : all_roles) {
@@ -68,20 +68,22 @@ struct World {
     std::int64_t& newest = heard[{said.participant.instance, to}];
     newest = std::max(newest, said.participant.counter);
     of(to).handle(said.stamp, said.participant, "address", now);
-    // As the first message of the run would make it.
-    if (to != Role::plant && of(to).joined() && !of(to).failure() && of(Role::plant).running()) {
-      of(to).started(now);
+    // The first message of the run has this effect.
+    if (to != Role::plant && of(to).has_joined() && !of(to).failure() &&
+        of(Role::plant).is_running()) {
+      of(to).on_started(now);
     }
   }
 
-  /// Whether `to` has heard nothing newer of that process: all else it ignores, as a copy.
+  /// Returns whether `to` has heard nothing newer of that process; older announcements are ignored
+  /// as copies.
   bool is_news(const Membership::Announcement& said, Role to) const {
     const auto found = heard.find({said.participant.instance, to});
     return said.participant.role != to &&
            (found == heard.end() || found->second < said.participant.counter);
   }
 
-  /// Everybody hears everybody.
+  /// Lets every process hear every other.
   void round() {
     for (const Role role : all_roles) announce(role, 0b1111);
   }
@@ -93,12 +95,12 @@ struct World {
   std::map<std::pair<std::int64_t, Role>, std::int64_t> heard;  ///< newest counter, by hearer
 };
 
-/// What the attacker has of an earlier session with the same run id: of each process an
-/// announcement of each state, the last two with as high a counter as there was.
+/// Returns the attacker's recording of an earlier session with the same run id: an announcement of
+/// each process in each state. The last two states have the highest counters.
 std::vector<Membership::Announcement> recorded() {
   World earlier(11);
   for (int i = 0; i < 5; ++i) earlier.round();
-  EXPECT_TRUE(earlier.of(Role::plant).running());
+  EXPECT_TRUE(earlier.of(Role::plant).is_running());
   std::vector<Membership::Announcement> result;
   for (const ParticipantState state :
        {ParticipantState::waiting, ParticipantState::ready, ParticipantState::running}) {
@@ -111,32 +113,35 @@ std::vector<Membership::Announcement> recorded() {
   }
   World failing = earlier;
   for (const Role role : all_roles) {
-    earlier.of(role).finished(earlier.now);
+    earlier.of(role).on_finished(earlier.now);
     result.push_back(earlier.of(role).announce(earlier.now));
-    failing.of(role).failed({base::ExitCode::interrupted, "interrupted"}, failing.now);
+    failing.of(role).on_failed({base::ExitCode::interrupted, "interrupted"}, failing.now);
     result.push_back(failing.of(role).announce(failing.now));
   }
   return result;
 }
 
-/// What must hold whatever the attacker does.
+/// Checker of the properties that must hold under every attack.
 class Properties {
  public:
-  /// @param dead who announces nothing from `since` on
+  /// @param dead role that announces nothing from `since` on
   Properties(std::optional<Role> dead, Membership::Time since) : dead_(dead), since_(since) {}
 
   void check(const World& world) {
     ++states_;
-    const bool plant_joined = world.of(Role::plant).joined();
+    const bool plant_joined = world.of(Role::plant).has_joined();
     for (const Role role : all_roles) {
       const Membership& each = world.of(role);
       if (each.failure()) return complain(role, each.failure()->what());
-      if (each.plant_finished() || each.all_finished()) return complain(role, "believes the end");
-      if (each.joined() && each.roster() != world.roster()) return complain(role, "other roster");
-      if (each.joined() && world.of(Role::plant).roster() != world.roster()) {
+      if (each.has_plant_finished() || each.have_all_finished())
+        return complain(role, "believes the end");
+      if (each.has_joined() && each.roster() != world.roster())
+        return complain(role, "other roster");
+      if (each.has_joined() && world.of(Role::plant).roster() != world.roster()) {
         return complain(role, "joined without the plant's roster");
       }
-      if (plant_joined && !each.joined()) return complain(role, "has not agreed, the plant starts");
+      if (plant_joined && !each.has_joined())
+        return complain(role, "has not agreed, the plant starts");
       if (!dead_ || role == *dead_) continue;
       const auto silence = each.silence(*dead_, world.now);
       if (silence && *silence < world.now - since_) return complain(role, "believes in the dead");
@@ -157,14 +162,14 @@ class Properties {
   std::string complaint_;
 };
 
-/// Calls `f(step)` for each step that the attacker and the four can take in `world`.
+/// Calls `f(step)` for each possible step of the attacker and the four in `world`.
 template <class F>
 void for_each_step(const World& world, const std::vector<Membership::Announcement>& recordings,
                    std::optional<Role> dead, F&& f) {
   for (const Role role : all_roles) {
     if (role == dead) continue;
     for (unsigned heard_by = 0; heard_by < 1U << num_roles; ++heard_by) {
-      if ((heard_by >> static_cast<unsigned>(role) & 1U) != 0) continue;  // not by itself
+      if ((heard_by >> static_cast<unsigned>(role) & 1U) != 0) continue;  // no process hears itself
       f([role, heard_by](World& next) { next.announce(role, heard_by); });
     }
   }
@@ -190,7 +195,7 @@ void explore(const World& world, const std::vector<Membership::Announcement>& re
   });
 }
 
-/// Points of an undisturbed rendezvous: before it, and after each announcement.
+/// Returns the points of an undisturbed rendezvous: before it, and after each announcement.
 std::vector<World> course() {
   std::vector<World> points = {World(1)};
   for (int i = 0; i < 4 * num_roles; ++i) {
@@ -204,8 +209,8 @@ std::vector<World> course() {
 TEST(TheHandshake, IsDoneInFourRoundsWhenNobodyDisturbsIt) {
   const World end = course().back();
   for (const Role role : all_roles) {
-    EXPECT_TRUE(end.of(role).joined()) << messages::name(role);
-    EXPECT_TRUE(end.of(role).running()) << messages::name(role);
+    EXPECT_TRUE(end.of(role).has_joined()) << messages::name(role);
+    EXPECT_TRUE(end.of(role).is_running()) << messages::name(role);
   }
 }
 
@@ -247,10 +252,10 @@ TEST(TheHandshake, SucceedsAsSoonAsTheAttackerRests) {
       properties.check(world);
     }
     ASSERT_EQ(properties.complaint(), "") << seed;
-    // Candidates that do not exist are named in turn with those that do.
+    // Announcements name missing candidates in turn with existing ones.
     for (int i = 0; i < 40; ++i) world.round();
     for (const Role role : all_roles) {
-      EXPECT_TRUE(world.of(role).running()) << seed << " " << messages::name(role);
+      EXPECT_TRUE(world.of(role).is_running()) << seed << " " << messages::name(role);
     }
   }
 }

@@ -1,5 +1,5 @@
-// The table of states and events: docs/protocol.md shows the one that the code uses, and a member
-// does what each cell says.
+// Tests of the table of states and events: docs/protocol.md must show the code's table, and a
+// member must react as each cell says.
 
 #include "session/membership_table.h"
 
@@ -29,7 +29,7 @@ using Reaction = MembershipReaction;
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// As docs/protocol.md writes them, in the order of MembershipReaction.
+/// Names of the reactions in docs/protocol.md, in the order of MembershipReaction.
 constexpr std::array<std::string_view, 16> reaction_names = {
     "ignore", "observe",       "join",   "agree",  "dissolve", "yield",  "contest", "answer",
     "refuse", "note finished", "follow", "forget", "start",    "finish", "fail",    "reject"};
@@ -38,7 +38,7 @@ std::string name(Reaction reaction) {
   return std::string(reaction_names.at(static_cast<std::size_t>(reaction)));
 }
 
-/// The cells of each row of the document's section "States and events", by the row's event.
+/// Returns the cells of each row of the document's section "States and events", by the row's event.
 std::map<std::string, std::vector<std::string>> documented_rows() {
   std::ifstream file(std::string(TACHLESS_SOURCE_DIR) + "/docs/protocol.md");
   std::map<std::string, std::vector<std::string>> rows;
@@ -67,7 +67,7 @@ TEST(MembershipTable, IsTheOneInTheDocument) {
     for (const Reaction each : row.reaction) cells.push_back(name(each));
     auto& words = documented[std::string(row.event)];
     ASSERT_GE(words.size(), cells.size()) << row.event;
-    words.resize(cells.size());  // what follows says what the event is
+    words.resize(cells.size());  // the remaining cells describe the event
     EXPECT_EQ(words, cells) << row.event;
     documented.erase(std::string(row.event));
   }
@@ -77,11 +77,11 @@ TEST(MembershipTable, IsTheOneInTheDocument) {
 constexpr std::int64_t run = 77;
 constexpr std::int64_t digest = 5;
 constexpr std::int64_t other_digest = 6;
-constexpr std::int64_t visitor = 95;  ///< instance of a controller that is known and no member
+constexpr std::int64_t visitor = 95;  ///< instance of a known controller that is no member
 constexpr auto visitors_address = "visitor's address";
 
-/// One member, brought into a state, and an event there. Holders' instances are their roles'
-/// numbers + 1.
+/// A member that is brought into a state and receives an event there. Each holder's instance is its
+/// role's number + 1.
 class Cell {
  public:
   Cell(Role role, ParticipantState state, Event event) : role_(role) {
@@ -95,19 +95,19 @@ class Cell {
     announce();
     const bool undecided = event == Event::rival || event == Event::roster ||
                            event == Event::other_roster || event == Event::holder_gone;
-    // A member that fails is there for its run alone.
+    // A member that has failed acknowledges the members of its run only, so it has no run here.
     const bool alone = event == Event::unproven && state == ParticipantState::fault;
     if (state != ParticipantState::waiting && !alone) {
       join(state != ParticipantState::ready || !undecided);
     }
     if (event == Event::departure) visit();
     if (state == ParticipantState::running || state == ParticipantState::finished) {
-      member_->started(now_);
+      member_->on_started(now_);
     }
     finished_ = state == ParticipantState::finished;
-    if (finished_) member_->finished(now_);
+    if (finished_) member_->on_finished(now_);
     if (state == ParticipantState::fault) {
-      member_->failed(Failure(ExitCode::interrupted, "interrupted"), now_);
+      member_->on_failed(Failure(ExitCode::interrupted, "interrupted"), now_);
     }
     EXPECT_EQ(announce().participant.state, state);
     announced_ = now_;
@@ -119,7 +119,7 @@ class Cell {
     switch (event) {
       case Event::unproven:
         proves_ = false;
-        // A member that has finished answers only the members of its run.
+        // A member that has finished acknowledges only the members of its run.
         if (finished_)
           return hear(peer, instance_of(peer), ParticipantState::running, {.run = run});
         return hear(Role::reference, 96, ParticipantState::ready, {.run = run});
@@ -138,7 +138,7 @@ class Cell {
       case Event::peer:
         return join(true);
       case Event::member_finished:
-        member_->complete();
+        member_->on_all_ticks_done();
         for (const Role each : others()) {
           hear(each, instance_of(each), ParticipantState::finished, {.run = run});
         }
@@ -156,19 +156,19 @@ class Cell {
       case Event::wait_over:
         return pass(2100ms);
       case Event::run_started:
-        return member_->started(now_);
+        return member_->on_started(now_);
       case Event::part_finished:
-        return member_->finished(now_);
+        return member_->on_finished(now_);
       case Event::failure:
-        return member_->failed(Failure(ExitCode::bad_usage, "the disk is full"), now_);
+        return member_->on_failed(Failure(ExitCode::bad_usage, "the disk is full"), now_);
     }
   }
 
-  /// What can be seen of the member.
+  /// Returns the visible state of the member.
   std::string seen() {
     const bool early = member_->next_announcement() < announced_ + Membership::period;
     announced_ = now_;
-    // Every other announcement names a process that has not proven to be there.
+    // Every second announcement names a process without proof of being alive.
     const Membership::Announcement said = announce();
     const Membership::Announcement next = announce();
     std::string text = "state " + std::to_string(static_cast<int>(said.participant.state)) +
@@ -184,7 +184,7 @@ class Cell {
     }
     if (member_->knows(visitors_address)) text += ", knows the visitor";
     if (member_->knows("96's address")) text += ", knows the newcomer";
-    if (member_->all_finished()) text += ", all finished";
+    if (member_->have_all_finished()) text += ", all finished";
     return text;
   }
 
@@ -207,11 +207,11 @@ class Cell {
         EXPECT_THAT(after, testing::Not(HasSubstr("knows the newcomer")));
         return;
       case Reaction::join:
-        EXPECT_TRUE(member_->joined());
+        EXPECT_TRUE(member_->has_joined());
         EXPECT_EQ(member_->run(), run);
         return;
       case Reaction::agree:
-        EXPECT_TRUE(member_->joined());
+        EXPECT_TRUE(member_->has_joined());
         EXPECT_EQ(announce().participant.roster, roster());
         return;
       case Reaction::dissolve:
@@ -230,7 +230,7 @@ class Cell {
         EXPECT_THAT(after, HasSubstr("run 0, announces, exit code 2"));
         return;
       case Reaction::note_finished:
-        EXPECT_TRUE(member_->all_finished());
+        EXPECT_TRUE(member_->have_all_finished());
         EXPECT_FALSE(failure);
         return;
       case Reaction::follow:
@@ -242,7 +242,7 @@ class Cell {
         EXPECT_FALSE(failure);
         return;
       case Reaction::start:
-        EXPECT_TRUE(member_->running());
+        EXPECT_TRUE(member_->is_running());
         return;
       case Reaction::finish:
         EXPECT_EQ(member_->announce(now_).participant.state, ParticipantState::finished);
@@ -257,7 +257,7 @@ class Cell {
   }
 
  private:
-  static constexpr std::int64_t older = 1'000'000'000;  // [us], than the member
+  static constexpr std::int64_t older = 1'000'000'000;  // age of an older rival [us]
 
   static std::int64_t instance_of(Role role) { return static_cast<std::int64_t>(role) + 1; }
 
@@ -299,7 +299,7 @@ class Cell {
         instance == visitor ? visitors_address : std::to_string(instance) + "'s address", now_);
   }
 
-  /// The plant, or (to the plant) all others, announce a roster.
+  /// Lets the plant, or (to the plant) all others, announce a roster.
   void name_roster(const messages::PerRole& roster) {
     roster_ = roster;
     for (const Role each : role_ == Role::plant ? others() : std::vector{Role::plant}) {
@@ -307,7 +307,7 @@ class Cell {
     }
   }
 
-  /// The others announce what makes the member ready, and (`whole`) what makes it join.
+  /// Lets the others announce so that the member becomes ready and, if `whole`, joins.
   void join(bool whole) {
     const bool plant = role_ == Role::plant;
     roster_ = {};
@@ -333,12 +333,12 @@ class Cell {
   Membership::Time now_{};
   Membership::Time announced_{};
   std::int64_t digest_ = digest;
-  std::int64_t counter_ = 0;        ///< of the member's last announcement
-  std::int64_t heard_counter_ = 0;  ///< of the others' last one
-  bool acknowledges_ = false;       ///< the member, that one
-  messages::PerRole roster_{};      ///< that the others announce
+  std::int64_t counter_ = 0;        ///< counter of the member's last announcement
+  std::int64_t heard_counter_ = 0;  ///< counter of the others' last announcement
+  bool acknowledges_ = false;       ///< the member acknowledges that announcement
+  messages::PerRole roster_{};      ///< roster that the others announce
   bool finished_ = false;
-  bool proves_ = true;  ///< what they announce answers the member
+  bool proves_ = true;  ///< the others' announcements answer the member
   ExitCode fault_code_ = ExitCode::done;
   std::optional<Membership> member_;
 };

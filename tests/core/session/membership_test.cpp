@@ -20,14 +20,15 @@ using testing::HasSubstr;
 
 constexpr std::int64_t plants_run = 77;
 
-/// Processes that hear each other over a network that may lose announcements, in virtual time.
+/// Processes that hear each other over a network in virtual time; the network may lose
+/// announcements.
 class Network {
  public:
   struct Process {
     Role role;
     std::string name;
     std::unique_ptr<Membership> membership;
-    bool dead = false;  ///< gone, with or without a word
+    bool dead = false;  ///< ended, with or without an announcement
   };
 
   explicit Network(double loss = 0, std::uint64_t seed = 1) : loss_(loss), random_(seed) {}
@@ -51,12 +52,12 @@ class Network {
     return *processes_.back().membership;
   }
 
-  std::int64_t next_run = plants_run;  ///< of the plants started from now on
-  bool counters_required = true;       ///< of the processes started from now on
+  std::int64_t next_run = plants_run;  ///< run of the plants started from now on
+  bool counters_required = true;       ///< value for the processes started from now on
 
   void kill(const Membership& victim) { of(victim).dead = true; }
 
-  /// Lets time pass. A process that has failed says so some times and is gone.
+  /// Lets time pass. A failed process announces its fault some times and then ends.
   void pass(std::chrono::nanoseconds duration) {
     const auto end = now_ + duration;
     for (; now_ < end; now_ += 5ms) {
@@ -82,7 +83,7 @@ class Network {
       process.dead = true;
       return;
     }
-    if (process.role == Role::plant && mine.joined()) mine.started(now_);
+    if (process.role == Role::plant && mine.has_joined()) mine.on_started(now_);
     if (now_ >= mine.next_announcement()) broadcast(process);
   }
 
@@ -94,9 +95,9 @@ class Network {
       to.membership->handle(said.stamp, said.participant, from.name, now_);
       const bool plant_runs = said.participant.role == Role::plant &&
                               said.participant.state == ParticipantState::running;
-      if (plant_runs && to.membership->joined() && !to.membership->failure() &&
+      if (plant_runs && to.membership->has_joined() && !to.membership->failure() &&
           to.membership->run() == said.stamp.run) {
-        to.membership->started(now_);  // as the first question would make it
+        to.membership->on_started(now_);  // the first request would have this effect
       }
     }
   }
@@ -107,7 +108,7 @@ class Network {
   std::vector<Process> processes_;
 };
 
-/// Makes `said` a new announcement that answers the last one of `whom`.
+/// Makes `said` a new announcement that answers the last announcement of `whom`.
 void answer(Membership::Announcement& said, Membership& whom, Membership::Time now) {
   const messages::Participant asked = whom.announce(now).participant;
   const auto role = static_cast<std::size_t>(asked.role);
@@ -129,12 +130,12 @@ TEST(AMembership, FormsInEveryOrderOfStarting) {
     Network network;
     std::vector<const Membership*> all;
     for (const Role role : order) {
-      EXPECT_EQ(std::ranges::count_if(all, [](auto* each) { return each->running(); }), 0);
+      EXPECT_EQ(std::ranges::count_if(all, [](auto* each) { return each->is_running(); }), 0);
       all.push_back(&network.start(role, static_cast<std::int64_t>(all.size()) + 1));
       network.pass(700ms);
     }
     for (const auto* each : all) {
-      EXPECT_TRUE(each->running());
+      EXPECT_TRUE(each->is_running());
       EXPECT_EQ(each->run(), plants_run);
       EXPECT_EQ(text(*each), "");
     }
@@ -148,8 +149,8 @@ TEST(AMembership, IsQuickWhenAllAreThere) {
   auto& controller = network.start(Role::controller, 3);
   auto& logger = network.start(Role::logger, 4);
   network.pass(50ms);
-  EXPECT_TRUE(plant.running());
-  EXPECT_TRUE(reference.joined() && controller.joined() && logger.joined());
+  EXPECT_TRUE(plant.is_running());
+  EXPECT_TRUE(reference.has_joined() && controller.has_joined() && logger.has_joined());
   EXPECT_EQ(plant.law().measurement, "POSITION");
   EXPECT_EQ(logger.law().measurement, "POSITION");
 }
@@ -162,7 +163,7 @@ TEST(AMembership, SucceedsUnderLoss) {
     network.start(Role::controller, 3);
     network.start(Role::logger, 4);
     network.pass(5s);
-    EXPECT_TRUE(plant.running()) << seed;
+    EXPECT_TRUE(plant.is_running()) << seed;
     network.pass(20s);
     EXPECT_EQ(text(plant), "") << seed;
   }
@@ -212,7 +213,7 @@ TEST(AMembership, ThatRunsIgnoresANewcomerWithAnotherScenario) {
   auto& controller = network.start(Role::controller, 3);
   network.start(Role::logger, 4);
   network.pass(1s);
-  ASSERT_TRUE(plant.running());
+  ASSERT_TRUE(plant.is_running());
   auto& outsider = network.start(Role::logger, 5, 6);
   network.pass(3s);
   EXPECT_NE(code(outsider), base::ExitCode::done);
@@ -240,7 +241,7 @@ TEST(AMembership, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
                                   "controller5)"),
                         HasSubstr("--isolate"), HasSubstr("--lcm-url")));
       for (const auto* each : others) EXPECT_EQ(text(*each), "");
-      EXPECT_EQ(first.running(), all_there);
+      EXPECT_EQ(first.is_running(), all_there);
     }
   }
 }
@@ -266,7 +267,7 @@ TEST(AMembership, LeavesExactlyOneOfSeveralThatStartTogether) {
       EXPECT_EQ(code(*each), base::ExitCode::protocol_violated);
     }
     EXPECT_EQ(left, 1) << seed;
-    EXPECT_TRUE(plant.running()) << seed;
+    EXPECT_TRUE(plant.is_running()) << seed;
     EXPECT_EQ(text(plant), "") << seed;
   }
 }
@@ -275,7 +276,7 @@ class ARunningMembership : public testing::Test {
  protected:
   void SetUp() override {
     network.pass(1s);
-    ASSERT_TRUE(plant.running());
+    ASSERT_TRUE(plant.is_running());
   }
   Network network;
   Membership& plant = network.start(Role::plant, 1);
@@ -285,7 +286,7 @@ class ARunningMembership : public testing::Test {
 };
 
 TEST_F(ARunningMembership, EndsForAllWhenOneIsInterrupted) {
-  controller.failed(base::Failure(base::ExitCode::interrupted, "interrupted"), network.now());
+  controller.on_failed(base::Failure(base::ExitCode::interrupted, "interrupted"), network.now());
   network.pass(200ms);
   for (const auto* each : {&plant, &reference, &logger}) {
     EXPECT_EQ(code(*each), base::ExitCode::peer_lost);
@@ -296,7 +297,7 @@ TEST_F(ARunningMembership, EndsForAllWhenOneIsInterrupted) {
 
 TEST_F(ARunningMembership, PassesOnTheExitCodeOfAFault) {
   for (const base::ExitCode fault : {base::ExitCode::protective_stop}) {
-    plant.failed(base::Failure(fault, "joint 1 ran away"), network.now());
+    plant.on_failed(base::Failure(fault, "joint 1 ran away"), network.now());
     network.pass(200ms);
     for (const auto* each : {&controller, &reference, &logger}) {
       EXPECT_EQ(code(*each), fault);
@@ -334,18 +335,18 @@ TEST(AMembership, BelievesNoRosterOfAPlantThatIsNotInIt) {
   said.participant.roster = {9, 2, 3, 4};
   answer(said, controller, network.now());
   controller.handle(said.stamp, said.participant, "plant1", network.now());
-  EXPECT_FALSE(controller.joined()) << "a plant of which nothing is heard cannot be missed";
+  EXPECT_FALSE(controller.has_joined()) << "a plant of which nothing is heard cannot be missed";
 }
 
 TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
   Network elsewhere;
   auto& other = elsewhere.start(Role::controller, 90);
-  other.failed(base::Failure(base::ExitCode::interrupted, "interrupted"), network.now());
+  other.on_failed(base::Failure(base::ExitCode::interrupted, "interrupted"), network.now());
   auto said = other.announce(network.now());
   said.stamp.run = 1234;
   answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
-  said.stamp.run = plants_run;  // in our run, but not the controller we started with
+  said.stamp.run = plants_run;  // in the plant's run, but not the controller of the start
   answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
   EXPECT_EQ(text(plant), "");
@@ -354,7 +355,7 @@ TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
 TEST_F(ARunningMembership, YieldsToNobodyOutsideItsRun) {
   auto said = plant.announce(network.now());
   said.stamp.run = plants_run + 1;
-  said.stamp.utime = 1'000'000'000;  // older than all of ours
+  said.stamp.utime = 1'000'000'000;  // older than all other processes
   said.participant.instance = 0x5eed;
   said.participant.state = messages::ParticipantState::running;
   answer(said, plant, network.now());
@@ -396,18 +397,19 @@ TEST_F(ARunningMembership, BelievesOnlyMembersThatAnswerWithSomethingNew) {
 }
 
 TEST_F(ARunningMembership, EndsWhenAllHaveFinished) {
-  for (auto* each : {&reference, &controller, &logger}) each->complete();
-  plant.finished(network.now());
-  EXPECT_FALSE(plant.all_finished());
+  for (auto* each : {&reference, &controller, &logger}) each->on_all_ticks_done();
+  plant.on_finished(network.now());
+  EXPECT_FALSE(plant.have_all_finished());
   network.pass(200ms);
-  EXPECT_TRUE(controller.plant_finished() && reference.plant_finished() && logger.plant_finished());
-  controller.finished(network.now());
-  reference.finished(network.now());
+  EXPECT_TRUE(controller.has_plant_finished() && reference.has_plant_finished() &&
+              logger.has_plant_finished());
+  controller.on_finished(network.now());
+  reference.on_finished(network.now());
   network.pass(200ms);
-  EXPECT_FALSE(plant.all_finished());
-  logger.finished(network.now());
+  EXPECT_FALSE(plant.have_all_finished());
+  logger.on_finished(network.now());
   network.pass(200ms);
-  EXPECT_TRUE(plant.all_finished());
+  EXPECT_TRUE(plant.have_all_finished());
 }
 
 TEST_F(ARunningMembership, DoesNotBelieveThatItIsOverBeforeItsLastTick) {
@@ -415,14 +417,14 @@ TEST_F(ARunningMembership, DoesNotBelieveThatItIsOverBeforeItsLastTick) {
   said.participant.state = ParticipantState::finished;
   answer(said, controller, network.now());
   controller.handle(said.stamp, said.participant, "plant1", network.now());
-  EXPECT_FALSE(controller.plant_finished());
+  EXPECT_FALSE(controller.has_plant_finished());
   network.pass(2s);
   EXPECT_EQ(text(controller), "") << "the plant is heard to be running";
-  controller.complete();
+  controller.on_all_ticks_done();
   answer(said, controller, network.now());
-  said.participant.counter += 100;  // the plant has announced meanwhile
+  said.participant.counter += 100;  // the plant has announced in the meantime
   controller.handle(said.stamp, said.participant, "plant1", network.now());
-  EXPECT_TRUE(controller.plant_finished());
+  EXPECT_TRUE(controller.has_plant_finished());
 }
 
 TEST_F(ARunningMembership, IsAcknowledgedItsFinishThoughItHasAnnouncedItAgainSince) {
@@ -432,31 +434,31 @@ TEST_F(ARunningMembership, IsAcknowledgedItsFinishThoughItHasAnnouncedItAgainSin
               network.now());
   };
   tell(plant, controller);
-  EXPECT_FALSE(controller.finish_acknowledged()) << "it has not finished";
-  controller.complete();
-  plant.finished(network.now());
+  EXPECT_FALSE(controller.is_finish_acknowledged()) << "it has not finished";
+  controller.on_all_ticks_done();
+  plant.on_finished(network.now());
   tell(plant, controller);
-  controller.finished(network.now());
-  EXPECT_FALSE(controller.finish_acknowledged()) << "it has not said so";
+  controller.on_finished(network.now());
+  EXPECT_FALSE(controller.is_finish_acknowledged()) << "it has not said so";
   tell(controller, plant);
-  controller.announce(network.now());  // which is lost
+  controller.announce(network.now());  // this announcement is lost
   tell(plant, controller);
-  EXPECT_TRUE(controller.finish_acknowledged());
+  EXPECT_TRUE(controller.is_finish_acknowledged());
 }
 
 TEST_F(ARunningMembership, SaysWhyItStopsFromTheFirstReasonOn) {
   using base::ExitCode;
   const auto fault = [&] { return controller.announce(network.now()).participant.fault; };
   EXPECT_EQ(fault(), "");
-  controller.stopping(base::Failure(ExitCode::interrupted, "first"), network.now());
-  controller.stopping(base::Failure(ExitCode::peer_lost, "second"), network.now());
+  controller.on_stopping(base::Failure(ExitCode::interrupted, "first"), network.now());
+  controller.on_stopping(base::Failure(ExitCode::peer_lost, "second"), network.now());
   EXPECT_EQ(fault(), "first");
-  controller.failed(base::Failure(ExitCode::peer_lost, "third"), network.now());
+  controller.on_failed(base::Failure(ExitCode::peer_lost, "third"), network.now());
   EXPECT_EQ(fault(), "first");
 }
 
 TEST_F(ARunningMembership, SaysHowFarItIs) {
-  controller.progressed(17, 0.25);
+  controller.on_progress(17, 0.25);
   const auto said = controller.announce(network.now());
   EXPECT_EQ(said.stamp.tick, 17);
   EXPECT_EQ(said.stamp.run, plants_run);
@@ -468,11 +470,11 @@ TEST(AMembership, GoesOnWaitingWhenAPlantLeavesBeforeItIsMet) {
   Network network;
   auto& plant = network.start(Role::plant, 1);
   network.pass(300ms);
-  plant.failed(base::Failure(base::ExitCode::interrupted, "interrupted"), network.now());
+  plant.on_failed(base::Failure(base::ExitCode::interrupted, "interrupted"), network.now());
   auto& controller = network.start(Role::controller, 2);
   network.pass(300ms);
   EXPECT_EQ(text(controller), "");
-  EXPECT_FALSE(controller.joined());
+  EXPECT_FALSE(controller.has_joined());
 }
 
 TEST(AMembership, OfAPlantThatYieldsToAnotherIsTakenUpByTheOther) {
@@ -488,8 +490,8 @@ TEST(AMembership, OfAPlantThatYieldsToAnotherIsTakenUpByTheOther) {
   network.start(Role::controller, 3);
   network.start(Role::logger, 4);
   network.pass(1s);
-  EXPECT_TRUE(plant.running());
-  EXPECT_TRUE(reference.running());
+  EXPECT_TRUE(plant.is_running());
+  EXPECT_TRUE(reference.is_running());
   EXPECT_EQ(reference.run(), plants_run + 1);
   network.pass(6s);
   EXPECT_EQ(text(plant) + text(reference), "");
@@ -522,7 +524,7 @@ TEST(AMembership, DoesNotJoinARunThatIsUnderWay) {
   network.pass(2s);
   auto& late = network.start(Role::controller, 5);
   network.pass(500ms);
-  EXPECT_FALSE(late.joined());
+  EXPECT_FALSE(late.has_joined());
 }
 
 TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) {
@@ -532,7 +534,7 @@ TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) 
   auto& controller = network.start(Role::controller, 3);
   auto& logger = network.start(Role::logger, 4);
   network.pass(300ms);
-  messages::Participant plant;  // counts and acknowledges nothing
+  messages::Participant plant;  // this plant uses no counters and acknowledges nothing
   plant.role = Role::plant;
   plant.instance = 1;
   plant.scenario_digest = 5;
@@ -547,13 +549,13 @@ TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) 
   plant.roster = {1, 2, 3, 4};
   tell(ParticipantState::ready);
   for (Membership* each : {&reference, &controller, &logger}) {
-    EXPECT_TRUE(each->joined());
+    EXPECT_TRUE(each->has_joined());
     EXPECT_EQ(each->roster(), plant.roster);
-    each->complete();
+    each->on_all_ticks_done();
   }
   tell(ParticipantState::running);
   tell(ParticipantState::finished);
-  EXPECT_TRUE(controller.plant_finished());
+  EXPECT_TRUE(controller.has_plant_finished());
   EXPECT_EQ(text(reference) + text(controller) + text(logger), "");
 }
 
@@ -565,8 +567,8 @@ TEST(AMembership, BelievesNothingOfACountingMemberThatAnswersNothingWithoutAKey)
   network.start(Role::controller, 3);
   auto& logger = network.start(Role::logger, 4);
   network.pass(500ms);
-  ASSERT_TRUE(plant.running());
-  plant.complete();
+  ASSERT_TRUE(plant.is_running());
+  plant.on_all_ticks_done();
   messages::Participant finished = logger.announce(network.now()).participant;
   finished.state = ParticipantState::finished;
   const auto counter = finished.counter;
@@ -576,7 +578,7 @@ TEST(AMembership, BelievesNothingOfACountingMemberThatAnswersNothingWithoutAKey)
     EXPECT_FALSE(plant.handle({0, plants_run, 1}, finished, "logger4", network.now()));
   }
   EXPECT_NE(plant.unfinished().find("logger"), std::string::npos);
-  // Of an earlier run, by a process that is no more.
+  // The announcement is of an earlier run, from a process that has ended.
   finished.role = Role::controller;
   finished.instance = 33;
   finished.state = ParticipantState::waiting;
@@ -592,12 +594,12 @@ TEST(AMembership, DoesNotCountItsOwnSuspensionAsSilence) {
     network.start(role, 2 + static_cast<int>(role));
   }
   network.pass(500ms);
-  ASSERT_TRUE(plant.running());
-  // Kept from running for a minute, it looks at the clock before it has heard anything.
+  ASSERT_TRUE(plant.is_running());
+  // After a suspension of a minute, the process reads the clock before it has received anything.
   const auto awake = network.now() + 60s;
   plant.poll(awake);
   EXPECT_FALSE(plant.failure());
-  // Who is really silent is missed as soon as ever.
+  // A process that is really silent is missed as early as usual.
   for (auto now = awake; now < awake + 6s; now += 100ms) plant.poll(now);
   ASSERT_TRUE(plant.failure());
   EXPECT_EQ(plant.failure()->code(), base::ExitCode::peer_lost);
@@ -632,7 +634,7 @@ TEST(AMembership, RemembersABoundedNumberOfProcesses) {
   network.pass(1200ms);
   network.start(Role::logger, 4);
   network.pass(500ms);
-  EXPECT_TRUE(plant.running());
+  EXPECT_TRUE(plant.is_running());
 }
 
 TEST(AMembership, ThatHasChosenItsRosterDoesNotYieldToAnOlderPlantWithout) {
@@ -644,7 +646,7 @@ TEST(AMembership, ThatHasChosenItsRosterDoesNotYieldToAnOlderPlantWithout) {
   auto& plant = network.start(Role::plant, 1);
   while (plant.roster()[0] == 0 && network.elapsed() < 1s) network.pass(5ms);
   ASSERT_NE(plant.roster()[0], 0);
-  ASSERT_FALSE(plant.joined());
+  ASSERT_FALSE(plant.has_joined());
   auto said = plant.announce(network.now());
   said.stamp.utime = 1'000'000'000;
   said.participant.instance = 9;

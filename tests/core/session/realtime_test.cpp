@@ -70,7 +70,7 @@ TEST_F(Picking, ActsWhenBothAreThere) {
   EXPECT_EQ(due(), -1);
   EXPECT_EQ(refer(0), Verdict::fresh);
   EXPECT_EQ(due(), 0);
-  picker_.acted(0);
+  picker_.on_acted(0);
   EXPECT_EQ(due(), -1);
   refer(1);
   EXPECT_EQ(due(), -1);
@@ -79,12 +79,12 @@ TEST_F(Picking, ActsWhenBothAreThere) {
 }
 
 TEST_F(Picking, PassesOverWhatIsLost) {
-  refer(0), measure(0), picker_.acted(0);
-  refer(1);    // its measurement is lost
-  measure(2);  // its reference is lost
+  refer(0), measure(0), picker_.on_acted(0);
+  refer(1);    // the tick's measurement is lost
+  measure(2);  // the tick's reference is lost
   refer(3), measure(3);
   EXPECT_EQ(due(), 3);
-  picker_.acted(3);
+  picker_.on_acted(3);
   EXPECT_EQ(measure(1), Verdict::too_old) << "no tick is returned to";
   EXPECT_EQ(due(), -1);
 }
@@ -93,27 +93,27 @@ TEST_F(Picking, TakesTheNewestWhoseReferenceIsThere) {
   measure(4), measure(5), measure(6);
   refer(4), refer(5);
   EXPECT_EQ(due(), 5);
-  picker_.acted(5);
+  picker_.on_acted(5);
   refer(6);
   EXPECT_EQ(due(), 6);
 }
 
 TEST_F(Picking, GoesOnAfterAGapLongerThanItsMemory) {
-  refer(0), measure(0), picker_.acted(0);
+  refer(0), measure(0), picker_.on_acted(0);
   refer(501), measure(500), measure(501);
   EXPECT_EQ(due(), 501);
 }
 
 TEST_F(Picking, ActsOnTheOldestTickThatIsKept) {
   refer(2), measure(2);
-  // The memory is 64 ticks; reference 65 takes the place of tick 1.
+  // The ring keeps 64 ticks; reference 65 replaces tick 1.
   measure(64), refer(65);
   EXPECT_EQ(due(), 2);
 }
 
 TEST_F(Picking, ActsOnNothingOlderThanItsMemoryThoughItsPlaceIsNotTaken) {
   refer(2), measure(2);
-  measure(67);  // 66, whose place is that of 2, was lost
+  measure(67);  // tick 66, which would replace tick 2, was lost
   EXPECT_EQ(due(), -1);
 }
 
@@ -128,16 +128,16 @@ TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
 }
 
 TEST_F(Picking, NeverActsOnATickTwice) {
-  measure(3), refer(3), picker_.acted(3);
-  EXPECT_THROW(picker_.acted(3), std::logic_error);
+  measure(3), refer(3), picker_.on_acted(3);
+  EXPECT_THROW(picker_.on_acted(3), std::logic_error);
 }
 
 TEST(MissedCommandMonitor, TakesTheCommandOfThePresentTickOnce) {
   MissedCommandMonitor watch(20);
   watch.begin(0);
-  EXPECT_FALSE(watch.commanded());
+  EXPECT_FALSE(watch.is_commanded());
   EXPECT_EQ(watch.on_command(0, BytesOf(1)), Verdict::fresh);
-  EXPECT_TRUE(watch.commanded());
+  EXPECT_TRUE(watch.is_commanded());
   EXPECT_EQ(watch.on_command(0, BytesOf(1)), Verdict::repeated);
   watch.end();
   EXPECT_EQ(watch.missed(), 0);
@@ -152,7 +152,7 @@ TEST(MissedCommandMonitor, TellsLateFromNotAsked) {
   EXPECT_EQ(watch.on_command(-1, BytesOf(1)), Verdict::not_asked);
   EXPECT_EQ(watch.on_command(std::numeric_limits<std::int64_t>::max(), BytesOf(1)),
             Verdict::not_asked);
-  EXPECT_FALSE(watch.commanded());
+  EXPECT_FALSE(watch.is_commanded());
 }
 
 TEST(MissedCommandMonitor, NoticesASecondCommander) {
@@ -171,8 +171,8 @@ TEST(MissedCommandMonitor, CallsForTheStopAfterMoreThanMaxMissedInARow) {
     watch.begin(tick);
     if (tick == 3 || tick == 6) watch.on_command(tick, BytesOf(1));
     watch.end();
-    // 0-2, 4-5 and 7-9 go without.
-    EXPECT_EQ(watch.too_many(), tick == 2 || tick == 9) << tick;
+    // Ticks 0-2, 4-5 and 7-9 have no command.
+    EXPECT_EQ(watch.has_missed_too_many(), tick == 2 || tick == 9) << tick;
   }
   EXPECT_EQ(watch.missed(), 8);
   EXPECT_EQ(watch.missed_in_a_row(), 3);
@@ -183,7 +183,7 @@ TEST(MissedCommandMonitor, WithNoneToleratedStopsAtTheFirst) {
   MissedCommandMonitor watch(0);
   watch.begin(0);
   watch.end();
-  EXPECT_TRUE(watch.too_many());
+  EXPECT_TRUE(watch.has_missed_too_many());
 }
 
 }  // namespace

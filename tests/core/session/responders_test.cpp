@@ -25,7 +25,7 @@ constexpr std::int64_t num_ticks = 1000;
 ReferenceResponder::Answer ask(ReferenceResponder& responder, std::int64_t tick,
                                std::uint64_t content = 0) {
   const auto answer = responder.on_tick(tick, BytesOf(content));
-  for (const std::int64_t k : ticks(answer.compute)) responder.computed(k, BytesOf(100 + k));
+  for (const std::int64_t k : ticks(answer.compute)) responder.on_computed(k, BytesOf(100 + k));
   return answer;
 }
 
@@ -38,7 +38,8 @@ struct Asked {
 TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
   constexpr auto fresh = Verdict::fresh, again = Verdict::repeated, no = Verdict::not_asked;
   const std::vector<std::pair<bool, std::vector<Asked>>> runs = {
-      // Lockstep: ticks that the plant cannot have reached are ignored, a repeated one is answered.
+      // Lockstep: ticks that the plant cannot have reached are ignored; a repeated tick is
+      // answered.
       {false,
        {{1, no},
         {0, fresh, {0, 1}},
@@ -47,9 +48,9 @@ TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
         {1, fresh, {2}},
         {2, fresh, {3}},
         {1, again, {}, {1, 2}}}},
-      // A lost tick is made up for with the next, and one that was overtaken repeated.
+      // The next tick makes up for a lost one; an overtaken tick is repeated.
       {false, {{0, fresh, {0, 1}}, {2, fresh, {2, 3}}, {3, fresh, {4}}, {1, fresh, {}, {1, 2}}}},
-      // Realtime: what has gone by is left out, and nothing published twice.
+      // Realtime: past ticks are left out, and no reference is published twice.
       {true,
        {{0, fresh, {0, 1}},
         {1, fresh, {2}},
@@ -92,8 +93,8 @@ TEST(ReferenceResponder, NoticesASecondPlant) {
     ReferenceResponder responder(num_ticks, 8, realtime);
     ask(responder, 0, 1);
     EXPECT_EQ(ask(responder, 0, 2).verdict, Verdict::conflicting);
-    EXPECT_THROW(responder.computed(1, BytesOf(0)), std::logic_error);
-    EXPECT_THROW(responder.computed(realtime ? 0 : 3, BytesOf(0)), std::logic_error);
+    EXPECT_THROW(responder.on_computed(1, BytesOf(0)), std::logic_error);
+    EXPECT_THROW(responder.on_computed(realtime ? 0 : 3, BytesOf(0)), std::logic_error);
   }
 }
 
@@ -107,7 +108,9 @@ class ACommandResponder : public testing::Test {
   CommandResponder::Answer refer(std::int64_t tick, std::uint64_t content = 0) {
     return responder.on_input(reference_input, tick, BytesOf(content));
   }
-  void compute() { responder.computed(BytesOf(100 + responder.next()), BytesOf(responder.next())); }
+  void compute() {
+    responder.on_computed(BytesOf(100 + responder.next()), BytesOf(responder.next()));
+  }
   void run_through(std::int64_t ticks) {
     refer(0);
     while (responder.next() < ticks) {

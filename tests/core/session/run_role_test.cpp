@@ -20,7 +20,7 @@ Statistics statistics_after(const Thrown& thrown) {
   options.scenario_path = TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml";
   options.lcm_url = "udpm://239.255.76.67:7703?ttl=0";
   options.stats_path = directory / "stats.json";
-  const auto fails = [&](const scenario::Scenario&, Link&) { throw thrown; };
+  const auto fails = [&](const scenario::Scenario&, Session&) { throw thrown; };
   EXPECT_THROW(run_role(messages::Role::plant, options, fails), Thrown);
   return statistics_from_json(base::given_text(options.stats_path));
 }
@@ -31,7 +31,7 @@ TEST(RunRole, WritesItsStatisticsWhateverEndsIt) {
   const Statistics unknown = statistics_after(std::runtime_error("cable"));
   EXPECT_EQ(unknown.exit_code, ExitCode::protocol_violated);
   EXPECT_EQ(unknown.fault, "cable");
-  // The code that run_process ends with, too.
+  // run_process ends with the same exit code.
   EXPECT_EQ(statistics_after(std::system_error(ENOSPC, std::generic_category(), "write")).exit_code,
             ExitCode::bad_usage);
 }

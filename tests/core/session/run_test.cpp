@@ -1,5 +1,5 @@
-// Whole runs of the protocol on a simulated network in virtual time: thousands of schedules, each
-// from a seed, with loss, duplication, delay and reordering.
+// Tests of whole runs of the protocol on a simulated network in virtual time. There are thousands
+// of schedules, each from a seed, with loss, duplication, delay and reordering.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -42,12 +42,12 @@ struct Message {
 struct Network {
   double loss = 0;
   double duplication = 0;
-  double straggling = 0;  ///< part of the messages that take up to `longest_delay`
+  double straggling = 0;  ///< share of the messages that take up to `longest_delay`
   std::chrono::nanoseconds longest_delay = 5ms;
 };
 
-/// The four processes as their nodes drive them, with numbers in place of physics: every value
-/// depends on all values before it, so one tick computed twice or out of order changes the log.
+/// The four processes as their nodes drive them, with numbers instead of physics. Every value
+/// depends on all earlier ones, so a tick computed twice or out of order changes the log.
 class SimulatedRun {
  public:
   SimulatedRun(std::int64_t num_ticks, const Network& network, std::uint64_t seed)
@@ -59,7 +59,7 @@ class SimulatedRun {
         log_(num_ticks, {8, 8, 8, 8, 8, 8}) {}
 
   void run() {
-    while (!tick_master_.finished() && now_ < Time(1h)) {
+    while (!tick_master_.is_finished() && now_ < Time(1h)) {
       drive_plant();
       const Time wake = tick_master_.deadline();
       if (events_.empty() && wake == Time::max()) break;
@@ -74,7 +74,7 @@ class SimulatedRun {
     }
   }
 
-  bool finished() const { return tick_master_.finished(); }
+  bool finished() const { return tick_master_.is_finished(); }
   const std::vector<std::uint64_t>& log() const { return written_; }
   std::int64_t published() const { return published_; }
   std::int64_t repeats() const { return repeats_; }
@@ -82,9 +82,9 @@ class SimulatedRun {
   std::int64_t widest() const { return widest_; }
   int conflicts() const { return conflicts_; }
   Time end() const { return now_; }
-  /// Its events, for tests/model/ticks.pml; of runs of less than 64 ticks.
+  /// Returns the events of a run of less than 64 ticks, for tests/model/ticks.pml.
   const std::string& trace() const { return trace_; }
-  /// By process and tick, how often it was computed.
+  /// Returns the number of computations by process and tick.
   const std::map<std::pair<int, std::int64_t>, int>& computations() const { return computations_; }
 
  private:
@@ -143,13 +143,13 @@ class SimulatedRun {
       measurements_[k] = mix(plant_state_, k);
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
-      tick_master_.asked(now_);
+      tick_master_.on_asked(now_);
       trace(0, k, k);
     }
   }
 
   void receive(Node to, const Message& message) {
-    // The messages that each takes, by their bit in tests/model/ticks.pml.
+    // Messages that each process takes, by their bit in tests/model/ticks.pml.
     static const std::map<std::pair<Node, Kind>, int> taken = {
         {{reference, Kind::tick}, 1},       {{controller, Kind::measurement}, 2},
         {{controller, Kind::reference}, 4}, {{plant, Kind::command}, 8},
@@ -198,7 +198,7 @@ class SimulatedRun {
       truths_[message.tick] = mix(plant_state_, message.content);
       publish(plant, {Kind::truth, message.tick, truths_[message.tick]});
       plant_state_ = truths_[message.tick];
-      tick_master_.completed(now_);
+      tick_master_.on_completed(now_);
     }
   }
 
@@ -212,7 +212,7 @@ class SimulatedRun {
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
       ++computations_[{reference, k}];
       reference_state_ = mix(reference_state_, k);
-      reference_.computed(k, BytesOf(reference_state_));
+      reference_.on_computed(k, BytesOf(reference_state_));
       publish(reference, {Kind::reference, k, reference_state_});
     }
   }
@@ -234,7 +234,7 @@ class SimulatedRun {
     ++computations_[{controller, k}];
     memory_ =
         mix(memory_, mix(inputs_.at({Kind::measurement, k}), inputs_.at({Kind::reference, k})));
-    controller_.computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
+    controller_.on_computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
     publish_answers(k);
   }
 
@@ -258,7 +258,7 @@ class SimulatedRun {
       for (int slot = 0; slot < num_slots; ++slot) {
         written_.push_back(number_in(log_.bytes(*k, static_cast<Slot>(slot))));
       }
-      log_.written();
+      log_.on_written();
     }
     if (const auto ack = log_.take_ack()) {
       ++acks_;
@@ -282,7 +282,7 @@ class SimulatedRun {
   std::map<std::int64_t, std::uint64_t> measurements_, truths_;
   std::vector<std::uint64_t> written_;
   std::map<std::pair<int, std::int64_t>, int> computations_;
-  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< of the controller
+  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< inputs of the controller
   std::int64_t published_ = 0, repeats_ = 0, acks_ = 0, widest_ = 0;
   int conflicts_ = 0;
   std::string trace_;
@@ -313,14 +313,14 @@ TEST(ALockstepRun, OverACleanNetworkRepeatsNothing) {
   expect_sound(run, num_ticks, clean_log(num_ticks));
   EXPECT_EQ(run.log().size(), 6U * num_ticks);
   EXPECT_EQ(run.repeats(), 0);
-  // Six messages a tick, one acknowledgement in 16 ticks (15, should a tick
-  // be complete only after the next has begun), at the start and the end.
+  // Six messages a tick and one acknowledgement in 16 ticks, and some at the start and the end. The
+  // interval is 15 ticks if a tick is complete only after the next has begun.
   EXPECT_EQ(run.published() - run.acks(), 6 * num_ticks);
   EXPECT_LE(run.acks(), num_ticks / 15 + 2);
 }
 
 TEST(ALockstepRun, GivesTheSameLogUnderEverySchedule) {
-  constexpr std::int64_t num_ticks = 120;  // some windows and ring turns
+  constexpr std::int64_t num_ticks = 120;  // several windows and turns of the ring
   const auto log = clean_log(num_ticks);
   for (std::uint64_t seed = 0; seed < 3000; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -351,7 +351,7 @@ TEST(ALockstepRun, RecoversFromHeavyLossWithoutAStorm) {
   }
 }
 
-// tests/model/model_test.py replays them.
+// tests/model/model_test.py replays the traces.
 TEST(ALockstepRun, GivesTracesForTheModel) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     SimulatedRun run(20, {.loss = 0.3, .duplication = 0.1, .straggling = 0.3}, seed);

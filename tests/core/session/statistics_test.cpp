@@ -23,7 +23,8 @@ TEST(ALatencyHistogram, IsEmptyAtFirst) {
 TEST(ALatencyHistogram, GivesPercentilesToTheWidthOfABucket) {
   LatencyHistogram histogram;
   for (int us = 1; us <= 10'000; ++us) histogram.add(std::chrono::microseconds(us));
-  // A bucket is a sixteenth of an octave wide: 1/16 at most, never below the true value.
+  // A bucket is a sixteenth of an octave wide: the value is at most 1/16 above the true one, and
+  // never below it.
   EXPECT_GE(histogram.percentile_us(0.5), 5000);
   EXPECT_LE(histogram.percentile_us(0.5), 5000 * (1 + 1.0 / 16));
   EXPECT_GE(histogram.percentile_us(0.99), 9900);

@@ -23,9 +23,9 @@ class ARequester : public testing::Test {
     return result;
   }
   void run_one() {
-    tick_master.asked(now);
+    tick_master.on_asked(now);
     tick_master.on_command(tick_master.next_tick(), BytesOf(tick_master.next_tick()), now);
-    tick_master.completed(now);
+    tick_master.on_completed(now);
   }
   std::vector<std::int64_t> repeated_ticks() {
     std::vector<std::int64_t> result;
@@ -42,7 +42,7 @@ class ARequester : public testing::Test {
 };
 
 TEST_F(ARequester, RepeatsARequestEveryMillisecondAndLaterDoublesTo320ms) {
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   std::vector<std::int64_t> waits_ms;
   for (int i = 0; i < 17; ++i) {
     const auto before = now;
@@ -58,27 +58,27 @@ TEST_F(ARequester, RepeatsARequestEveryMillisecondAndLaterDoublesTo320ms) {
 }
 
 TEST_F(ARequester, StartsEachTickWithTheFirstTimeout) {
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   now += 1ms;
   EXPECT_TRUE(tick_master.next_repeat(now));
   tick_master.on_command(0, BytesOf(0), now);
   EXPECT_EQ(tick_master.round_trip(), 1ms) << "from the first request on";
-  tick_master.completed(now);
-  tick_master.asked(now);
+  tick_master.on_completed(now);
+  tick_master.on_asked(now);
   EXPECT_EQ(tick_master.deadline(), now + 1ms);
 }
 
 TEST_F(ARequester, TakesTheCommandOfTheTickAskedForAndNoOther) {
   EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Verdict::not_asked);
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   EXPECT_EQ(tick_master.on_command(1, BytesOf(5), now), Verdict::not_asked);
   EXPECT_EQ(tick_master.on_command(-1, BytesOf(5), now), Verdict::not_asked);
-  EXPECT_FALSE(tick_master.commanded());
+  EXPECT_FALSE(tick_master.is_commanded());
   EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Verdict::fresh);
-  EXPECT_TRUE(tick_master.commanded());
+  EXPECT_TRUE(tick_master.is_commanded());
   EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Verdict::repeated);
   EXPECT_EQ(tick_master.on_command(0, BytesOf(6), now), Verdict::conflicting);
-  tick_master.completed(now);
+  tick_master.on_completed(now);
   EXPECT_EQ(tick_master.on_command(0, BytesOf(6), now), Verdict::conflicting);
 }
 
@@ -86,7 +86,7 @@ TEST_F(ARequester, NeverRunsMoreThan48TicksAhead) {
   while (tick_master.may_begin()) run_one();
   EXPECT_EQ(tick_master.next_tick(), 48);
   EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::logger_for_window);
-  EXPECT_THROW(tick_master.asked(now), std::logic_error);
+  EXPECT_THROW(tick_master.on_asked(now), std::logic_error);
   tick_master.on_ack(3, 0, now);
   while (tick_master.may_begin()) run_one();
   EXPECT_EQ(tick_master.next_tick(), 52);
@@ -94,7 +94,7 @@ TEST_F(ARequester, NeverRunsMoreThan48TicksAhead) {
 
 TEST_F(ARequester, RepeatsExactlyWhatTheLoggerMisses) {
   for (int i = 0; i < 20; ++i) run_one();
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   now += 500us;
   tick_master.on_ack(3, 0b1000'0000'0000'0101, now);
   EXPECT_EQ(repeated_ticks(), (Ticks{4, 6, 19}));
@@ -103,7 +103,7 @@ TEST_F(ARequester, RepeatsExactlyWhatTheLoggerMisses) {
 
 TEST_F(ARequester, DoesNotRepeatTheTickUnderWayForTheLogger) {
   run_one();
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   now += 500us;
   tick_master.on_ack(-1, 0b11, now);
   EXPECT_EQ(repeated_ticks(), (Ticks{0}));
@@ -111,7 +111,7 @@ TEST_F(ARequester, DoesNotRepeatTheTickUnderWayForTheLogger) {
 
 TEST_F(ARequester, DoesNotRepeatForTheLoggerWhatWasSentAMomentAgo) {
   for (int i = 0; i < 20; ++i) run_one();
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   now += 499us;
   tick_master.on_ack(-1, 0b1, now);
   EXPECT_EQ(repeated_ticks(), Ticks{});
@@ -174,39 +174,39 @@ TEST_F(ARequester, EndsWhenTheLastTickIsAcknowledged) {
     run_one();
   }
   EXPECT_FALSE(tick_master.may_begin());
-  EXPECT_FALSE(tick_master.finished());
+  EXPECT_FALSE(tick_master.is_finished());
   EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::logger_for_end);
   tick_master.on_ack(num_ticks - 1, 0, now);
-  EXPECT_TRUE(tick_master.finished());
+  EXPECT_TRUE(tick_master.is_finished());
   EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::nothing);
   EXPECT_EQ(tick_master.deadline(), base::Clock::time_point::max());
 }
 
 TEST_F(ARequester, DoesNotGiveUpBecauseItWasAsleepItself) {
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   tick_master.next_repeat(now);
   now += 60s;
   tick_master.next_repeat(now);
-  EXPECT_FALSE(tick_master.given_up(now));
+  EXPECT_FALSE(tick_master.has_given_up(now));
   for (const auto end = now + 5s; now < end; now += 100ms) tick_master.next_repeat(now);
-  EXPECT_TRUE(tick_master.given_up(now)) << "the peer is silent";
+  EXPECT_TRUE(tick_master.has_given_up(now)) << "the peer is silent";
 }
 
 TEST_F(ARequester, GivesUpAfter5sWithoutACommand) {
-  tick_master.asked(now);
+  tick_master.on_asked(now);
   tick_master.on_ack(-1, 0, now + 4s);
-  EXPECT_FALSE(tick_master.given_up(now + 5s - 1ns));
-  EXPECT_TRUE(tick_master.given_up(now + 5s));
+  EXPECT_FALSE(tick_master.has_given_up(now + 5s - 1ns));
+  EXPECT_TRUE(tick_master.has_given_up(now + 5s));
   EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::command);
 }
 
 TEST_F(ARequester, GivesUpOnALoggerThatMakesNoProgressAndKnowsWhetherItSpeaks) {
   while (tick_master.may_begin()) run_one();
-  EXPECT_TRUE(tick_master.given_up(now + 5s));
-  EXPECT_FALSE(tick_master.logger_heard());
+  EXPECT_TRUE(tick_master.has_given_up(now + 5s));
+  EXPECT_FALSE(tick_master.has_heard_logger());
   tick_master.on_ack(-1, 0, now + 4s);
-  EXPECT_TRUE(tick_master.given_up(now + 5s));
-  EXPECT_TRUE(tick_master.logger_heard());
+  EXPECT_TRUE(tick_master.has_given_up(now + 5s));
+  EXPECT_TRUE(tick_master.has_heard_logger());
 }
 
 TEST_F(ARequester, DoesNotGiveUpALoggerThatCatchesUpSlowlyAtTheEnd) {
@@ -216,10 +216,10 @@ TEST_F(ARequester, DoesNotGiveUpALoggerThatCatchesUpSlowlyAtTheEnd) {
   }
   for (std::int64_t tick = num_ticks - 8; tick < num_ticks; ++tick) {
     now += 4s;
-    EXPECT_FALSE(tick_master.given_up(now));
+    EXPECT_FALSE(tick_master.has_given_up(now));
     tick_master.on_ack(tick, 0, now);
   }
-  EXPECT_TRUE(tick_master.finished());
+  EXPECT_TRUE(tick_master.is_finished());
 }
 
 TEST_F(ARequester, NeedsAWindowThatFitsTheKeptMessages) {

@@ -8,7 +8,7 @@
 
 #include "messages/signals.h"
 
-/// Checks of what every trajectory promises.
+/// Checks of the properties that every trajectory must have.
 namespace tachless::reference::trajectory {
 
 inline std::array<Vector, 5> orders(const messages::ReferencePoint& p) {
@@ -16,8 +16,8 @@ inline std::array<Vector, 5> orders(const messages::ReferencePoint& p) {
 }
 
 /// Compares velocity, acceleration, jerk and snap at t with the eighth-order central difference of
-/// the order below. `truncation[k]` bounds the difference formula's own error, step^8 / 630 times
-/// the ninth derivative of order k; rounding of the samples costs about eps / step.
+/// the next lower order. `truncation[k]` bounds the difference formula's own error: step^8 / 630
+/// times the ninth derivative of order k. Rounding of the samples costs about eps / step.
 template <class Shape>
 void expect_derivatives_of_each_other(const Shape& shape, double t, double step,
                                       const std::array<double, 4>& truncation) {

@@ -30,7 +30,8 @@ TEST(Waypoints, PassesThroughEveryPointAtItsTime) {
     const Waypoints p = random_points(n, 10 + n);
     const WaypointSpline spline(p);
     for (int i = 0; i < n; ++i) {
-      // Exact but where a mirrored piece ends: there it is a sum of eight rounded coefficients.
+      // The values are exact except at the end of a mirrored piece, which is a sum of eight rounded
+      // coefficients.
       EXPECT_LE((spline.at(p.time_s[i]).q_ref - p.position_rad[i]).lpNorm<Eigen::Infinity>(),
                 i == n - 2 ? 1e-13 : 0)
           << "point " << i << " of " << n;
@@ -72,7 +73,7 @@ TEST(Waypoints, EachDerivativeIsThatOfTheOneBefore) {
   for (std::size_t i = 0; i + 1 < p.time_s.size(); ++i) {
     const double duration = p.time_s[i + 1] - p.time_s[i];
     for (const double x : {0.05, 0.3, 0.5, 0.8, 0.95}) {
-      // Pieces are of degree 7 at most: the formula has no error of its own.
+      // Pieces are of degree 7 at most, so the formula has no error of its own.
       expect_derivatives_of_each_other(spline, p.time_s[i] + x * duration, 0.01 * duration,
                                        {0, 0, 0, 0});
     }
@@ -123,7 +124,8 @@ TEST(Waypoints, AreSolvedInTimeInProportionToTheirNumber) {
     }
     return least;
   };
-  // Linear is 4, three times that where the memory leaves the caches; a dense solution takes 64.
+  // Linear cost gives 4, and three times that if the memory exceeds the caches; a dense solution
+  // takes 64.
   EXPECT_LT(time(2000) / time(500), 16);
 }
 

@@ -51,9 +51,9 @@ TEST(CheckUp, WarnsOfSlowClocks) {
 TEST(CheckUp, WarnsOfAHostThatTakesTimeAway) {
   // user nice system idle iowait irq softirq steal guest guest_nice
   const Finding shared = judge_stolen_time("cpu  500 100 100 260 0 0 30 10 70 7\ncpu0 1 2 3\n");
-  EXPECT_FALSE(shared.ok());
-  EXPECT_THAT(shared.what, HasSubstr("took 1.00 %"));
-  EXPECT_THAT(*shared.remedy, HasSubstr("loop.max_missed=100"));
+  EXPECT_TRUE(shared.ok()) << "nothing that can be typed here mends it";
+  EXPECT_TRUE(shared.warns);
+  EXPECT_THAT(shared.what, AllOf(HasSubstr("took 1.00 %"), HasSubstr("loop.max_missed=100")));
   EXPECT_TRUE(judge_stolen_time("cpu  500 100 100 2600 0 0 30 0 0 0\n").ok());
   EXPECT_TRUE(judge_stolen_time("").ok());
   EXPECT_TRUE(judge_stolen_time("cpu  0 0 0 0 0 0 0 0\n").ok()) << "a kernel that does not count";

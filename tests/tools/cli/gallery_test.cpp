@@ -1,4 +1,4 @@
-// The scenarios of docs/gallery.md: they run as documented, with the gains that design finds.
+// The scenarios of docs/examples.md: they run as documented, with the gains that design finds.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -21,7 +21,7 @@ struct Row {
 };
 
 std::vector<Row> rows() {
-  const std::string page = contents(root + "/docs/gallery.md");
+  const std::string page = contents(root + "/docs/examples.md");
   const std::regex row(
       R"(\| \[(\w+)\]\(\.\./scenarios/\w+\.yaml\) \| [^|]* \| `(\w+)` \| ([^|]*) \| (\d+) \| (\S+) \|)");
   std::vector<Row> result;
@@ -55,7 +55,7 @@ TEST(TheGallery, RunsAsItsPageSays) {
     const auto& peaks = summary["position_error_rad"]["peak"];
     EXPECT_EQ(fmt::format("{:.2e}", std::ranges::max_element(peaks)->get<double>()), row.error)
         << row.scenario;
-    EXPECT_THAT(contents(root + "/docs/gallery.md"),
+    EXPECT_THAT(contents(root + "/docs/examples.md"),
                 testing::HasSubstr("](figures/gallery_" + row.scenario + ".png)"));
   }
 }

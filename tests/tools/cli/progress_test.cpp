@@ -27,6 +27,12 @@ TEST(Progress, ShowsTimeRateAndError) {
                                      HasSubstr("|e| 3.2e-04 rad")));
 }
 
+TEST(Progress, HasTheUnitOfItsJoints) {
+  Progress progress(1000, 1e-3, "rad, m");
+  progress.note(100, 3.2e-4, {});
+  EXPECT_THAT(progress.line(), HasSubstr("|e| 3.2e-04 rad, m"));
+}
+
 TEST(Progress, ForgetsTheRateOfLongAgo) {
   Progress progress(1'000'000, 1e-3);
   Progress::Clock::time_point now{};

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
@@ -53,6 +54,12 @@ std::int64_t ticks_of(const fs::path& path) {
 
 class Run : public ::testing::Test {
  protected:
+  /// The plant as a user's program, after `command` in the results' folder.
+  std::string plant_after(const std::string& command) {
+    return fmt::format(
+        "sh -c 'cd {} && {} && cd - >/dev/null && exec {}/bin/tachless-plant \"$@\"' sh",
+        out().string(), command, TACHLESS_BINARY_DIR);
+  }
   /// In a private network, results in `out()`.
   void start(Words more) {
     more.insert(more.begin(), {"--isolate", "--out", out().string()});
@@ -98,6 +105,13 @@ class Run : public ::testing::Test {
   [[nodiscard]] std::string output() const { return run_->output(); }
   [[nodiscard]] nlohmann::json summary() const {
     return nlohmann::json::parse(contents(out() / "summary.json"));
+  }
+  /// Returns why the run was stopped, as its log says.
+  std::string stop_reason() const {
+    logger::RunLog log = logger::RunLog::open(out() / "lcmlog");
+    logger::TickRecord record;
+    while (log.next(record)) continue;
+    return log.summary().stop_reason(log.info().num_ticks);
   }
 
   TemporaryDirectory directory_;
@@ -197,6 +211,7 @@ TEST_F(Run, InOneProcessEndsAsFourDo) {
   EXPECT_EQ(finish(), 130);
   EXPECT_EQ(summary()["fault"], "interrupted");
   EXPECT_GT(ticks_of(out() / "lcmlog"), 0);
+  EXPECT_EQ(stop_reason(), "interrupted");
   fs::remove_all(out());
 
   start_anywhere({"--out", out().string(), "--in-process", "--mode", "realtime"});
@@ -265,6 +280,7 @@ TEST_F(Run, EndsWhenAProcessIsKilledAndKeepsTheLog) {
     EXPECT_EQ(count(errors(), "ended because of"), 0U) << errors();
     EXPECT_THAT(summary()["fault"].get<std::string>(), HasSubstr(role + " was killed")) << role;
     EXPECT_GT(ticks_of(out() / "lcmlog"), 100) << role;
+    EXPECT_THAT(stop_reason(), HasSubstr(role + " was killed by signal 9"));
     fs::remove_all(out());
   }
 }
@@ -351,10 +367,10 @@ TEST_F(Run, OfAnUnstableLoopIsRefusedAndWhenForcedEndsWithItsVerdict) {
        "saturated",
        {"loop.period_s=5e-3", "plant.drive.torque_limit_Nm=[400, 200]"}},
       {"regulation",
-       "limit cycle",
+       "oscillates",
        {"loop.period_s=5e-3", "loop.command_delay=1", "plant.drive.torque_limit_Nm=[2000, 500]"}},
       {"iiwa_point_to_point",
-       "limit cycle",
+       "oscillates",
        {"controller.gains.kd=[400, 1000, 80, 300, 8, 12, 0.5]",
         "controller.gains.b=[400, 400, 400, 400, 400, 400, 400]"}}};
   for (const auto& each : cases) {
@@ -428,7 +444,7 @@ TEST_F(Run, ThatDoesNotBeginLeavesTheResultsThatItWouldHaveReplaced) {
   for (const char* file : {"lcmlog", "summary.json", "notes.txt"})
     std::ofstream(out() / file) << file;
   start({"--duration", "0.01", "--quiet", "--overwrite", "--plant", "/nowhere/driver"});
-  EXPECT_EQ(finish(), 3) << errors();
+  EXPECT_EQ(finish(), 2) << errors();
   std::set<std::string> files;
   for (const auto& each : fs::directory_iterator(out())) files.insert(each.path().filename());
   EXPECT_THAT(files, ElementsAre("lcmlog", "notes.txt", "summary.json"));
@@ -457,19 +473,23 @@ TEST_F(Run, IsNotKeptFromStartingByOneRecordedAnnouncement) {
   EXPECT_EQ(finish(), 0) << errors();
 }
 
+TEST_F(Run, OfAControllerThatCannotStartEndsWithCode2) {
+  for (const char* program : {"/nowhere/law", "python3 -c 'import missing_module'"}) {
+    start({"--duration", "0.01", "--quiet", "--controller", program});
+    EXPECT_EQ(finish(), 2) << program << errors();
+  }
+}
+
 TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
-  fs::create_directories(out() / "summary.json.partial");
-  start({"--duration", "0.01", "--any-outcome"});
+  start({"--duration", "0.01", "--any-outcome", "--plant", plant_after("mkdir summary.json")});
   EXPECT_EQ(finish(), 2);
   EXPECT_EQ(count(errors(), "summary.json: cannot be written"), 1U) << errors();
   EXPECT_THAT(output(), HasSubstr("200 ticks")) << "the table is printed nevertheless";
 }
 
 TEST_F(Run, IsNotEndedByItsFigureOrItsPage) {
-  for (const char* file : {"tracking.svg", "report.html"}) {
-    fs::create_directories(out() / (std::string(file) + ".partial"));
-  }
-  start({"--duration", "0.01", "--any-outcome"});
+  start({"--duration", "0.01", "--any-outcome", "--plant",
+         plant_after("mkdir tracking.svg report.html")});
   EXPECT_EQ(finish(), 0) << errors();
   EXPECT_EQ(count(errors(), "tracking.svg: cannot be written"), 1U) << errors();
   EXPECT_EQ(count(errors(), "report.html: cannot be written"), 1U) << errors();

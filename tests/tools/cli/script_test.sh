@@ -4,8 +4,8 @@
 set -euo pipefail
 work=$(mktemp -d) failures=0
 trap 'rm -rf "$work"' EXIT
-root=$work/tree tools=$work/tools
-mkdir -p "$root"/{cmake,lcmtypes,core,plant,reference,controller,logger,analysis,tools,python} "$tools"
+root="$work/a tree" tools=$work/tools
+mkdir -p "$tools" "$root/"{cmake,lcmtypes,core,plant,reference,controller,logger,analysis,tools,python}
 cp "$1/tachless" "$root"
 echo 'project(tachless VERSION 1.2.3 LANGUAGES CXX)' >"$root/CMakeLists.txt"
 touch "$root/CMakePresets.json" "$root/core/"{a.cpp,page.css}
@@ -16,20 +16,23 @@ tool sudo 'exec "$@"'
 tool ip 'exit 0'
 tool mount 'exit 0'
 tool unshare 'shift; exec "$@"'
-tool cpack 'mkdir -p $ROOT/build/package; touch $ROOT/build/package/a.deb'
+tool cpack 'mkdir -p "$ROOT/build/package"; touch "$ROOT/build/package/a.deb"'
 tool ctest 'echo "100% tests passed, 0 tests failed out of 25"'
-# Configuring leaves a build.ninja, building a command that prints how it was called.
-tool cmake '[[ $1 == --build ]] || { mkdir -p $ROOT/build/$4; touch $ROOT/build/$4/build.ninja
-  printf "%s\n" "${5#-D}" "${6#-D}" | sed s/=/:BOOL=/ >$ROOT/build/$4/CMakeCache.txt; exit; }
+# Configuring leaves a build.ninja and a cache; building leaves a command that prints how it was called.
+tool cmake '[[ $1 != --fresh ]] || shift
+[[ $1 == --build ]] || { mkdir -p "$ROOT/build/$4"; touch "$ROOT/build/$4/build.ninja"
+  printf "%s\n" "${5#-D}" "${6#-D}" | sed s/=/:BOOL=/ >"$ROOT/build/$4/CMakeCache.txt"
+  echo "CMAKE_HOME_DIRECTORY:INTERNAL=$ROOT" >>"$ROOT/build/$4/CMakeCache.txt"; exit; }
 [[ ! -e $ROOT/broken ]] || { echo "a.cpp:1: error: broken"; exit 1; }
-mkdir -p $2/bin; name=tachless
-printf "#!/bin/sh\necho \"built command: \$*\"\ncase \$* in *--in-process*) exit 0 ;; esac\nexit 7\n" >$2/bin/$name; chmod +x $2/bin/$name'
+mkdir -p "$2/bin"; name=tachless
+printf "#!/bin/sh\necho \"built command: \$*\"\ncase \$* in *--in-process*) exit 0 ;; esac\nexit 7\n" >"$2/bin/$name"; chmod +x "$2/bin/$name"'
 
+ci=
 run() {  # ARGUMENTS…: sets code, output, calls
   export ROOT=$root CALLS=$work/calls
   : >"$CALLS"
   code=0
-  output=$(cd / && PATH=$tools:$PATH "$root/tachless" "$@" 2>&1 </dev/null) || code=$?
+  output=$(cd / && CI=$ci PATH=$tools:$PATH "$root/tachless" "$@" 2>&1 </dev/null) || code=$?
   calls=$(<"$CALLS")
 }
 fail() { echo "FAILED: $current: $1"; echo "$output"; failures=$((failures + 1)); }
@@ -51,6 +54,14 @@ touch -d '1 hour' "$root/core/page.css"; run info log; calls --build; calls_no -
 touch -d '-1 hour' "$root/core/page.css"; run info log; calls_no 'cmake -'
 touch -d '1 hour' "$root/core"; run info log; calls --build
 touch -d '-1 hour' "$root/core" "$root/core/"*
+case_of 'a clone that was copied or moved configures anew and never runs the other one'
+sed -i 's|^CMAKE_HOME_DIRECTORY.*|&/elsewhere|' "$root/build/release/CMakeCache.txt"
+run info log; exits 7; calls "cmake --fresh -S $root --preset release"; calls --build
+run info log; calls_no 'cmake -'
+case_of 'the version, in words that people type'
+for word in version -v; do run $word; prints 'built command: --version'; done
+case_of 'spy needs a display: said before anything is installed or built'
+DISPLAY='' run spy; exits 2; prints 'type: ./tachless watch'; calls_no dpkg-query
 case_of 'missing packages are installed and named'
 tool dpkg-query 'shift 2; for p in "$@"; do [ $p = iproute2 ] || echo -n "installed:$p "; done'
 tool apt-get 'case "$*" in *--assume-no*) echo "0 upgraded, 19 newly installed, 0 to remove"
@@ -78,7 +89,16 @@ case_of 'test: three builds, each its tests; the last line is the count'
 run test; exits 0; [[ $output == *$'\n75 passed, 0 failed' ]] || fail 'no count at the end'
 calls "$root/build/release --target slow_tests"; calls "$root/build/asan-ubsan --target fast_tests"
 calls "$root/build/tsan --target thread_tests"; calls '-L ^slow$'; calls '-L ^fast$'; calls '-L ^threads$'
-calls 'ip link set lo up'; calls_no '-LE'
+calls 'ip link set lo up'; calls_no '-LE'; prints 'building and testing take about 25 minutes'
+calls "cmake -S $root --preset release -DTACHLESS_TESTS=ON -DCMAKE_COMPILE_WARNING_AS_ERROR=OFF"
+case_of 'after test, run configures nothing; a warning is an error in continuous integration only'
+run info log; calls_no --preset; touch "$root/core"; run info log; calls_no --preset
+ci=true; run test; calls '-DCMAKE_COMPILE_WARNING_AS_ERROR=ON'; ci=
+run test; calls '-DCMAKE_COMPILE_WARNING_AS_ERROR=OFF'; run test; calls_no --preset
+case_of 'test: the search path has the tools of root'
+tool ctest '[[ $PATH == *:/usr/sbin* ]] && echo "100% tests passed, 0 tests failed out of 25"'
+run test; exits 0
+case_of 'test --all'
 run test --all; calls "$root/build/release --target all"; calls_no '-L ^slow$'
 case_of 'test of a selection is of one build'
 run test --label launch --preset asan-ubsan test_a test_b; exits 0; prints '25 passed, 0 failed'

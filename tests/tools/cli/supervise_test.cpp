@@ -305,7 +305,7 @@ TEST(SuperviseSeveral, LetsTheOthersGoOnWhenOneEndsByItself) {
     options.end_together = milliseconds(50);
     const auto ends = supervise(std::vector<Supervised>{
         {{shell("plant", "exit " + std::to_string(code))}, options},
-        {{shell("plant", "sleep 0.5; exit 0"), shell("logger", "sleep 0.5; exit 0")}, options}});
+        {{shell("plant", "sleep 0.5; exit 0"), shell("logger", "sleep 0.5; exit 0")}, {}}});
     EXPECT_EQ(static_cast<int>(exit_code(ends[0])), code);
     EXPECT_FALSE(ends[1].interrupted) << code;
     EXPECT_EQ(exit_code(ends[1]), base::ExitCode::done) << code;
@@ -369,6 +369,82 @@ TEST(Supervise, LeavesSignalsAsTheyWere) {
   sigprocmask(SIG_BLOCK, nullptr, &after);
   EXPECT_EQ(sigismember(&before, SIGINT), sigismember(&after, SIGINT));
   EXPECT_EQ(sigismember(&before, SIGCHLD), sigismember(&after, SIGCHLD));
+}
+
+// A driver whose read hangs: says that it starts its robot, is deaf, and stops it after `seconds`.
+Process blocked_driver(const std::string& seconds) {
+  Process driver = shell(
+      "plant", "trap '' INT TERM; printf s >/proc/self/fd/$TACHLESS_NOTICE_FD; echo up; sleep " +
+                   seconds + "; printf e >/proc/self/fd/$TACHLESS_NOTICE_FD; exit 5");
+  driver.drives_robot = true;
+  return driver;
+}
+
+TEST(Supervise, LetsADriverStopItsRobotHoweverLongThatTakes) {
+  SuperviseOptions options;
+  options.patience = milliseconds(100);
+  const Result result =
+      watch({blocked_driver("3"), shell("controller", "sleep 0.3; exit 3")}, {}, options);
+  EXPECT_EQ(result.supervision.ends[0].signal, 0);
+  EXPECT_EQ(result.supervision.ends[0].exit_code, 5);
+  EXPECT_TRUE(result.supervision.ends[0].robot_stopped);
+  EXPECT_EQ(exit_code(result.supervision), base::ExitCode::protective_stop);
+  EXPECT_THAT(result.lines.at("plant"), ::testing::Contains(HasSubstr("use the emergency stop")));
+}
+
+TEST(Supervise, KillsADriverThatHoldsItsRobotOnTheThirdSignalAlone) {
+  int sent = 0;
+  Clock::time_point last{};
+  const Result result = watch({blocked_driver("600")}, [&](const Result& so_far) {
+    if (!up(so_far, "plant") || sent == 3 || Clock::now() - last < milliseconds(500)) return;
+    last = Clock::now();
+    kill(getpid(), SIGINT);
+    ++sent;
+  });
+  EXPECT_EQ(sent, 3);
+  EXPECT_EQ(result.supervision.ends[0].signal, SIGKILL);
+  EXPECT_TRUE(result.supervision.ends[0].robot_started);
+  EXPECT_FALSE(result.supervision.ends[0].robot_stopped);
+}
+
+TEST(Supervise, AttendsToSignalsDuringAFloodThatNeverEnds) {
+  Process flood = shell("plant", "echo up; exec yes");
+  for (const bool relayed : {false, true}) {
+    flood.relayed = relayed;
+    SuperviseOptions options;
+    options.most_lines_per_s = 20;
+    bool sent = false;
+    const Result result = watch(
+        {flood},
+        [&](const Result& so_far) {
+          if (sent || !up(so_far, "plant") || so_far.lines.at("plant").size() < 20) return;
+          sent = true;
+          kill(getpid(), SIGINT);
+        },
+        options);
+    EXPECT_TRUE(result.supervision.interrupted);
+    EXPECT_EQ(result.supervision.ends[0].signal, SIGINT);
+    EXPECT_GT(result.supervision.ends[0].hidden_lines, 0);
+  }
+}
+
+TEST(Supervise, DoesNotMakeARelayedProcessWaitForThisOne) {
+  const TemporaryDirectory directory;
+  Process chatty = shell("plant", "yes | head -c 4000000; touch " + (directory / "done").string() +
+                                      "; echo '<error> the end'");
+  chatty.relayed = true;
+  bool first = true;
+  const Result result = watch({chatty}, [&](const Result&) {
+    if (!std::exchange(first, false)) return;
+    while (!std::filesystem::exists(directory / "done")) usleep(1000);  // nobody reads
+  });
+  EXPECT_GT(result.supervision.ends[0].dropped_bytes, 0);
+  EXPECT_EQ(result.supervision.ends[0].cause, "the end");
+}
+
+TEST(Supervise, TakesAUsersExitCodeOfOneForALostPeer) {
+  const Result result = watch({shell("plant", "sleep 0.1; exit 5"), shell("controller", "exit 1")});
+  EXPECT_EQ(exit_code(result.supervision), base::ExitCode::protective_stop);
 }
 
 }  // namespace

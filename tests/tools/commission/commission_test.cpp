@@ -1,5 +1,5 @@
-// Many arms with hidden conventions: what commission says of them is right or "not determined", and
-// none moves further or faster than it may.
+// Many arms with hidden conventions. The findings of commission are right or "not determined", and
+// no arm moves further or faster than allowed.
 
 #include "commission/commission.h"
 
@@ -25,11 +25,11 @@ namespace {
 
 using testing::HasSubstr;
 
-/// What no scenario says of an arm's drives.
+/// Properties of an arm's drives that no scenario states.
 struct DriveFaults {
-  Vector scale;          ///< torque that acts per torque sent
-  int torque_delay = 0;  ///< [ticks] until what is sent acts
-  bool zeroes = false;   ///< where nothing is sent
+  Vector scale;          ///< acting torque over sent torque
+  int torque_delay = 0;  ///< until a sent torque acts [ticks]
+  bool zeroes = false;   ///< zero torque without a command; otherwise the last one is held
   bool is_clock = false;
 };
 
@@ -59,14 +59,14 @@ class FaultyArm final : public EmulatedArm {
  private:
   DriveFaults faults_;
   Vector first_, last_;
-  std::deque<Vector> sent_;  ///< that does not act yet
+  std::deque<Vector> sent_;  ///< torques that do not act yet
 
  public:
-  /// Furthest from the start of all [rad; m], and speed.
+  /// Largest deflection from the start [rad; m], and largest speed.
   Vector moved = Vector::Zero(first_.size()), fastest = moved;
 };
 
-/// Its ticks are those of the arm.
+/// An arm whose ticks are the clock of the run.
 class ClockedArm final : public plant::ClockDriver {
  public:
   ClockedArm(FaultyArm& arm, double period_s) : arm_(arm), period_s_(period_s) {}
@@ -94,7 +94,7 @@ class ClockedArm final : public plant::ClockDriver {
   std::int64_t ticks_ = 0;
 };
 
-/// An arm as it is, and the scenario of somebody who knows nothing of that.
+/// An arm, and the scenario of somebody who does not know its conventions.
 struct Hidden {
   scenario::Scenario claimed, truth;
   DriveFaults more;
@@ -106,7 +106,7 @@ struct ArmKind {
   const char* scenario;
   std::vector<double> posture;
   std::vector<double> rotor;     ///< [kg m^2]
-  std::vector<double> friction;  ///< dry [N m]
+  std::vector<double> friction;  ///< dry friction [N m]
   std::string torque_limit;
   int bits;
 };
@@ -174,11 +174,12 @@ Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild)
           {scale, delay - of_reading, flip(0.5), flip(0.5)}};
 }
 
-/// How often each thing was told.
+/// Counts of the findings.
 struct Tally {
   int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0,
       scales = 0, unsent = 0;
-  double farthest = 0, fastest = 0, scale = 0;  ///< the last one's largest error
+  /// Largest deflection [rad; m], speed over its limit, and error of scale.
+  double farthest = 0, fastest = 0, scale = 0;
 
   void check(const Hidden& arm, const std::string& what) {
     SCOPED_TRACE(what);
@@ -248,7 +249,7 @@ struct Tally {
   }
 };
 
-/// Speeds are then those of its own time, however fast this machine is.
+/// The arm's time does not depend on this machine's speed, so the arm's speeds do not either.
 TEST(EmulatedArm, TellsTheTimeOfItsTicks) {
   EmulatedArm arm(scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml"));
   const double before_s = arm.read().time_s;
@@ -259,7 +260,7 @@ TEST(EmulatedArm, TellsTheTimeOfItsTicks) {
   }
 }
 
-/// The trap of an arm that adds gravity while the scenario says nothing.
+/// The arm adds gravity while the scenario states that it adds nothing.
 TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
   std::vector<std::string> says = {
       "plant.mechanics=native", "plant.initial.position_rad=[0.25, 0.2]",
@@ -276,7 +277,7 @@ TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
   EXPECT_TRUE(found.mendable);
 }
 
-/// TACHLESS_COMMISSION_ARMS=N tries N arms.
+/// TACHLESS_COMMISSION_ARMS=N tests N arms.
 TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
   const char* many = std::getenv("TACHLESS_COMMISSION_ARMS");
   std::mt19937 random(5);
@@ -293,11 +294,12 @@ TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
       "{:.3g}; moved {:.3g} rad, {:.3g} of the speed limit\n",
       tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.unsent,
       tally.signs, tally.scales, tally.joints, tally.scale, tally.farthest, tally.fastest);
-  // Of 40 arms 40, 34 and 109 are told; what the motion does not show stays untold.
+  // With 40 arms, gravity is determined for 40, delay for 34 and scale for 109 joints. Properties
+  // that the motion does not show stay undetermined.
   EXPECT_GE(tally.gravity, 0.9 * tally.arms);
   EXPECT_GE(tally.delay, 0.7 * tally.arms);
   EXPECT_GE(tally.scales, 0.7 * tally.joints);
-  EXPECT_LT(tally.scale, 0.1);  // with friction that hides up to 6 % of what moves a joint
+  EXPECT_LT(tally.scale, 0.1);  // friction may hide up to 6 % of the torque that moves a joint
 }
 
 }  // namespace

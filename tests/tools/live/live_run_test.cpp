@@ -83,6 +83,24 @@ TEST(LiveRun, HasMeasuredPositionsAndCommandsWhereThereIsNoTruth) {
   EXPECT_TRUE(curves.contains("q"));
 }
 
+TEST(LiveRun, KeepsABoundedNumberOfEvents) {
+  const RecordedRun run = logger::short_rigid_run();
+  Played played;
+  played.say_all(run);
+  played.live.stretch();
+  const Vector zero = Vector::Zero(2);
+  auto references = messages::port<messages::ReferencePoint>("ARM", messages::layout(2, false));
+  for (int i = 0; i < 1000; ++i) {
+    const messages::ReferencePoint point{zero, zero, zero, zero, zero, "kp=" + std::to_string(i)};
+    const auto bytes = references.codec.encode({0, run.run, 40 + i}, point);
+    played.say({0, references.channel,
+                std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())});
+  }
+  const json events = json::parse(played.live.stretch())["events"];
+  ASSERT_EQ(events.size(), 17U);
+  EXPECT_EQ(events.back(), "and 984 more");
+}
+
 TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   RecordedRun run = logger::short_rigid_run();
   Played played;

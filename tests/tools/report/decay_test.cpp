@@ -30,7 +30,7 @@ TEST(Decay, SeesThroughASwingToTheEnvelope) {
   const auto decay = fit_decay(sampled(
       [](double t) { return 0.3 * std::exp(-4 * t) * std::cos(2 * std::numbers::pi * 10 * t); }));
   ASSERT_TRUE(decay);
-  // The envelope is a staircase with a step each 0.05 s, over some 2 s.
+  // The envelope is a staircase with a step every 0.05 s, over about 2 s.
   EXPECT_NEAR(decay->rate_per_s, 4, 0.1);
 }
 
@@ -42,7 +42,7 @@ TEST(Decay, EndsWhereAPlateauBegins) {
   }));
   ASSERT_TRUE(decay);
   EXPECT_NEAR(decay->rate_per_s, 30, 1.5);
-  // 0.3 exp(-30 t) meets 2e-4 at 0.24 s.
+  // 0.3 exp(-30 t) reaches 2e-4 at 0.24 s.
   EXPECT_NEAR(decay->to_s, 0.24, 0.05);
 }
 

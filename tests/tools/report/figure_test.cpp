@@ -1,4 +1,4 @@
-// Charts as data, and the SVG that is made of them.
+// Charts as data, and their SVG.
 
 #include "report/figure.h"
 
@@ -60,14 +60,14 @@ TEST(Figure, EscapesEveryText) {
   const std::string svg = inline_svg({evil, {chart}}, evil).markup();
   EXPECT_THAT(svg, AllOf(Not(HasSubstr("<script")), Not(HasSubstr("]]>")), Not(HasSubstr("\x01")),
                          Not(HasSubstr("\xff"))));
-  // Nothing but our own elements, and every attribute in quotes.
+  // The SVG has this program's elements only, and every attribute is quoted.
   static const std::regex element("<(/?[a-z]+)((?: [a-z0-9A-Z-]+=\"[^\"<>]*\")*)(/?)>");
   const std::string rest = std::regex_replace(svg, element, "");
   EXPECT_THAT(rest, AllOf(Not(HasSubstr("<")), Not(HasSubstr(">"))));
   EXPECT_GE(count(svg, "&lt;script&gt;"), 12U);
 }
 
-/// Pixels and ticks of both axes are numbers, whatever the values are.
+/// Expects that pixels and ticks of both axes are numbers for any values.
 void expect_sensible(const Chart& chart) {
   const std::string svg = drawn({"", {chart}});
   EXPECT_THAT(svg, AllOf(Not(HasSubstr("nan")), Not(HasSubstr("inf")), Not(HasSubstr("e+"))));
@@ -82,8 +82,8 @@ void expect_sensible(const Chart& chart) {
   }
 }
 
-// A signal that decays ends in denormal numbers, and a joint that never moves has one value: ranges
-// for which gnuplot refused to draw, so that a run without a fault ended with code 2.
+// A decaying signal ends in denormal numbers, and a joint that never moves has one value. gnuplot
+// refused to draw such ranges, and a run without a fault ended with code 2.
 TEST(Figure, DrawsWhateverTheValuesAre) {
   constexpr double denormal = std::numeric_limits<double>::denorm_min();
   constexpr double inf = INFINITY;
@@ -148,7 +148,8 @@ TEST(Figure, StandsInRowsAndColumns) {
   const Chart narrow = of({0, 1});
   const std::string six = drawn({"six", {narrow, narrow, narrow, narrow, narrow, wide}, 2});
   EXPECT_EQ(count(six, "overflow=\"hidden\""), 6U);
-  // Columns share the time axis at their foot: below the fourth, the fifth and the wide one.
+  // Columns share the time axis at their foot, so it stands below the fourth, the fifth and the
+  // wide chart.
   EXPECT_EQ(count(six, "time [s]"), 4U) << "below the second row, the third and the last";
   Figure shared{"", {narrow, narrow}, 2, 900, true};
   EXPECT_EQ(count(drawn(shared), ">link<"), 1U);

@@ -1,6 +1,6 @@
-// The report in a real browser, Chromium without a window: charts and robot are drawn and follow
-// one cursor, no text of a log acts as markup or script, and the console stays empty. A picture
-// stays in the build directory's artefacts/report.
+// The report in a real browser, Chromium without a window. Charts and robot are drawn and follow
+// one cursor. No text of a log acts as markup or script, and the console stays empty. A picture is
+// saved in the build directory's artefacts/report.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -26,14 +26,14 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 struct Browsed {
-  std::string output;   ///< of the script
-  std::string console;  ///< lines of the page
+  std::string output;   ///< output of the script
+  std::string console;  ///< console lines of the page
 };
 
 class Page : public ::testing::Test {
  protected:
-  /// What `script` (JavaScript; page: the window of the report, say: prints) prints about the page,
-  /// in a frame of that width.
+  /// Returns what `script` prints about the page, in a frame of that width. In the JavaScript, page
+  /// is the report's window and say() prints.
   Browsed tried(const fs::path& page, const std::string& script, int width = 1280) {
     const fs::path frame = page.parent_path() / "tried.html";
     std::ofstream(frame) << R"(<!DOCTYPE html><title>frame</title><style>body{margin:0}</style>
@@ -52,7 +52,8 @@ document.querySelector('iframe').onload = (event) => {
     return {dom.substr(begin + 5, end - begin - 5), console_};
   }
 
-  /// @return standard output; the page's lines are then in `console_`
+  /// Runs Chromium and puts the page's console lines into `console_`.
+  /// @return standard output
   std::string chromium(std::vector<std::string> options, const fs::path& page) {
     const fs::path out = directory_ / "out", err = directory_ / "err";
     std::string command =
@@ -68,7 +69,7 @@ document.querySelector('iframe').onload = (event) => {
     console_.clear();
     std::ifstream lines(err);
     for (std::string line; std::getline(lines, line);) {
-      // The browser itself remarks on a host without a network or a GPU.
+      // The browser itself reports a host without a network or a GPU.
       const bool remark = line.find("Slow network is detected") != std::string::npos ||
                           line.find("GL Driver Message") != std::string::npos;
       if (line.find("CONSOLE") != std::string::npos && !remark) console_ += line + "\n";
@@ -90,14 +91,14 @@ document.querySelector('iframe').onload = (event) => {
   std::string console_;
 };
 
-/// The number after `name` in `text`.
+/// Returns the number after `name` in `text`.
 double number_after(const std::string& text, const std::string& name) {
   const std::size_t at = text.find(name + " ");
   return at == std::string::npos ? NAN : std::strtod(text.c_str() + at + name.size(), nullptr);
 }
 
-// A chart has a canvas with a coloured point in it, a drawing has a path; nothing is wider than the
-// page.
+// A chart has a canvas with a coloured point in it, and a drawing has a path. Nothing is wider than
+// the page.
 constexpr const char* look = R"(
   const figures = [...page.document.querySelectorAll('figure[id]')];
   const painted = canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
@@ -122,7 +123,8 @@ TEST_F(Page, DrawsChartsAndRobotOnDesktopAndPhone) {
   for (const int width : {1280, 390}) {
     const Browsed browsed = tried(page, look, width);
     EXPECT_EQ(browsed.console, "");
-    // Two joints' tracking, error, torque, controller signals; V; round trip; saturation.
+    // The charts: two joints' tracking, error, torque, controller signals; V; round trip;
+    // saturation.
     EXPECT_EQ(browsed.output, "figures 11, seen 11, robot true, overflow 0; ") << width;
   }
   const fs::path artefacts = fs::path(TACHLESS_BINARY_DIR) / "artefacts" / "report";
@@ -172,7 +174,7 @@ TEST_F(Page, MovesTheRobotWithTheCursor) {
   SCOPED_TRACE(browsed.output);
   EXPECT_EQ(browsed.console, "");
   EXPECT_NEAR(number_after(browsed.output, "time"), 1.0 / 3, 0.01) << "a pixel is 2 ms";
-  // Tick 50 is in the page as a 32-bit float: the robot is where our kinematics have it.
+  // Tick 50 is in the page as a 32-bit float. The robot is where this program's kinematics put it.
   const auto ticks = runs[0].tracking.joints()[0].q.points();
   ASSERT_EQ(ticks[50].x, 0.05);
   const Vector q =
@@ -192,7 +194,8 @@ TEST_F(Page, ShowsWildNumbersAndRobotsSideBySide) {
   int truths = 0;
   for (logger::Recorded& message : messages) {
     if (message.channel != "ARM_TRUTH") continue;
-    // The first joint's position, after fingerprint, stamps and counts: about 1e301, and infinity.
+    // The first joint's position follows fingerprint, stamps and counts. It becomes about 1e301,
+    // then infinity.
     if (truths == 100) message.data.replace(40, 2, "\x7e\x77");
     if (truths == 200) message.data.replace(40, 8, std::string("\x7f\xf0\0\0\0\0\0\0", 8));
     ++truths;
@@ -239,7 +242,7 @@ constexpr std::array<std::array<int, 3>, 12> triangles = {{{0, 1, 3},
                                                            {1, 5, 7},
                                                            {1, 7, 3}}};
 
-/// Boxes as binary STL without normals, as OBJ, and as Collada in centimetres.
+/// Writes boxes as binary STL without normals, as OBJ, and as Collada in centimetres.
 void write_meshes(const fs::path& folder) {
   std::string stl(84, '\0'), obj, points, sides;
   stl[80] = 12;
@@ -303,14 +306,14 @@ TEST_F(Page, ShowsTheVisualsOfTheUrdf) {
   }));
 )");
   EXPECT_THAT(browsed.console, HasSubstr("not_there.stl is not drawn"));
-  // The colour 0.65 is 165.75, and three.js cuts it off. By body: link1; link2 and its tip; the
-  // rotor's cylinder of the mechanics; the belt disc.
+  // The colour 0.65 is 165.75, and three.js truncates it. The bodies are link1; link2 and its tip;
+  // the rotor's cylinder of the mechanics; the belt disc.
   EXPECT_THAT(browsed.output, HasSubstr("0: -0.05 -0.05 -1.00 0.05 0.05 0.00 #2659a5; 1: "));
   EXPECT_THAT(browsed.output, HasSubstr("1: -0.10 -0.10 -1.10 0.10 0.10 -0.90 #"));
   EXPECT_THAT(browsed.output, HasSubstr("3: -0.05 -0.15 -0.35 0.05 -0.05 0.25 #"));
 }
 
-// Every text of a run that reaches the page.
+// This covers every text of a run that reaches the page.
 TEST_F(Page, RunsNothingThatALogSays) {
   const std::string evil =
       "</script><script>window.hit=1</script><img src=x onerror=window.hit=1>"

@@ -44,7 +44,7 @@ class Report : public ::testing::Test {
   RecordedRun run(const std::string& directory, const std::vector<Recorded>& messages) {
     return read_recorded_run(write_log(directory, messages));
   }
-  /// The gains of the ticks [from, to).
+  /// Sets the gains of the ticks [from, to).
   static void set_gains(std::vector<Recorded>& messages, std::size_t from, std::size_t to) {
     messages::Codec<messages::ReferencePoint> codec(messages::layout(2, false));
     for (std::size_t tick = from; tick < to; ++tick) {
@@ -89,7 +89,7 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   EXPECT_EQ(count(page, "class=\"live"), 10U) << "those over time, and a paragraph about them";
   EXPECT_EQ(count(page, "<svg role=\"img\""), 4U) << "histograms, and what stands in for scripts";
   EXPECT_EQ(count(page, "<noscript><figure"), 1U);
-  // The browser fetches nothing, and outside of the scripts nothing would have it do so.
+  // The browser fetches nothing. Nothing outside the scripts would make it fetch either.
   EXPECT_THAT(page, HasSubstr("content=\"default-src 'none'; script-src 'unsafe-inline'; "
                               "style-src 'unsafe-inline'; img-src data:\""));
   const std::string still = page.substr(0, page.find("<script"));
@@ -99,7 +99,7 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
                           HasSubstr("kp: [40000, 2400]"), HasSubstr("resolution_bits: 20")))
       << "the scenario is on the page";
   EXPECT_THAT(page, HasSubstr("No torque saturated, no command was missed"));
-  // An id occurs once.
+  // Every id occurs once.
   static const std::regex id(" id=['\"]([^'\"]+)['\"]");
   std::set<std::string> ids;
   for (std::sregex_iterator match(page.begin(), page.end(), id), end; match != end; ++match) {
@@ -107,7 +107,7 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   }
 }
 
-/// Torques that act are 1.2 of those applied: the model's are that much more.
+/// The acting torques are 1.2 times the applied ones, and so are the model's.
 TEST_F(Report, ShowsTheTorqueOfTheModelBesideThatApplied) {
   const auto run_with = [&](const std::string& name, const std::string& scale) {
     return run(name, support::in_process_log(
@@ -125,7 +125,7 @@ TEST_F(Report, ShowsTheTorqueOfTheModelBesideThatApplied) {
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_LT(exact.model_torque[i].error, 0.01);
     EXPECT_GT(more.model_torque[i].error, 0.05);
-    // What the filter does to counts and the start is the rest.
+    // The filter's effect on counts and on the start causes the difference.
     EXPECT_NEAR(peak(more.model_torque[i].model) / peak(more.model_torque[i].applied), 1.2, 0.02);
   }
   const std::string page = page_of({more});
@@ -188,22 +188,35 @@ TEST_F(Report, TakesSaturationAsAShareOfAllTicksOfTheLog) {
     return static_cast<double>(recorded.saturated[joint].count) / 2;
   };
   ASSERT_GT(percent(0), 0);
-  // The same division by 200, in another order.
+  // Both divide by 200, in another order.
   EXPECT_NEAR(recorded.verdict.saturated_share, std::max(percent(0), percent(1)) / 100, 1e-12);
   EXPECT_THAT(results_table({recorded}).markup(),
               HasSubstr(number(fmt::format("{:.3g}", percent(0))).markup() + " %</td>"));
 }
 
-TEST_F(Report, OfALogThatEndsEarlyJudgesARunThatIsKnownToHaveEndedWell) {
+TEST_F(Report, LearnsFromTheLogAloneHowTheRunEnded) {
   auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.2"));
   messages.resize(1 + 6 * 150);
   const auto log = write_log("a", messages);
-  EXPECT_EQ(read_recorded_run(log).verdict.reason, "ended after 150 of 200 ticks");
-  EXPECT_FALSE(bad(read_recorded_run(log, {}, {}, true).verdict.outcome));
-  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": null})";
-  EXPECT_FALSE(bad(read_recorded_run(log).verdict.outcome));
-  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": "it fell"})";
-  EXPECT_TRUE(bad(read_recorded_run(log).verdict.outcome));
+  const auto expect_stopped = [&] {
+    const RecordedRun recorded = read_recorded_run(log);
+    EXPECT_EQ(recorded.verdict.outcome, study::Outcome::stopped);
+    EXPECT_EQ(recorded.verdict.reason, "the log ends after 150 of 200 ticks and does not say why");
+    EXPECT_THAT(page_of({recorded}), HasSubstr("does not say why"));
+  };
+  expect_stopped();
+  std::ofstream(log.parent_path() / "summary.json")
+      << R"({"run_id": 7, "fault": null, "verdict": "converged: well"})";
+  expect_stopped();
+
+  logger::RecordedRun of_the_plant;
+  of_the_plant.info.robot = "ARM";
+  of_the_plant.run = 7;
+  messages.push_back(logger::finished_message(of_the_plant));
+  const auto finished = write_log("b", messages);
+  EXPECT_FALSE(bad(read_recorded_run(finished).verdict.outcome));
+  std::ofstream(finished.parent_path() / "summary.json") << R"({"run_id": 7, "fault": "it fell"})";
+  EXPECT_FALSE(bad(read_recorded_run(finished).verdict.outcome));
 }
 
 TEST_F(Report, OfALogWithAllTicksAndAFaultSaysThatItWasStopped) {
@@ -215,8 +228,6 @@ TEST_F(Report, OfALogWithAllTicksAndAFaultSaysThatItWasStopped) {
   const auto log = write_log("a", messages);
   EXPECT_EQ(read_recorded_run(log).verdict.outcome, study::Outcome::stopped);
   EXPECT_EQ(read_recorded_run(log).verdict.reason, "protective stop");
-  std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "fault": null})";
-  EXPECT_FALSE(bad(read_recorded_run(log).verdict.outcome));
 }
 
 TEST_F(Report, PlacesAFaultAtTheLastTickThatAMessageCanName) {
@@ -240,6 +251,42 @@ TEST(Visuals, HaveTheMeshesAndNoOtherFiles) {
       directory.path());
   EXPECT_THAT(visuals.meshes, ElementsAre(std::pair("arm.stl", base64("arm.stl")),
                                           std::pair("hand.obj", base64("hand.obj"))));
+}
+
+TEST(Visuals, FollowNoLinkThatLeadsOutOfTheFolder) {
+  const TemporaryDirectory directory;
+  std::filesystem::create_directory(directory / "robot");
+  std::ofstream(directory / "secret.stl") << "secret";
+  std::ofstream(directory / "robot" / "arm.stl") << "arm";
+  std::filesystem::create_symlink(directory.path() / "secret.stl", directory / "robot" / "out.stl");
+  std::filesystem::create_symlink("arm.stl", directory / "robot" / "in.stl");
+  const Visuals visuals =
+      read_visuals("<visual><mesh filename=\"out.stl\"/><mesh filename=\"in.stl\"/></visual>",
+                   directory.path() / "robot");
+  EXPECT_THAT(visuals.meshes, ElementsAre(std::pair("in.stl", base64("arm"))));
+}
+
+TEST(Visuals, HaveABoundedNumberOfFaces) {
+  const TemporaryDirectory directory;
+  const auto repeated = [](std::string_view part, int times) {
+    std::string text;
+    for (int i = 0; i < times; ++i) text += part;
+    return text;
+  };
+  constexpr int many = 600'000;
+  std::ofstream(directory / "triangles.obj") << repeated("f 1 2 3\n", many);
+  std::ofstream(directory / "polygon.obj") << "f" << repeated(" 1", many);
+  std::ofstream(directory / "continued.obj") << "f" << repeated(" 1\\\n", many);
+  std::ofstream(directory / "list.dae") << "<p>" << repeated("1 2 3 ", many) << "</p>";
+  std::ofstream(directory / "named.dae") << "<p id=\"x\">" << repeated("1 2 3 ", many) << "</p>";
+  std::ofstream(directory / "small.obj") << repeated("v 1 2 3\n", 100'000) << "f 1 2 3\n";
+  std::string urdf = "<visual>";
+  for (const char* name :
+       {"triangles.obj", "polygon.obj", "continued.obj", "list.dae", "named.dae", "small.obj"}) {
+    urdf += std::string("<mesh filename=\"") + name + "\"/>";
+  }
+  const Visuals visuals = read_visuals(urdf + "</visual>", directory.path());
+  EXPECT_THAT(visuals.meshes, ElementsAre(testing::Key("small.obj")));
 }
 
 TEST_F(Report, MarksWhatDiffersBetweenScenarios) {
@@ -273,7 +320,7 @@ TEST_F(Report, MatchesJointsByNameAndTellsOfOtherRobots) {
   label(runs);
   const std::vector<ReportSection> sections = report_sections(Overlay(runs));
   ASSERT_EQ(sections[0].charts.size(), 3U);
-  // Which is joint 2 of one, joint 1 of the other.
+  // The elbow is joint 2 of one run and joint 1 of the other.
   EXPECT_EQ(sections[0].charts[1].heading, "elbow");
   std::vector<std::pair<std::size_t, double>> last;  // run, last torque, of the elbow
   for (const Curve& curve : sections[2].charts[1].curves) {
@@ -304,7 +351,8 @@ TEST_F(Report, NamesTheLawsSignals) {
 TEST_F(Report, GivesTheRateThatTheLinearisedLoopHas) {
   const RecordedRun recorded =
       run("a", support::in_process_log(support::shortened("practical_rigid.yaml", "1.0")));
-  // The slowest mode of the linearised loop decays with 37.0 1/s; joints and staircase smear it.
+  // The slowest mode of the linearised loop decays with 37.0 1/s. The joints and the staircase
+  // envelope smear it.
   for (const auto& decay : recorded.decay) {
     ASSERT_TRUE(decay);
     EXPECT_NEAR(decay->rate_per_s, 37.0, 2.0);
@@ -353,7 +401,7 @@ TEST_F(Report, IsMadeOfARunWhoseReferenceIsATableThatTheLogDoesNotHold) {
   std::filesystem::remove(table);
   const RecordedRun found = run("a", messages);
   EXPECT_EQ(found.verdict.word(), "converged") << found.verdict.reason;
-  EXPECT_EQ(found.verdict.stiffness, 0);  // not known
+  EXPECT_EQ(found.verdict.stiffness, 0);  // unknown stiffness
   EXPECT_THAT(page_of({found}), HasSubstr("two.csv"));
 }
 
@@ -365,12 +413,12 @@ TEST_F(Report, NamesAChangeOfGains) {
                     HasSubstr("No torque saturated, no command was missed")));
 }
 
-/// The bound is of a run from its start under one law.
+/// The bound holds for a run under one law from its start.
 TEST_F(Report, HoldsVToNoBoundOnceTheGainsWereOthers) {
   auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
   const double V0 = run("alone", messages).lyapunov.points().front().y;
   const auto violated = [&](const std::string& name) {
-    // It begins far above V and falls below it within 8 ms, in which V falls by exp(-0.6).
+    // The bound begins far above V and falls below it within 8 ms, while V falls by exp(-0.6).
     lyapunov::CertifiedRun steep;
     steep.V0 = 1e3 * V0;
     steep.level = V0;
@@ -430,7 +478,7 @@ TEST_F(Report, GivesItsScriptsEveryTickOfAShortRun) {
   for (const auto& chart : data["charts"]) names.push_back(chart["name"]);
   EXPECT_THAT(names, ElementsAre("tracking-1", "tracking-2", "error-1", "error-2", "torque-1",
                                  "torque-2", "controller-1", "controller-2", "lyapunov-v"));
-  // 1,000 ticks of two 32-bit floats: 8,000 bytes, 4 letters for 3 of them.
+  // 1,000 ticks of two 32-bit floats are 8,000 bytes; base64 writes 3 bytes as 4 letters.
   const auto& curve = data["charts"][0]["curves"][0];
   EXPECT_EQ(curve["signal"], "q");
   EXPECT_EQ(curve["points"].get<std::string>().size(), 10'668U);

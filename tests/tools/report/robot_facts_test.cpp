@@ -20,11 +20,11 @@ using ::testing::Not;
 TEST(RobotFacts, AreThoseOfTheClosedForm) {
   const RobotFacts facts(robot::testing::two_link(), {0.5, -1});
   const robot::testing::TwoLinkClosedForm arm;
-  // Two ways through some twenty operations on numbers up to 100.
+  // Two ways of computing, with some twenty operations on numbers up to 100.
   EXPECT_LT((facts.gravity_torque - arm.g<double>(facts.q)).norm(), 1e-12);
   EXPECT_LT((facts.inertia - arm.M<double>(facts.q)).norm(), 1e-13);
   EXPECT_NEAR(facts.mass_kg, 11.8 + 1.7 + 5 + 1.2, 1e-14);
-  // Largest over smallest root of x^2 - (a + d) x + (a d - b^2).
+  // Ratio of the largest to the smallest root of x^2 - (a + d) x + (a d - b^2).
   const auto& M = facts.inertia;
   const double half = (M(0, 0) + M(1, 1)) / 2;
   const double root = std::sqrt(half * half - M.determinant());
@@ -53,7 +53,7 @@ TEST(RobotFacts, AreWrittenForPeopleAndPrograms) {
   std::vector<std::string> keys;
   for (const auto& [key, value] : json.items()) keys.push_back(key);
   EXPECT_THAT(keys, ElementsAre("joints", "bodies", "mass_kg", "position", "inertia_matrix",
-                                "gravity_torque", "condition_number", "warnings"));
+                                "gravity_torque", "condition_number", "sources", "warnings"));
   EXPECT_EQ(json["joints"][1]["type"], "prismatic");
   EXPECT_EQ(json["joints"][1]["upper"], 0.4);
   EXPECT_TRUE(json["joints"][1]["effort"].is_null());

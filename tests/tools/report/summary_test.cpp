@@ -91,7 +91,8 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
                   "rejected", "missed_deadlines", "longest_miss", "missed_commands",
                   "longest_command_miss", "late_commands", "skipped_ticks", "wake_up_jitter_us",
                   "command_age_us", "saturated_ticks", "beyond_limit_ticks", "robot_is_clock",
-                  "log", "outcome", "verdict", "fault"));
+                  "log", "robot_stopped", "dropped_output_bytes", "hidden_output_lines", "outcome",
+                  "verdict", "fault"));
 }
 
 // In one process what a tick costs is not counted, as it is not where the robot is the clock.

@@ -31,7 +31,7 @@ SweepPlan plan_of(const std::vector<std::string>& axes, const std::string& file 
   return plan;
 }
 
-/// Rows as if run: every measure is 1 + the case's number.
+/// Returns rows as if run: every measure is 1 plus the case's number.
 std::vector<SweepRow> rows_of(const SweepPlan& plan) {
   std::vector<SweepRow> rows;
   for (std::int64_t i = 0; i < plan.num_cases(); ++i) {
@@ -87,7 +87,7 @@ TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
     return std::vector<study::Point>();
   };
   using Points = std::vector<study::Point>;
-  // The list's first value and its second, of the first law and of the second.
+  // The lines for the list's first and second value, of the first law and of the second.
   EXPECT_EQ(line(0, plan.laws[0].name), (Points{{12, 1}, {14, 3}, {16, 5}}));
   EXPECT_EQ(line(1, plan.laws[0].name), (Points{{12, 2}, {14, 4}, {16, 6}}));
   EXPECT_EQ(line(1, "wen_bayard"), (Points{{12, 8}, {14, 10}, {16, 12}}));
@@ -97,7 +97,7 @@ TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
 TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   const SweepPlan plan = plan_of({bits});
   std::vector<SweepRow> rows = rows_of(plan);
-  rows[1].outcome = study::Outcome::limit_cycle;
+  rows[1].outcome = study::Outcome::oscillates;
   rows[2].outcome = study::Outcome::stopped;
   rows[2].measures.assign(rows[2].measures.size(), 1e9);  // no value to scale an axis by
   const Chart chart = curves_figure(plan, rows, {1}).charts.at(0);
@@ -116,7 +116,7 @@ TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   EXPECT_GT(broken.y, 2);
   EXPECT_LT(broken.y, chart.y_range->second);
   EXPECT_LT(chart.y_range->second, 10);
-  EXPECT_EQ(chart.curves.back().label.text, "diverging, outside, stopped");
+  EXPECT_EQ(chart.curves.back().label.text, "diverging, stopped");
 }
 
 TEST_F(SweepPage, DrawsCurvesOfSeveralMeasures) {

@@ -14,15 +14,16 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "base/child.h"
+#include "base/clock.h"
 #include "base/file_text.h"
 #include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
 #include "base/this_process.h"
-#include "base/time.h"
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
@@ -43,23 +44,24 @@ using base::Clock;
 using base::ExitCode;
 using Json = nlohmann::ordered_json;
 
-/// @param summary of a run in realtime  @param loop what is predicted of it
+/// Compares the commands that a run in realtime missed with those that its loop tolerates.
 Finding judge_timing(const Json& summary, const certify::Prediction& loop,
                      const std::string& scenario) {
   const auto missed = summary.at("missed_commands").get<std::int64_t>();
   const auto row = summary.at("longest_command_miss").get<std::int64_t>();
+  const Json& age = summary.at("command_age_us").at("max");  // null if no command came
   const std::string seen = fmt::format(
-      "{} of {} commands missed, at most {} in a row; the slowest came {:g} us after its "
-      "measurement",
-      missed, summary.at("ticks").get<std::int64_t>(), row,
-      summary.at("command_age_us").at("max").get<double>());
-  if (!loop.missed) return {"timing", seen + "; what the loop bears is not known"};
+      "{} of {} commands missed, at most {} in a row; {}", missed,
+      summary.at("ticks").get<std::int64_t>(), row,
+      age.is_number()
+          ? fmt::format("the slowest came {:g} us after its measurement", age.get<double>())
+          : "no command came");
+  if (!loop.missed) {
+    return {"timing", seen + "; it is not known how many missed commands the loop tolerates"};
+  }
   const std::string what = fmt::format("{}; {}", seen, certify::missed_text(*loop.missed));
   if (row <= loop.missed->commands) return {"timing", what};
-  return {"timing", what,
-          fmt::format("tachless certify {} --full; softer gains bear more, real-time rights "
-                      "(docs/realtime.md) miss less",
-                      scenario)};
+  return {"timing", what, fmt::format("tachless certify {} --full", scenario)};
 }
 
 struct Doctor {
@@ -73,7 +75,7 @@ struct Doctor {
     CLI::Option* const given = session::with_installed_scenarios(command.add_option(
         "--scenario", scenario,
         "Run this scenario in realtime, in a private network, and compare the commands it misses "
-        "with those that its loop bears"));
+        "with those that its loop tolerates"));
     command.add_option("--seconds", seconds, "Length of that run")
         ->check(CLI::Range(1.0, 3600.0))
         ->capture_default_str()
@@ -85,21 +87,26 @@ struct Doctor {
     std::vector<Finding> findings = examine(lcm_url, ".");
     if (!scenario.empty()) findings.push_back(timing());
     Json list = Json::array();
-    for (const auto& [subject, what, remedy] : findings) {
+    for (const auto& [subject, what, remedy, warns] : findings) {
       list.push_back({{"subject", subject},
                       {"ok", !remedy},
+                      {"warns", warns},
                       {"what", what},
                       {"remedy", remedy ? Json(*remedy) : Json()}});
       if (json) continue;
-      std::cout << fmt::format("{:<4} {:<20}{}\n", remedy ? "--" : "ok", subject, what);
-      if (remedy) std::cout << "     type: " << *remedy << "\n";
+      std::cout << fmt::format("{:<5} {:<20}{}\n",
+                               remedy  ? "fail"
+                               : warns ? "warn"
+                                       : "ok",
+                               subject, what);
+      if (remedy) std::cout << "      type: " << *remedy << "\n";
     }
     if (json) std::cout << base::json_text(list, 2) << "\n";
     return std::ranges::all_of(findings, &Finding::ok) ? ExitCode::done : ExitCode::check_said_no;
   }
 
  private:
-  /// The four programs of the scenario on this machine against what its loop bears.
+  /// Runs the four programs of the scenario on this machine and judges their timing.
   [[nodiscard]] Finding timing() const {
     const certify::Prediction loop =
         certify::analyse(scenario::load_scenario(scenario, {}), linear::Effort::full);
@@ -148,10 +155,10 @@ struct Watch {
   [[nodiscard]] ExitCode run() const {
     const std::atomic<bool>& interrupted = base::catch_interruptions();
     const bus::LcmUrl url = session::parse_lcm_url(lcm_url);
+    if (web) return serve(url, interrupted);
     const auto transport = join(url);
     base::set_low_priority();
     transport->subscribe_all();
-    if (web) return serve(*transport, url, interrupted);
     live::BusMonitor monitor;
     const auto json_text = [&](int indent) {
       Json result = {{"lcm_url", url.text()}};
@@ -193,13 +200,20 @@ struct Watch {
     }
   }
 
-  /// The runs of all robots on the bus as pages.
-  [[nodiscard]] ExitCode serve(bus::UdpTransport& transport, const bus::LcmUrl& url,
-                               const std::atomic<bool>& interrupted) const {
-    live::LiveServer server(port);
-    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", server.url(), url.text())
+  /// Serves the runs of all robots on the bus as pages.
+  /// @throw base::Failure(check_said_no) if the process that serves them has ended
+  [[nodiscard]] ExitCode serve(const bus::LcmUrl& url, const std::atomic<bool>& interrupted) const {
+    constexpr std::chrono::milliseconds turn{50};
+    live::LiveView view(url, {}, port);
+    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", view.url(), url.text())
               << std::flush;
-    live::show_live(transport, server, end_after(Clock::now()), interrupted);
+    for (const auto end = end_after(Clock::now()); !interrupted && Clock::now() < end;) {
+      if (!view.running()) {
+        throw base::Failure(ExitCode::check_said_no,
+                            "the live page has ended; type: tachless watch --web");
+      }
+      std::this_thread::sleep_until(std::min(end, Clock::now() + turn));
+    }
     return ExitCode::done;
   }
 
@@ -225,8 +239,8 @@ struct Spy {
     if (const auto problem = bus::check_network(url)) {
       refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));
     }
-    // Not Debian's own lcm-spy: it passes options that its Java does not know any more, and does
-    // not find the chart library.
+    // Debian's own lcm-spy passes options that its Java refuses, and does not find the chart
+    // library.
     base::become({find_java().string(), "-Djava.net.preferIPv4Stack=true", "-ea", "-cp",
                   class_path(), "lcm.spy.Spy", "-l", url.text()},
                  "as root, type: apt-get install default-jre");
@@ -235,7 +249,7 @@ struct Spy {
  private:
   [[noreturn]] static void refuse(const std::string& why) { throw base::bad_usage("spy: {}", why); }
 
-  /// The java of the search path that can open windows.
+  /// Returns the java of the search path, if it can open windows.
   static fs::path find_java() {
     const std::optional<fs::path> java = base::find_program("java");
     if (!java) refuse("there is no java; as root, type: apt-get install default-jre");
@@ -281,7 +295,7 @@ const Verb watch_verb = verb_of<Watch>(
     "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
 
 const Verb spy_verb = verb_of<Spy>(
-    "spy", "lcm-spy with our message types, in a window; `watch` is the same in a terminal",
+    "spy", "lcm-spy with our message types, in a window; watch is the same in a terminal",
     "  tachless spy\n"
     "  tachless spy --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
 

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using base::ExitCode;
 
-/// What the log of a run on the bus holds, to its end or the protective stop.
+/// Returns what a run on the bus recorded, up to its end or the protective stop.
 commission::Trial read_trial(const fs::path& log) {
   logger::RunLog run = logger::RunLog::open(log);
   identify::Ticks ticks = identify::read_ticks(run, true);
@@ -119,7 +119,7 @@ struct Commission {
 }  // namespace
 
 const Verb commission_verb = verb_of<Commission>(
-    "commission", "What an arm does with its torques: signs, scale, gravity, delay; before a run",
+    "commission", "Checks signs, torque scale, gravity and delay of a new arm before its first run",
     "  tachless commission arm.yaml\n"
     "  tachless commission arm.yaml --plant ./own_driver --write known.yaml");
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <optional>
@@ -17,6 +18,7 @@
 #include "cli/verb.h"
 #include "controller/registry.h"
 #include "report/robot_facts.h"
+#include "robot/urdf_xml.h"
 #include "scenario/scenario.h"
 #include "session/options.h"
 
@@ -106,7 +108,7 @@ struct Robot {
   std::filesystem::path file;
   std::vector<std::string> overrides;
   std::vector<double> position;
-  bool json = false;
+  bool json = false, strict = false;
 
   void declare(CLI::App& command) {
     session::with_installed_scenarios(
@@ -119,24 +121,109 @@ struct Robot {
                     "a,b,... in the order of the joints [rad; m]; default: as near to 0 as their "
                     "ranges allow")
         ->delimiter(',');
+    command.add_flag("--strict", strict, "Exit code 1 where there is a warning");
     add_json(command, json);
   }
 
   [[nodiscard]] ExitCode run() const {
     std::optional<std::string> refusal;
-    const report::RobotFacts facts(read(refusal), position);
-    std::cout << (json ? base::json_text(to_json(facts), 2) + "\n"
-                       : file.string() + ": " + to_text(facts));
-    if (!refusal) return ExitCode::done;
+    std::vector<std::string> doubts;
+    std::optional<scenario::Scenario> scenario;
+    if (is_yaml(file)) scenario = scenario::load_scenario(file, overrides);
+    report::RobotFacts facts(scenario ? model_in_use(*scenario) : read(refusal, doubts), position);
+    if (scenario) {
+      add_sources(*scenario, facts);
+      doubts = doubts_of(*scenario);
+    }
+    facts.warnings.insert(facts.warnings.end(), doubts.begin(), doubts.end());
+    add_loads(facts);
+    print_text(json ? base::json_text(to_json(facts), 2) + "\n"
+                    : file.string() + ": " + to_text(facts));
+    if (!refusal) {
+      return strict && !facts.warnings.empty() ? ExitCode::check_said_no : ExitCode::done;
+    }
     base::log_error(*refusal);
     return ExitCode::check_said_no;
   }
 
  private:
+  /// Adds a warning for each joint whose friction, or gravity torque at the position, is beyond its
+  /// effort limit.
+  static void add_loads(report::RobotFacts& facts) {
+    const robot::Model& model = facts.model;
+    for (int j = 0; j < model.num_joints; ++j) {
+      const std::string& joint = model.joint_names[static_cast<std::size_t>(j)];
+      const double effort = model.effort_limit[j], gravity = std::abs(facts.gravity_torque[j]);
+      if (model.friction[j] > effort) {
+        facts.warnings.push_back(
+            fmt::format("joint '{}': friction {:g} is above the effort limit {:g}", joint,
+                        model.friction[j], effort));
+      }
+      if (gravity > effort) {
+        facts.warnings.push_back(fmt::format(
+            "joint '{}': gravity torque {:g} at this position is above the effort limit {:g}",
+            joint, gravity, effort));
+      }
+    }
+  }
+
+  /// Returns the model with the numbers that the loop of a scenario uses. The inertia matrix has
+  /// the rotors of rigid joints.
+  static robot::Model model_in_use(const scenario::Scenario& scenario) {
+    robot::Model model = *scenario.model;
+    const plant::DriveSpec& drive = scenario.plant.drive;
+    model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+    model.damping = drive.viscous_friction_Nms_per_rad;
+    model.friction = drive.coulomb_friction_Nm;
+    model.effort_limit =
+        drive.torque_limit_Nm.value_or(Vector::Constant(model.num_joints, robot::Model::unlimited));
+    return model;
+  }
+
+  /// Returns the improbable numbers of the robot's URDF; nothing where the law has one of its own,
+  /// since the text is then of both.
+  static std::vector<std::string> doubts_of(const scenario::Scenario& scenario) {
+    if (!scenario.controller.urdf_path.empty()) return {};
+    return robot::improbable_numbers(scenario.robot.urdf_text, scenario.robot.urdf_path,
+                                     scenario.robot.locked);
+  }
+
+  /// Adds the source of each number that the loop uses.
+  static void add_sources(const scenario::Scenario& scenario, report::RobotFacts& facts) {
+    const scenario::RobotSpec& robot = scenario.robot;
+    const auto source = [&](const std::string& key, const std::string& otherwise) {
+      const auto where = scenario.where.find(key);
+      return where == scenario.where.end() ? otherwise : fmt::format("{} ({})", key, where->second);
+    };
+    const std::string urdf = robot.urdf_path;
+    const bool no_friction = robot.compensates == scenario::Compensates::gravity_and_friction;
+    const auto friction = [&](const std::string& key, const char* attribute) {
+      if (no_friction) return source("robot.compensates", "");
+      return source("plant.drive." + key, fmt::format("<dynamics {}> of {}", attribute, urdf));
+    };
+    if (robot.flexible) facts.rotor_inertia = robot.flexible->rotor_inertia;
+    facts.sources = {
+        {"lower, upper, velocity", "<limit> of " + urdf},
+        {"effort", source("plant.drive.torque_limit_Nm", "<limit effort> of " + urdf)},
+        {"damping", friction("viscous_friction_Nms_per_rad", "damping")},
+        {"friction", friction("coulomb_friction_Nm", "friction")},
+        {"rotor", source(fmt::format("robot.joints.{}.rotor_inertia_kgm2",
+                                     robot.flexible ? "flexible" : "rigid"),
+                         "none is given: 0")},
+        {"inertia, gravity torque",
+         urdf + (robot.flexible ? ", without the rotors behind the springs" : ", with rotor")}};
+    if (scenario.plant.payload.mass_kg > 0) {
+      facts.sources.back().second += fmt::format(", without the payload of the plant: {}",
+                                                 source("plant.payload.mass_kg", ""));
+    }
+    if (!scenario.controller.urdf_path.empty()) {
+      facts.sources.emplace_back("model of the law", source("controller.urdf", ""));
+    }
+  }
+
   /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
-  /// message.
-  robot::Model read(std::optional<std::string>& refusal) const {
-    if (is_yaml(file)) return *scenario::load_scenario(file, overrides).model;
+  /// message. @param doubts gets the improbable numbers
+  robot::Model read(std::optional<std::string>& refusal, std::vector<std::string>& doubts) const {
     for (const std::string& each : overrides) {
       bool known = false;
       for (const char* key : {"robot.xacro", "robot.locked", "robot.base", "robot.check_inertia"}) {
@@ -150,6 +237,7 @@ struct Robot {
     }
     const auto [text, options] = scenario::robot_file(file, overrides);
     try {
+      doubts = robot::improbable_numbers(text, file.string(), options.locked);
       try {
         return robot::model_from_urdf(text, file.string(), options);
       } catch (const std::invalid_argument& problem) {

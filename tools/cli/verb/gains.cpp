@@ -32,24 +32,29 @@ using base::Failure;
 constexpr auto longest_wait = 5s;  // RUN_INFO comes once a second, and a machine may be busy
 constexpr auto send_again = 20ms;
 
-/// A robot's run as it goes on: what is needed to change its gains. Takes no part in it.
+/// A robot's run under way, as an observer of the bus sees it. It knows what a change of gains
+/// needs.
 class RunningRobot {
  public:
-  /// @param robot its name, in any case
+  /// @param robot name of the robot, in any case
   RunningRobot(const std::string& robot, const bus::LcmUrl& url, const std::optional<bus::Key>& key)
-      : transport_(url), bus_(transport_, key), prefix_(messages::channel_prefix(robot)) {
+      : transport_(url),
+        bus_(transport_, key),
+        prefix_(messages::channel_prefix(robot)),
+        acks_(messages::port<messages::GainAck>(prefix_, {})) {
     if (robot.size() > 32) {
       throw base::bad_usage("{}: no robot has such a name; allowed: at most 32 characters", robot);
     }
     for (const std::string& channel : {messages::channel<messages::Participant>(prefix_),
                                        messages::channel<messages::RunInfo>(prefix_),
                                        messages::channel<messages::ReferencePoint>(prefix_),
-                                       messages::channel<messages::Tick>(prefix_)}) {
+                                       messages::channel<messages::Tick>(prefix_), acks_.channel}) {
       bus_.subscribe(channel);
     }
   }
 
-  /// @throw base::Failure(peer_lost) when there is none
+  /// Waits until the run is known.
+  /// @throw base::Failure(peer_lost) if no run is heard
   void find() {
     const auto until = Clock::now() + longest_wait;
     while (newest_ < 0 && Clock::now() < until) receive(until);
@@ -64,27 +69,31 @@ class RunningRobot {
   [[nodiscard]] std::int64_t run() const { return run_->run_id; }
   [[nodiscard]] const std::string& gains() const { return gains_; }  ///< in force
 
-  /// Sends them until a reference has them. @return that one's tick, which the plant has begun
-  /// @throw base::Failure(peer_lost) when none has
+  /// Sends gains until the reference acknowledges them under the key of the session. Only the
+  /// acknowledgement counts, because a recording cannot contain the random number of this change.
+  /// @return the first tick with the gains, after the plant has begun it
+  /// @throw base::Failure(peer_lost) without an acknowledgement
   std::int64_t change(const std::string& gains) {
     messages::Codec<messages::GainChange> codec{messages::Layout{}};
     const messages::Stamp stamp{0, run(), newest_};  // of all copies: only one counts
+    const messages::GainChange change{gains, gains_, scenario().digest, bus::random_number()};
     const std::string channel = messages::channel<messages::GainChange>(prefix_);
     const auto until = Clock::now() + longest_wait;
-    while (gains_ != gains && Clock::now() < until) {
-      bus_.publish(channel, codec.encode(stamp, {gains}));
+    number_ = change.number;
+    while (!changed_at_ && Clock::now() < until) {
+      bus_.publish(channel, codec.encode(stamp, change));
       const auto again = Clock::now() + send_again;
-      while (gains_ != gains && Clock::now() < again) receive(again);
+      while (!changed_at_ && Clock::now() < again) receive(again);
     }
-    const std::int64_t tick = changed_at_;
-    while (gains_ == gains && begun_ < tick && Clock::now() < until) receive(until);
-    if (gains_ == gains && begun_ >= tick) return tick;
-    throw Failure(ExitCode::peer_lost, "{}: the run has not taken the gains within {} s", prefix_,
+    while (changed_at_ && begun_ < *changed_at_ && Clock::now() < until) receive(until);
+    if (changed_at_ && begun_ >= *changed_at_) return *changed_at_;
+    throw Failure(ExitCode::peer_lost,
+                  "{}: the run has not acknowledged the gains within {} s; see its output", prefix_,
                   std::chrono::seconds(longest_wait).count());
   }
 
  private:
-  /// Takes one message, if one comes.
+  /// Handles one message, if one comes before `until`.
   void receive(Clock::time_point until) {
     const auto datagram = bus_.receive(until);
     if (!datagram) return;
@@ -93,18 +102,26 @@ class RunningRobot {
       messages::Participant who;
       const auto rejection = participants_.decode(datagram->payload, stamp, who);
       if (rejection == messages::Rejection::none && who.role == messages::Role::plant &&
-          who.state == messages::ParticipantState::running) {
+          who.state == messages::ParticipantState::running && !changed_at_) {
         bus_.enter(stamp.run, who.roster);
       }
     } else if (datagram->channel == messages::channel<messages::RunInfo>(prefix_)) {
       take_info(*datagram);
+    } else if (datagram->channel == acks_.channel) {
+      messages::GainAck ack;
+      const auto rejection = acks_.codec.decode(datagram->payload, stamp, ack);
+      if (rejection == messages::Rejection::none && run_ && stamp.run == run() && number_ != 0 &&
+          ack.number == number_ && !changed_at_) {
+        changed_at_ = stamp.tick;
+        begun_ = -1;  // a tick counts only in the session that has acknowledged
+      }
     } else if (run_) {
       take_tick(*datagram);
     }
   }
 
   void take_info(const bus::Datagram& datagram) {
-    if (datagram.payload.size() < messages::stamp_end ||
+    if (datagram.payload.size() < messages::stamp_end || number_ != 0 ||
         (run_ && messages::stamp_of(datagram.payload).run == run_->run_id)) {
       return;
     }
@@ -130,7 +147,6 @@ class RunningRobot {
     if (rejection != messages::Rejection::none || stamp.run != run() || stamp.tick <= newest_)
       return;
     newest_ = stamp.tick;
-    if (reference.gains != gains_) changed_at_ = stamp.tick;
     gains_ = reference.gains;
   }
 
@@ -141,9 +157,12 @@ class RunningRobot {
   messages::Codec<messages::Tick> ticks_{messages::Layout{}};
   std::optional<messages::Codec<messages::ReferencePoint>> references_;  ///< as of `run_`
   std::optional<logger::RunDescription> run_;
-  std::int64_t newest_ = -1, begun_ = -1;  ///< newest tick with a reference; that the plant began
-  std::string gains_;                      ///< of the newest reference
-  std::int64_t changed_at_ = -1;           ///< the tick of the first reference seen with them
+  messages::Port<messages::GainAck> acks_;
+  std::int64_t newest_ = -1;                ///< newest tick with a reference
+  std::int64_t begun_ = -1;                 ///< newest tick that the plant has begun
+  std::string gains_;                       ///< of the newest reference
+  std::int64_t number_ = 0;                 ///< of the change that is sent; 0: none
+  std::optional<std::int64_t> changed_at_;  ///< the first tick with the change, once acknowledged
 };
 
 struct GainsVerb {
@@ -192,7 +211,7 @@ struct GainsVerb {
   }
 
  private:
-  /// The scenario of the run with the gains that are to be.
+  /// Returns the run's scenario with the new gains.
   [[nodiscard]] scenario::Scenario changed_scenario(const scenario::Scenario& recorded,
                                                     const std::string& in_force) const try {
     if (!recorded.controller.gains_may_change) {

@@ -5,14 +5,13 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <variant>
+#include <system_error>
 #include <vector>
 
 #include "base/file_text.h"
@@ -30,66 +29,6 @@
 
 namespace tachless::cli {
 
-void require_writable(const std::filesystem::path& file, bool force) {
-  if (file.empty()) return;
-  if (!force && std::filesystem::exists(file)) {
-    throw base::bad_usage("{}: exists already; name another file, or replace it with --force",
-                          file.string());
-  }
-  base::UnfinishedFile(file, "name another file");
-}
-
-bool is_yaml(const std::filesystem::path& file) {
-  return file.extension() == ".yaml" || file.extension() == ".yml";
-}
-
-void require_scenario_writable(const std::filesystem::path& file, bool force) {
-  if (file.empty() || is_yaml(file)) return require_writable(file, force);
-  throw base::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
-                        file.string());
-}
-
-std::string scenario_name(const std::filesystem::path& file) {
-  std::string name = file.stem().string().substr(0, 100);
-  for (char& c : name) {
-    const bool first = &c == name.data();
-    const bool letter = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
-    if (!letter && (first || (c != '.' && c != '-'))) c = '_';
-  }
-  return name;
-}
-
-std::string path_from(const std::filesystem::path& output, const std::filesystem::path& file) {
-  using std::filesystem::absolute;
-  const std::filesystem::path whole = absolute(file).lexically_normal();
-  if (output.empty()) return whole.string();
-  return whole.lexically_relative(absolute(output).lexically_normal().parent_path()).string();
-}
-
-std::string text_for(const std::filesystem::path& output, const scenario::Scenario& scenario,
-                     const std::filesystem::path& input) {
-  scenario::YamlNode root = scenario::parse_yaml(scenario.text, scenario.source);
-  const auto move = [&](std::string_view key, const std::string& path) {
-    const std::string moved = path_from(output, input.parent_path() / path);
-    scenario::apply_override(root, scenario::text_override(key, moved));
-  };
-  move("robot.urdf", scenario.robot.urdf_path);
-  if (scenario.believed_model) move("controller.urdf", scenario.controller.urdf_path);
-  using reference::trajectory::MotionFile;
-  if (const auto* const motion = std::get_if<MotionFile>(&scenario.reference)) {
-    move("reference.file.path", motion->path);
-  }
-  return scenario::emit_yaml(root);
-}
-
-void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
-                    const std::vector<std::string>& changes, const std::filesystem::path& output) {
-  overrides.insert(overrides.end(), changes.begin(), changes.end());
-  overrides.push_back("name=" + scenario_name(output));
-  const scenario::Scenario changed = scenario::load_scenario(input, overrides);
-  base::UnfinishedFile(output, write_remedy).write(text_for(output, changed, input));
-}
-
 namespace {
 
 namespace fs = std::filesystem;
@@ -100,7 +39,7 @@ Recording read(const fs::path& log) {
   return is_yaml(log) ? identify::read_table(log) : identify::read_recording(logger::find_log(log));
 }
 
-/// Of the first `count` kinds.
+/// Declares --unknown, which takes the first `count` kinds.
 CLI::Option* add_unknown(CLI::App& command, std::vector<std::string>& unknown, std::size_t count) {
   const std::vector<std::string> known(identify::kind_names.begin(),
                                        identify::kind_names.begin() + static_cast<long>(count));
@@ -153,10 +92,10 @@ struct Excite {
     const std::vector<std::string> objections =
         certify::objections(certify::certify(moving, false, show));
     screen.clear();
-    std::cout << fmt::format(
+    print_text(fmt::format(
         "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n",
         output.string(), found.condition, fmt::join(found.reach, ", "),
-        fmt::join(found.speed, ", "), fmt::join(found.torque, ", "));
+        fmt::join(found.speed, ", "), fmt::join(found.torque, ", ")));
     for (const std::string& objection : objections) {
       base::log_error("{}: {}; nothing written", input.string(), objection);
     }
@@ -201,8 +140,10 @@ struct Identify {
     if (!validate.empty()) other = read(validate);
     for (const fs::path& log : logs) {
       recordings.push_back(read(log));
-      if (!other || other->source != recordings.back().source) continue;
-      throw base::bad_usage("--validate {}: is fitted too; allowed: another log", other->source);
+      std::error_code error;  // a file may have several names
+      if (!other || !fs::equivalent(other->source, recordings.back().source, error)) continue;
+      throw base::bad_usage("--validate {}: is fitted too; allowed: another log",
+                            validate.string());
     }
     const scenario::Scenario& scenario = recordings.front().scenario;
     if (!output.empty() && scenario.believed_model) {

@@ -41,7 +41,7 @@ struct Init {
         for (const auto& made : fs::directory_iterator(directory)) fs::remove(made, error);
         refuse(why);
       }
-      std::cout << copy.string() << '\n';
+      std::cout << base::printable(copy.string()) << '\n';
     }
     std::cout << fmt::format("To begin: cd {} && tachless run arm.yaml\n",
                              base::shell_word(directory.string()));

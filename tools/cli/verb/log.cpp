@@ -11,17 +11,17 @@
 #include <system_error>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/failure.h"
 #include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
-#include "base/time.h"
+#include "certify/certify.h"
 #include "cli/run.h"
 #include "cli/verb.h"
 #include "logger/export.h"
 #include "logger/info.h"
 #include "logger/log_file.h"
-#include "lyapunov/stability_certificate.h"
 #include "replay/replay.h"
 #include "report/report.h"
 #include "robot/model.h"
@@ -65,7 +65,7 @@ struct Info {
 
   [[nodiscard]] ExitCode run() const {
     const nlohmann::json info = logger::read_info(log);
-    std::cout << (json ? base::json_text(info, 2) + "\n" : logger::to_text(info));
+    print_text(json ? base::json_text(info, 2) + "\n" : logger::to_text(info));
     return ExitCode::done;
   }
 };
@@ -88,7 +88,8 @@ struct Export {
     logger::RunLog opened = logger::RunLog::open(log, run_id);
     const logger::ExportResult result = logger::export_run(opened, out, force);
     // Standard output has the table.
-    (out == "-" ? std::cerr : std::cout) << out.string() << ": " << result.text() << "\n";
+    (out == "-" ? std::cerr : std::cout)
+        << base::printable(out.string()) << ": " << result.text() << "\n";
     return ExitCode::done;
   }
 };
@@ -112,7 +113,7 @@ struct Report {
     const fs::path page = page_path();
     std::vector<report::RecordedRun> runs;
     for (const fs::path& log : logs) {
-      runs.push_back(report::read_recorded_run(log, run_id, lyapunov::certified_run));
+      runs.push_back(report::read_recorded_run(log, run_id, certify::certified_run));
     }
     label(runs);
     report::write_report(runs, page);
@@ -121,7 +122,7 @@ struct Report {
   }
 
  private:
-  /// Where no name is given, a page replaces that of the same log and no other.
+  /// Returns the page's name. Without -o, the page replaces only the page of the same log.
   [[nodiscard]] fs::path page_path() const {
     std::error_code error;
     if (!out.empty()) {
@@ -180,7 +181,7 @@ struct Replay {
   }
 
  private:
-  /// What has to be set for the law that is asked for, in place of the recorded one.
+  /// Returns the settings that put the requested law in the place of the recorded one.
   [[nodiscard]] std::vector<std::string> changes(const logger::RunLog& recorded) const {
     std::vector<std::string> all;
     if (!law.empty()) all.push_back("controller.law=" + law);
@@ -219,7 +220,7 @@ struct Replay {
       all["wall_s"] = wall_s;
       std::cout << base::json_text(all, 2) << "\n";
     } else if (problem.empty()) {
-      std::cout << replay::verified_text(result, recorded, wall_s);
+      print_text(replay::verified_text(result, recorded, wall_s));
     }
     if (problem.empty()) return ExitCode::done;
     base::log_error(problem);
@@ -244,7 +245,7 @@ struct Replay {
       all["csv"] = comparison.csv.string();
       std::cout << base::json_text(all, 2) << "\n";
     } else if (compared) {
-      std::cout << replay::comparison_text(comparison, joints, recorded.info().period_s);
+      print_text(replay::comparison_text(comparison, joints, recorded.info().period_s));
     }
     if (result.not_finite) return ExitCode::protective_stop;
     return compared ? ExitCode::done : ExitCode::check_said_no;

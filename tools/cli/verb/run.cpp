@@ -57,13 +57,17 @@ struct Run : RunOptions {
         ->capture_default_str();
     command.add_flag(
         "--any-outcome", any_outcome,
-        "Exit code 0 whatever the verdict: limit cycle, diverging, saturated, stuck, rests beside");
+        "Exit code 0 whatever the verdict: rests beside, saturated, oscillates, diverging");
     command.add_flag("--force", force, "Run even if the linearised loop is unstable");
     command.add_flag("--overwrite", overwrite, "Replace the results of an earlier run in --out");
     command.add_flag("--isolate", isolate,
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
     command.add_flag("--watch", watch,
                      "Show the run in a browser on this computer while it goes on");
+    command
+        .add_flag_callback("--realtime",
+                           [] { throw base::bad_usage("--realtime: type --mode realtime"); })
+        ->group("");
     command
         .add_flag_callback(
             "--visualize",

@@ -23,6 +23,7 @@
 #include "controller/registry.h"
 #include "design/design.h"
 #include "lyapunov/witness.h"
+#include "robot/urdf_xml.h"
 #include "scenario/scenario.h"
 #include "session/options.h"
 
@@ -50,7 +51,7 @@ Vector one_a_joint(std::string_view option, const std::vector<double>& given, in
   return all;
 }
 
-/// What has a program's law in the place of the scenario's, beside `overrides`.
+/// Returns the overrides that put a program's law in the place of the scenario's, and `overrides`.
 std::vector<std::string> of_program(const fs::path& scenario, std::vector<std::string> overrides,
                                     const std::string& law_program) {
   RunOptions options;
@@ -72,21 +73,25 @@ struct Certify {
 
   void declare(CLI::App& command) {
     session::with_installed_scenarios(session::add_scenario(command, input, overrides));
-    command.add_option("--witness", witness,
-                       "Also writes what a region of the sampled loop of one or two joints is "
-                       "proved with, for tests/analysis/lyapunov/check_witness.py");
+    command.add_option(
+        "--witness", witness,
+        "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
+        "the sampled loop of one or two joints");
     auto* const error = command.add_option(
         "--witness-error", errors,
-        "That it is to hold, one alone from rest [rad]: one number, or one for each "
-        "joint; default: 0.3");
+        "Error [rad] of one joint alone, from rest, that the region has to contain: one number, "
+        "or one for each joint; default: 0.3");
     error->delimiter(',')->check(above_zero)->needs("--witness");
     command.add_flag("--force", force, "Replace the file of --witness if it exists")
         ->needs("--witness");
     command.add_option(
         "--controller", law_program,
-        "The law is that of this program, as typed in a shell: 'python3 law.py'; its "
-        "linear model is made of what it answers to small deviations");
-    command.add_flag("--full", full, "All numbers in place of five lines");
+        "The law is in this program, as typed in a shell: 'python3 law.py'; its linear model "
+        "comes from its answers to small deviations");
+    command.add_flag(
+        "--full", full,
+        "All numbers in place of five lines, and the searches that take seconds: the nonlinear "
+        "sampled loop, missed ticks in lock-step. With --json too");
     command.add_flag(
         "--paper", paper,
         "Also the conditions that Loria and Ortega (1995) print, with their constants");
@@ -109,7 +114,7 @@ struct Certify {
     Screen screen(quiet);
     const certify::Certificate result = certify::certify(
         scenario, paper,
-        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); }, full || json,
+        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); }, full,
         answers);
     screen.clear();
     nlohmann::ordered_json all = {{"scenario", scenario.name},
@@ -213,7 +218,7 @@ struct Design {
         ->delimiter(',');
     auto* const program = command.add_option(
         "--controller", law_program,
-        "The law is that of this program, as typed in a shell, and takes its gains from the "
+        "The law is in this program, as typed in a shell, and takes its gains from the "
         "scenario's controller.gains, from which the search starts");
     for (const char* of_known_gains :
          {"--bandwidth", "--stiffness", "--rest-error", "--start-error", "--structure", "--from"}) {
@@ -294,6 +299,10 @@ struct Design {
     std::string scenario;
     try {
       const robot::Model model = robot::read_urdf(urdf, input.string(), options);
+      for (const std::string& doubt :
+           robot::improbable_numbers(urdf, input.string(), options.locked)) {
+        base::log_warning(doubt);
+      }
       scenario::UrdfScenario of{scenario_name(output.empty() ? input : output),
                                 path_from(output, input), period_s > 0 ? period_s : 1e-3};
       if (!from.empty()) of.from = from_posture(model);
@@ -324,14 +333,20 @@ struct Design {
   [[nodiscard]] std::string designed_text(const scenario::Scenario& scenario,
                                           const design::Design& design) const {
     std::vector<std::string> gains = design::overrides_of(design);
-    if (!bare_urdf()) return text_for(output, load(std::move(gains)), input);
-    // It goes on for 3 s after its motion: as long as the slowest error needs to vanish, up to a
-    // minute in all.
+    // The files were read before the search: they may have changed since.
+    const auto designed = [&] {
+      if (!law_program.empty()) return load(std::move(gains));
+      return scenario::parse_scenario(scenario.text, scenario.robot.urdf_text, input.string(),
+                                      gains);
+    };
+    if (!bare_urdf()) return text_for(output, designed(), input);
+    // The scenario goes on for 3 s after its motion. It is made longer if the slowest error needs
+    // longer to vanish, up to a minute in all.
     const double h = scenario.loop.period_s;
     const double longer = std::max(0.0, 1.5 * design.loop.modes.settling_s - 3);
     const double ticks = std::ceil(std::min(60.0, scenario.loop.duration_s + longer) / h);
     gains.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
-    return load(std::move(gains)).text;
+    return designed().text;
   }
 };
 

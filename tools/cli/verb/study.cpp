@@ -53,7 +53,7 @@ std::vector<std::string> laws_of(const scenario::Scenario& scenario,
   return result;
 }
 
-/// What a comparison of laws adds to a run's measures.
+/// Adds the measures that only a comparison of laws has.
 void complete_comparison(const scenario::Scenario& scenario, study::Measures& measures) {
   measures.torque_noise = study::torque_noise(scenario);
   measures.largest_period_s =
@@ -143,12 +143,12 @@ struct Sweep {
     const study::Sweep sweep = begun();
     if (!sweep.plan().is_comparison()) (void)report::measures_shown(sweep.plan(), colour);
     if (status) {
-      std::cout << slurm_status(sweep);
+      print_text(slurm_status(sweep));
     } else if (slurm > 0) {
-      std::cout << submit_to_slurm(sweep, slurm, colour);
+      print_text(submit_to_slurm(sweep, slurm, colour));
     } else {
       if (!merge) carry_out(sweep);
-      if (shard.empty()) std::cout << write_sweep_results(sweep, colour, json);
+      if (shard.empty()) print_text(write_sweep_results(sweep, colour, json));
     }
     return ExitCode::done;
   }
@@ -171,7 +171,8 @@ struct Sweep {
     plan.num_joints = scenario.num_joints;
     plan.drawn = random;
     plan.seed = seed;
-    for (const std::string& text : vary) plan.axes.push_back(study::parse_axis(text, random > 0));
+    for (const std::string& text : vary) plan.add(study::parse_axis(text, random > 0));
+    require_place(plan);
     for (const std::string& law : laws_of(scenario, laws)) add_law(scenario, law, plan);
     if (plan.laws.empty() && margin) {
       throw base::Failure(ExitCode::check_said_no, "none of the laws has gains");
@@ -181,7 +182,8 @@ struct Sweep {
     return plan;
   }
 
-  /// By its rule of thumb, or its designs, one for each noise; what has none is said and left out.
+  /// Adds a law with the gains of its rule of thumb, or with one design for each noise. A law
+  /// without gains is named and left out.
   void add_law(scenario::Scenario scenario, const std::string& law, study::SweepPlan& plan) const {
     scenario.controller.law = law;
     if (!margin) {
@@ -225,8 +227,25 @@ struct Sweep {
           "--laws");
     }
     const study::SweepPlan planned = plan();
-    const std::string name = (planned.is_comparison() ? "compare-" : "sweep-") + planned.name;
-    return study::Sweep::begin(out.empty() ? fs::path("out") / name : out, planned);
+    return study::Sweep::begin(place(planned), planned);
+  }
+
+  [[nodiscard]] fs::path place(const study::SweepPlan& plan) const {
+    return out.empty()
+               ? fs::path("out") / ((plan.is_comparison() ? "compare-" : "sweep-") + plan.name)
+               : out;
+  }
+
+  /// Refuses another sweep's directory before the design of laws, which may take minutes.
+  void require_place(const study::SweepPlan& plan) const {
+    const fs::path directory = place(plan);
+    if (!fs::exists(directory / "plan.json")) return;
+    study::SweepPlan there = study::Sweep::open(directory).plan();
+    there.laws = plan.laws;
+    if (there.json() == plan.json()) return;
+    throw base::bad_usage(
+        "{}: another sweep is in this directory; name another one with --out, or remove it",
+        directory.string());
   }
 
   [[nodiscard]] study::Shard part() const {

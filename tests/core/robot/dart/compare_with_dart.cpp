@@ -1,11 +1,12 @@
 // Our mechanics against DART's (dartsim.github.io), an independent library: inverse dynamics,
-// inertia matrix, gravity and forward dynamics of every URDF named, at random states. Folders are
-// searched. Without arguments: the robots of this repository, as CTest runs it.
+// inertia matrix, gravity and forward dynamics of every URDF named, at random states. The program
+// searches folders. Without arguments it takes the robots of this repository, as CTest does.
 //
 //   compare_with_dart [FILE.urdf | FOLDER]...
 //
-// Exit code 1 when any differs by more than 1e-10 of its largest component. A robot that we refuse
-// is listed with the reason and is no difference; one that DART cannot read is listed too.
+// The exit code is 1 when any result differs by more than 1e-10 of its largest component. A robot
+// that we refuse is listed with the reason and is no difference. A robot that DART cannot read is
+// listed too.
 
 #include <fmt/core.h>
 #include <tinyxml.h>
@@ -42,7 +43,7 @@ struct Robot {
   tachless::robot::UrdfOptions options = {};
 };
 
-/// Without what needs files that are not here: DART would look for the meshes.
+/// Removes the elements that need other files, such as meshes.
 void strip(TiXmlElement& parent) {
   for (TiXmlElement* child = parent.FirstChildElement(); child != nullptr;) {
     TiXmlElement* const next = child->NextSiblingElement();
@@ -100,7 +101,7 @@ class Dart {
 
   [[nodiscard]] bool readable() const { return skeleton_ != nullptr; }
 
-  /// The recursive Newton-Euler algorithm.
+  /// Runs the recursive Newton-Euler algorithm.
   [[nodiscard]] VectorXd inverse_dynamics(const VectorXd& q, const VectorXd& v, const VectorXd& a) {
     place(q, v);
     skeleton_->setAccelerations(S_ * a);
@@ -115,8 +116,8 @@ class Dart {
     place(q, VectorXd::Zero(q.size()));
     return S_.transpose() * skeleton_->getGravityForces();
   }
-  /// The articulated-body algorithm; where joints depend on each other it is not, but the equation
-  /// of motion in the coordinates that are left.
+  /// Runs the articulated-body algorithm. If joints depend on each other, it solves the equation of
+  /// motion in the independent coordinates instead.
   [[nodiscard]] VectorXd forward_dynamics(const VectorXd& q, const VectorXd& v,
                                           const VectorXd& tau) {
     if (!(S_.rows() == S_.cols() && S_.isIdentity(0))) {
@@ -140,7 +141,7 @@ class Dart {
   VectorXd offset_;
 };
 
-/// Of the largest component.
+/// Returns the largest difference, relative to our largest component if that is not 0.
 double difference(const MatrixXd& ours, const MatrixXd& theirs) {
   const double largest = theirs.cwiseAbs().maxCoeff();
   const double apart = (ours - theirs).cwiseAbs().maxCoeff();
@@ -164,7 +165,7 @@ Differences compare(const Model& model, Dart& dart) {
     const Vector tau = tachless::robot::inverse_dynamics(model, q, v, a);
     keep(worst.inverse, difference(tau, dart.inverse_dynamics(q, v, a)));
     keep(worst.inertia, difference(tachless::robot::mass_matrix(model, q), dart.mass_matrix(q)));
-    // Where nothing pulls on the joints both are rounding: beside the torque of the motion.
+    // Gravity torques may be rounding alone, so the scale includes the torque of the motion.
     const VectorXd gravity = dart.gravity(q);
     const Vector own = tachless::robot::gravity_torque(model, q);
     keep(worst.gravity, (own - gravity).cwiseAbs().maxCoeff() /
@@ -213,7 +214,7 @@ std::vector<Robot> named_robots(const std::vector<std::string>& arguments) {
   return all;
 }
 
-/// One line of the table; whether they agree.
+/// Prints one line of the table. Returns true if the two agree.
 bool report(const Robot& robot) {
   Model model;
   try {

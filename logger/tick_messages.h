@@ -1,0 +1,83 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <type_traits>
+
+#include "messages/measurements.h"
+#include "messages/slot.h"
+#include "messages/truth/tick_record.h"
+#include "messages/truth/truth_wire.h"
+#include "messages/wire.h"
+#include "scenario/scenario.h"
+
+namespace tachless::logger {
+
+/// The six messages of a tick of a run, by slot: their channels, and whether one is sound. Keeps
+/// none.
+class TickChannels {
+ public:
+  using Slot = messages::Slot;
+
+  /// @param law as the controller announces it; without a known measurement that has no channel
+  TickChannels(const scenario::Scenario& scenario, const messages::LawInfo& law)
+      : robot_(scenario.robot.channel_prefix),
+        layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                                 static_cast<int>(messages::parse_signals(law.signals)->size()))) {
+    for_each_type(messages::TickMessages(),
+                  [&]<class Value>(std::type_identity<Value>) { use<Value>(); });
+    messages::with_measurement(law.measurement, [&]<class M>(std::type_identity<M>) { use<M>(); });
+  }
+
+  [[nodiscard]] const std::string& channel(Slot slot) const { return channels_[index(slot)]; }
+
+  /// Longest messages, by slot [bytes].
+  [[nodiscard]] const std::array<std::size_t, messages::num_slots>& longest() const {
+    return longest_;
+  }
+
+  /// Whether the TRUTH that was checked last belongs to a protective stop.
+  [[nodiscard]] bool is_stopped() const {
+    return truth_->fault == messages::truth::DriveFault::protective_stop;
+  }
+
+  /// Precondition: `channel(slot)` is not empty.
+  messages::Rejection check(Slot slot, std::span<const std::byte> payload,
+                            messages::Stamp& stamp) const {
+    return check_[index(slot)](payload, stamp);
+  }
+
+ private:
+  template <class Value>
+  void use() {
+    struct Checker {
+      messages::Codec<Value> codec;
+      Value value;
+    };
+    constexpr std::size_t at = index(messages::slot_of<Value>());
+    const auto checker = std::make_shared<Checker>(Checker{messages::Codec<Value>(layout_), {}});
+    channels_[at] = messages::channel<Value>(robot_);
+    longest_[at] = checker->codec.longest();
+    if constexpr (std::is_same_v<Value, messages::truth::PlantTruth>) {
+      truth_ = {checker, &checker->value};
+    }
+    check_[at] = [checker](std::span<const std::byte> payload, messages::Stamp& stamp) {
+      return checker->codec.decode(payload, stamp, checker->value);
+    };
+  }
+
+  std::string robot_;
+  messages::Layout layout_;
+  std::shared_ptr<const messages::truth::PlantTruth> truth_;  ///< checked last
+  std::array<std::string, messages::num_slots> channels_;
+  std::array<std::size_t, messages::num_slots> longest_{};
+  std::array<std::function<messages::Rejection(std::span<const std::byte>, messages::Stamp&)>,
+             messages::num_slots>
+      check_;
+};
+
+}  // namespace tachless::logger

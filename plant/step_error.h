@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+namespace tachless::plant {
+
+/// Returns the largest of `largest` and the entries of `error`, each relative to the larger of its
+/// value in `x` and 1; NaN if one of them is NaN. An integrator then refuses the step.
+template <class Values>
+double step_error(const Values& error, const Values& x, double largest) {
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const double relative = std::abs(error[i]) / std::max(1.0, std::abs(x[i]));
+    // Comparisons with NaN are false: without this line a later entry would replace it.
+    if (std::isnan(relative)) return relative;
+    if (relative > largest) largest = relative;
+  }
+  return largest;
+}
+
+}  // namespace tachless::plant
