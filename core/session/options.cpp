@@ -166,9 +166,9 @@ CLI::Option* as_run_id(CLI::Option* option) {
   return option->check(CLI::Range(std::int64_t{1}, largest_run_id));
 }
 
-std::int64_t run_id_by_clock() {
-  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
-  return std::clamp<std::int64_t>(since_1970 / std::chrono::microseconds(1), 1, largest_run_id);
+std::int64_t run_id_at(std::chrono::system_clock::time_point time) {
+  return std::clamp<std::int64_t>(time.time_since_epoch() / std::chrono::microseconds(1), 1,
+                                  largest_run_id);
 }
 
 std::string program_name(Role role) { return program_of(role).name; }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <ctime>
 #include <filesystem>
@@ -58,9 +59,9 @@ void take_whole_words(CLI::App& command);
 /// @return the same option
 CLI::Option* as_run_id(CLI::Option* option);
 
-/// Returns the time since 1970 in microseconds as a run id. A clock that is set to a time without
-/// a valid id gives the nearest valid one.
-std::int64_t run_id_by_clock();
+/// Returns the microseconds from 1970 to `time` as a run id. A time without a valid id gives the
+/// nearest valid one.
+std::int64_t run_id_at(std::chrono::system_clock::time_point time);
 
 /// Options of the four programs; options of one program name it.
 struct ProcessOptions {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <deque>
@@ -151,7 +152,7 @@ class Session {
   bool accept(messages::Rejection rejection, const messages::Stamp& stamp);
   /// Counts the verdict on a message for `tick`.
   /// @throw Failure(protocol_violated) if the message conflicts: two processes have the role
-  /// `from`.
+  /// `from`. The failure names the last sender that is not the role's holder.
   void count(session::Verdict verdict, messages::Role from, const bus::Datagram& datagram,
              std::int64_t tick);
   /// Counts a verdict; a conflict is not counted.
@@ -213,6 +214,8 @@ class Session {
   messages::Stamp stamp_;       ///< stamp of the last announcement received
   messages::Participant peer_;  ///< content of that announcement
   KeyCheck key_check_;
+  /// By role: the last sender of its messages that is not its holder; empty if there was none.
+  std::array<std::string, messages::num_roles> other_senders_;
   messages::PerRole entered_{};  ///< roster of the session that the bus has entered
   Time next_notice_;
 };

@@ -232,7 +232,7 @@ Progress PlannedRun::progress() const {
 
 std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path>& scenarios) {
   require_open_files(scenarios.size());
-  if (options.run_id == 0) options.run_id = session::run_id_by_clock();
+  if (options.run_id == 0) options.run_id = session::run_id_at(std::chrono::system_clock::now());
   std::vector<PlannedRun> runs;
   for (const fs::path& path : scenarios) {
     options.scenario = path;

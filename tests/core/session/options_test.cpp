@@ -35,6 +35,15 @@ std::string refusal(messages::Role role, const std::vector<const char*>& argumen
   return "accepted";
 }
 
+TEST(RunId, IsValidForEveryTime) {
+  using namespace std::chrono_literals;
+  const std::chrono::system_clock::time_point in_1970;
+  EXPECT_EQ(run_id_at(in_1970 + 1s), 1'000'000);
+  EXPECT_EQ(run_id_at(in_1970), 1);
+  EXPECT_EQ(run_id_at(in_1970 - std::chrono::years(10)), 1);
+  EXPECT_EQ(run_id_at(in_1970 + std::chrono::years(290)), largest_run_id);
+}
+
 TEST(ProcessOptions, AreReadFromTheCommandLine) {
   const auto options =
       parse(messages::Role::plant, {"a.yaml", "--set", "loop.period_s=1e-3", "--set", "name=x",

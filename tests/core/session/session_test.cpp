@@ -2,9 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstddef>
+#include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <memory>
 #include <optional>
@@ -108,6 +112,31 @@ class ALink : public testing::Test {
     other_->publish("ARM_PARTICIPANT", payload);
     EXPECT_TRUE(session_.receive(Time()));
   }
+  /// Announces the plant of run 7, with the address "other".
+  void join_the_plant() {
+    session_.poll(base::Clock::now());
+    const auto asked = other_->receive(Time());
+    ASSERT_TRUE(asked);
+    messages::Stamp stamp;
+    messages::Participant logger;
+    ASSERT_EQ(codec_.decode(asked->payload, stamp, logger), messages::Rejection::none);
+    messages::Participant plant = the_plant();
+    plant.instance = 1;
+    plant.counter = 1;
+    plant.heard_instance = {0, 0, 0, logger.instance};
+    plant.heard_counter = {0, 0, 0, logger.counter};
+    send(codec_.encode({0, 7, -1}, plant));
+  }
+  /// Returns what a conflict between two messages for tick 5 throws.
+  std::string conflict(messages::Role from, const bus::Datagram& second) {
+    try {
+      session_.count(Verdict::conflicting, from, second, 5);
+    } catch (const base::Failure& failure) {
+      EXPECT_EQ(failure.code(), base::ExitCode::protocol_violated);
+      return failure.what();
+    }
+    return {};
+  }
 
   bus::InMemoryNetwork network_;
   std::unique_ptr<bus::Transport> own_ = network_.connect("own");
@@ -155,20 +184,28 @@ TEST_F(ALink, ShowsNothingOfProcessesThatAreNoMembers) {
 }
 
 TEST_F(ALink, ShowsTheAnnouncementsOfThePlantThatItHasJoined) {
-  session_.poll(base::Clock::now());
-  const auto asked = other_->receive(Time());
-  ASSERT_TRUE(asked);
-  messages::Stamp stamp;
-  messages::Participant logger;
-  ASSERT_EQ(codec_.decode(asked->payload, stamp, logger), messages::Rejection::none);
-  messages::Participant plant = the_plant();
-  plant.instance = 1;
-  plant.counter = 1;
-  plant.heard_instance = {0, 0, 0, logger.instance};
-  plant.heard_counter = {0, 0, 0, logger.counter};
-  send(codec_.encode({0, 7, -1}, plant));
+  join_the_plant();
   EXPECT_EQ(recorded_, 1);
   EXPECT_EQ(session_.run(), 7);
+}
+
+TEST_F(ALink, AnnouncesAHostNameWithControlCharactersAsText) {
+  const auto announce_from_strange_host = [&] {
+    const std::string name = "arm\x1b[31m";
+    if (unshare(CLONE_NEWUSER | CLONE_NEWUTS) != 0 || sethostname(name.data(), name.size()) != 0) {
+      std::perror("host name of a namespace");
+      std::exit(2);
+    }
+    Session session(scenario_, *own_, config());
+    session.poll(base::Clock::now());
+    messages::Stamp stamp;
+    messages::Participant logger;
+    const auto sent = other_->receive(Time());
+    const bool decoded =
+        sent && codec_.decode(sent->payload, stamp, logger) == messages::Rejection::none;
+    std::exit(decoded && logger.host == "arm?[31m" ? 0 : 1);
+  };
+  EXPECT_EXIT(announce_from_strange_host(), testing::ExitedWithCode(0), "");
 }
 
 TEST_F(ALink, DeliversAMessageToTheHandlerOfItsChannel) {
@@ -198,15 +235,19 @@ TEST_F(ALink, CountsWhatIsNotFresh) {
 TEST_F(ALink, FailsWhenTwoProcessesHaveOneRole) {
   const bus::Datagram second{"ARM_COMMAND", {}, "10.0.0.3:1"};
   EXPECT_NO_THROW(session_.count(Verdict::repeated, messages::Role::controller, second, 5));
-  try {
-    session_.count(Verdict::conflicting, messages::Role::controller, second, 5);
-    FAIL() << "nothing was thrown";
-  } catch (const base::Failure& failure) {
-    EXPECT_EQ(failure.code(), base::ExitCode::protocol_violated);
-    EXPECT_THAT(failure.what(),
-                AllOf(HasSubstr("two processes are the controller of run"), HasSubstr("tick 5"),
-                      HasSubstr("ARM_COMMAND from 10.0.0.3:1"), HasSubstr("the controller, end")));
-  }
+  EXPECT_THAT(conflict(messages::Role::controller, second),
+              AllOf(HasSubstr("two processes are the controller of run"), HasSubstr("tick 5"),
+                    HasSubstr("ARM_COMMAND, one of them from 10.0.0.3:1"),
+                    HasSubstr("the controller, end")));
+}
+
+TEST_F(ALink, NamesTheOtherOfTwoProcessesAlsoWhenItWasFirst) {
+  join_the_plant();
+  const bus::Datagram strange{"ARM_POSITION", {}, "10.0.0.3:1"}, own{"ARM_POSITION", {}, "other"};
+  session_.count(Verdict::fresh, messages::Role::plant, strange, 5);
+  EXPECT_THAT(conflict(messages::Role::plant, own),
+              AllOf(HasSubstr("one of them from 10.0.0.3:1; the run's own is the plant"),
+                    HasSubstr("other)")));
 }
 
 TEST_F(ALink, NotesWhateverEndsItInTheStatistics) {
