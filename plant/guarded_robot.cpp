@@ -14,7 +14,6 @@
 #include "base/users_code.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
-#include "robot/dynamics.h"
 
 namespace tachless::plant {
 namespace {
@@ -80,6 +79,7 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
     throw scenario.complaint("plant.drive.torque_limit_Nm",
                              "no limit; a real robot needs one for each joint");
   }
+  if (driver != nullptr && scenario.robot.compensates.adds_torque()) own_torque_.emplace(scenario);
   const Spec& spec = scenario.plant;
   if (driver == nullptr && (spec.dry_run || spec.withheld_ticks > 0)) {
     throw scenario.complaint(spec.dry_run ? "plant.dry_run" : "plant.withheld_ticks",
@@ -166,15 +166,13 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
     require_sound(tick);
     apply_conventions();
     if (!stopped_) require_time(before, tick);
-    if (scenario_.robot.compensates != scenario::Compensates::nothing) {
-      drive_.set_added(robot::gravity_torque(*scenario_.model, state_.q));
-    }
   }
   if (driver_.measures_velocity()) {
     speed_ = state_.v;
   } else {
     measure_speed(asked);
   }
+  if (own_torque_) drive_.set_added(own_torque_->at(state_.q, speed_));
   const auto ring = static_cast<std::int64_t>(past_.size());
   const std::int64_t now = std::max<std::int64_t>(tick, 0);
   past_[static_cast<std::size_t>(now % ring)] = state_;

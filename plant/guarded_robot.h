@@ -15,6 +15,7 @@
 #include "plant/arm_state.h"
 #include "plant/drive.h"
 #include "plant/encoder.h"
+#include "plant/own_torque.h"
 #include "plant/robot_driver.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
@@ -124,6 +125,7 @@ class GuardedRobot {
   std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
   RobotDriver& driver_;
   Drive drive_;
+  std::optional<OwnTorque> own_torque_;  ///< a real robot's that adds some
   Encoder encoder_;
   messages::AnyMeasurement measurement_;
   Vector following_error_;  ///< limit; empty: none

@@ -79,17 +79,21 @@ struct Description {
   std::string text, source;
 };
 
-/// From the keys of `place`, which is `robot`.
-robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
-  read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
-  read_key(place.child("locked"), RobotSpec::locked_key, spec);
-  read_key(place.child("base"), RobotSpec::base_key, spec);
+robot::UrdfOptions urdf_options(const RobotSpec& spec) {
   robot::UrdfOptions options;
   options.check_inertia = spec.check_inertia;
   options.locked = spec.locked;
   options.base_rpy = {spec.base.rpy[0], spec.base.rpy[1], spec.base.rpy[2]};
   options.base_xyz = {spec.base.xyz[0], spec.base.xyz[1], spec.base.xyz[2]};
   return options;
+}
+
+/// From the keys of `place`, which is `robot`.
+robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
+  read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
+  read_key(place.child("locked"), RobotSpec::locked_key, spec);
+  read_key(place.child("base"), RobotSpec::base_key, spec);
+  return urdf_options(spec);
 }
 
 /// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
@@ -107,13 +111,13 @@ robot::Model read_robot(const YamlNode& root, const std::string& key,
   }
 }
 
-void require_same_joints(const Scenario& scenario, const robot::Model& model,
-                         const robot::Model& believed) {
+/// @param key of the scenario that names the URDF of `believed`
+void require_same_joints(const Scenario& scenario, const std::string& key,
+                         const robot::Model& model, const robot::Model& believed) {
   if (model.joint_names == believed.joint_names && model.joint_types == believed.joint_types)
     return;
   throw scenario.complaint(
-      "controller.urdf",
-      "its joints are {}; allowed: those of robot.urdf by name, type and order: {}",
+      key, "its joints are {}; allowed: those of robot.urdf by name, type and order: {}",
       base::joined(believed.joint_names), base::joined(model.joint_names));
 }
 
@@ -128,25 +132,27 @@ void require_positive_inertia(const Scenario& scenario, const std::string& key, 
   }
 }
 
-/// An arm that adds gravity holds itself before the first command, and one that adds friction has
-/// none left.
+/// An arm that adds gravity holds itself before the first command. One that cancels friction has
+/// the rest of it.
 void apply_compensation(Scenario& scenario) {
-  if (scenario.robot.compensates == Compensates::nothing) return;
+  const CompensationSpec& arm = scenario.robot.compensates;
   plant::InitialTorque& initial = scenario.plant.initial.torque;
-  if (scenario.gives("plant.initial.torque") && initial == plant::InitialTorque::zero) {
+  if (arm.gravity && scenario.gives("plant.initial.torque") &&
+      initial == plant::InitialTorque::zero) {
     throw scenario.complaint("plant.initial.torque",
-                             "zero, but an arm that adds gravity itself (robot.compensates) holds "
-                             "its initial posture; allowed: hold");
+                             "zero, but an arm that adds gravity itself "
+                             "(robot.compensates.gravity) holds its initial posture; allowed: "
+                             "hold");
   }
-  initial = plant::InitialTorque::hold;
-  if (scenario.robot.compensates == Compensates::gravity) return;
+  if (arm.gravity) initial = plant::InitialTorque::hold;
+  if (arm.friction == 0) return;
   plant::DriveSpec& drive = scenario.plant.drive;
-  for (Vector* friction :
-       {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm,
-        &scenario.controller.friction.viscous, &scenario.controller.friction.coulomb}) {
-    friction->setZero();
+  controller::FrictionSpec& known = scenario.controller.friction;
+  for (Vector* friction : {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm,
+                           &known.viscous, &known.coulomb}) {
+    *friction *= 1 - arm.friction;
   }
-  drive.static_friction_Nm.reset();
+  if (drive.static_friction_Nm) *drive.static_friction_Nm *= 1 - arm.friction;
 }
 
 /// Simbody refuses inertias that no body can have: without a choice the native mechanics take over.
@@ -169,7 +175,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
   std::optional<robot::Model> believed_model;
   if (!believed.source.empty()) {
     believed_model = read_robot(root, "controller.urdf", believed, scenario);
-    require_same_joints(scenario, model, *believed_model);
+    require_same_joints(scenario, "controller.urdf", model, *believed_model);
   }
   const std::string& mechanics = scenario.robot.urdf_text;
   scenario.digest = digest_of(scenario.text, mechanics);
@@ -223,6 +229,32 @@ std::optional<base::Refusal> BaseSpec::refusal() const {
   for (const auto& [name, value] : {std::pair{"rpy", &rpy}, std::pair{"xyz", &xyz}}) {
     if (value->size() == 3) continue;
     return base::Refusal{name, fmt::format("{} numbers; allowed: 3", value->size())};
+  }
+  return std::nullopt;
+}
+
+std::string CompensationSpec::text() const {
+  std::vector<std::string> terms;
+  if (gravity) terms.emplace_back("gravity");
+  if (coriolis) terms.emplace_back("Coriolis torque");
+  if (friction == 1) terms.emplace_back("friction");
+  if (friction > 0 && friction < 1) terms.push_back(shortest(friction) + " of the friction");
+  return terms.empty() ? "nothing" : base::joined(terms, " and ");
+}
+
+std::optional<base::Refusal> CompensationSpec::refusal() const {
+  if (!base_rpy.empty() && base_rpy.size() != 3) {
+    return base::Refusal{"base_rpy", fmt::format("{} numbers; allowed: 3", base_rpy.size())};
+  }
+  if (!base_rpy.empty() && !gravity) {
+    return base::Refusal{"base_rpy",
+                         "given, but the arm adds no gravity; allowed: with gravity: true"};
+  }
+  if (!urdf_path.empty() && !adds_torque()) {
+    return base::Refusal{
+        "urdf",
+        "given, but the arm adds no torque of a model; allowed: with gravity: true or "
+        "coriolis: true"};
   }
   return std::nullopt;
 }
@@ -348,6 +380,33 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
     plant.text.resize(cut + end.size());
   }
   return read_scenario(std::move(root), plant, believed, {}, std::move(scenario));
+}
+
+robot::Model own_model(const Scenario& scenario) {
+  const RobotSpec& robot = scenario.robot;
+  const CompensationSpec& arm = robot.compensates;
+  robot::Model model = *scenario.model;
+  if (!arm.urdf_path.empty()) {
+    const fs::path path = fs::path(scenario.source).parent_path() / arm.urdf_path;
+    const robot::UrdfOptions options = urdf_options(robot);
+    try {
+      robot::UrdfTree tree =
+          robot::read_urdf_xml(urdf_text(path, robot.xacro), path.string(), options.locked);
+      model = robot::model_of(std::move(tree), path.string(), options);
+    } catch (const std::exception& error) {
+      throw scenario.complaint("robot.compensates.urdf", error.what());
+    }
+    require_same_joints(scenario, "robot.compensates.urdf", *scenario.model, model);
+    model.gravity = scenario.model->gravity;
+  }
+  if (!arm.base_rpy.empty()) {
+    // Gravity in the root link's axes is what its own model takes it for.
+    const auto rotation = [](const std::vector<double>& rpy) {
+      return robot::rotation_of({rpy[0], rpy[1], rpy[2]});
+    };
+    model.gravity = rotation(robot.base.rpy) * rotation(arm.base_rpy).transpose() * model.gravity;
+  }
+  return model;
 }
 
 RobotFile robot_file(const fs::path& file, const std::vector<std::string>& overrides) {

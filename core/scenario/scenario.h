@@ -49,10 +49,42 @@ struct BaseSpec {
 };
 
 /// Terms that the arm's own controller adds to the torque that it is sent.
-enum class Compensates { nothing, gravity, gravity_and_friction };
-constexpr std::array<std::string_view, 3> names(Compensates /*type*/) {
-  return {"nothing", "gravity", "gravity_and_friction"};
-}
+struct CompensationSpec {
+  bool gravity = false;
+  bool coriolis = false;
+  double friction = 0;           ///< share that it cancels, 0 to 1
+  std::vector<double> base_rpy;  ///< of its own model [rad]; empty: that of robot.base
+  std::string urdf_path;         ///< of its own model, as written; empty: robot.urdf
+
+  /// Returns true if the arm adds a torque of its own model.
+  [[nodiscard]] bool adds_torque() const { return gravity || coriolis; }
+  /// Returns e.g. "gravity and friction", or "nothing".
+  [[nodiscard]] std::string text() const;
+  [[nodiscard]] std::optional<base::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      base::Key{"gravity", &CompensationSpec::gravity, "",
+                "The arm's own controller adds g(q) to the torque that it is sent: a real arm is "
+                "sent the torque without it. Laws, logs and certificates have the whole torque"}
+          .by_default(),
+      base::Key{"coriolis", &CompensationSpec::coriolis, "",
+                "The same for C(q, v) v, with the measured speed (a mean over 20 ms where the "
+                "driver measures none)"}
+          .by_default(),
+      base::Key{"friction", &CompensationSpec::friction, "",
+                "Share of the friction that the arm's own controller cancels: friction of `plant` "
+                "and `controller` is less by that share"}
+          .in({0, 1})
+          .by_default(),
+      base::Key{"base_rpy", &CompensationSpec::base_rpy, "rad",
+                "Base in the arm's own model, where it is set otherwise than `robot.base.rpy`: "
+                "`[0, 0, 0]` for an upright model of an arm on a wall"}
+          .by_default("`robot.base.rpy`"),
+      base::Key{"urdf", &CompensationSpec::urdf_path, "",
+                "URDF of the arm's own model, where it is another one, such as one without the "
+                "tool; with the joints of `robot.urdf`"}
+          .by_default("`robot.urdf`")};
+};
 
 struct RobotSpec {
   std::string name = "arm";
@@ -66,7 +98,7 @@ struct RobotSpec {
   BaseSpec base;
   double gravity_m_per_s2 = 9.81;
   std::string joint_parameters;  ///< as written in the scenario; a recorded one has the numbers
-  Compensates compensates = Compensates::nothing;
+  CompensationSpec compensates;
   Vector joint_signs;        ///< +1 or -1: q = sign q_driver + offset, tau_driver = sign tau
   Vector joint_offsets_rad;  ///< [rad; m]
   std::optional<plant::FlexibleDrive> flexible;  ///< nothing: rigid joints
@@ -115,12 +147,7 @@ struct RobotSpec {
                 "`viscous_friction_Nms_per_rad`, `coulomb_friction_Nm`; relative to the "
                 "scenario's file. What the scenario itself says of them goes first"}
           .by_default("none"),
-      base::Key{"compensates", &RobotSpec::compensates, "",
-                "What the arm's own controller adds to the torque that it is sent: that torque is "
-                "then without g(q) of `robot.urdf`, and friction of `plant` and `controller` is "
-                "0; laws, logs and certificates have the whole torque, and the emulator adds g(q) "
-                "as the arm does"}
-          .by_default(),
+      base::Key{"compensates", &RobotSpec::compensates},
       base::Key{"joint_signs", &RobotSpec::joint_signs, "",
                 "Of a real robot: 1, or -1 where a joint turns against its axis in the URDF"}
           .in({-1, 1, false, false, true})
@@ -259,6 +286,12 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
 /// Returns `model` with the scenario's payload, or unchanged without a payload.
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
 robot::Model with_payload(const Scenario& scenario, robot::Model model);
+
+/// Returns the model whose torques the arm's own controller adds: that of
+/// robot.compensates.urdf, which is read now, else the plant's. Its gravity is that of
+/// robot.compensates.base_rpy.
+/// @throw Failure(bad_usage) when the file cannot be read or has other joints
+robot::Model own_model(const Scenario& scenario);
 
 /// A robot's file (a URDF or an .xacro) with the options that overrides of `robot` give. A command
 /// without a scenario uses it.

@@ -96,7 +96,7 @@ std::vector<std::string> and_also(std::vector<std::string> settings, std::string
 TEST(ArmConventions, MakeAnArmThatAddsGravityTheLoopOfTheEmulator) {
   // The arm begins away from its reference, so that it moves.
   const std::string away = "plant.initial.position_rad=[0.25, -0.1]";
-  const auto told = scenario(and_also(and_also(elbow, "robot.compensates=gravity"), away));
+  const auto told = scenario(and_also(and_also(elbow, "robot.compensates.gravity=true"), away));
   MakersArm arm(told);
   const Vector q = end_of_run(told, &arm);
   EXPECT_GT(arm.moved, 0.01);
@@ -123,7 +123,7 @@ TEST(ArmConventions, NotToldOfDoubleGravityAndStopTheArmWithinAFewHundredthsOfAR
 }
 
 TEST(ArmConventions, NotToldOfAnotherZeroRefuseToStart) {
-  const auto elsewhere = scenario({"robot.compensates=gravity"});
+  const auto elsewhere = scenario({"robot.compensates.gravity=true"});
   MakersArm arm(elsewhere);
   try {
     end_of_run(elsewhere, &arm);
@@ -146,11 +146,12 @@ TEST(ArmConventions, AnArmThatCompensatesFrictionHasNone) {
   std::ofstream(directory.path() / "arm.urdf") << urdf;
   const auto with = [&](const std::string& friction) {
     return scenario({"robot.urdf=" + (directory.path() / "arm.urdf").string(),
-                     "robot.compensates=" + friction});
+                     "robot.compensates.friction=" + friction});
   };
-  EXPECT_GT(with("gravity").plant.drive.coulomb_friction_Nm.maxCoeff(), 0);
-  EXPECT_EQ(with("gravity_and_friction").plant.drive.coulomb_friction_Nm.maxCoeff(), 0);
-  EXPECT_EQ(with("gravity_and_friction").plant.drive.viscous_friction_Nms_per_rad.maxCoeff(), 0);
+  EXPECT_EQ(with("0").plant.drive.coulomb_friction_Nm.maxCoeff(), 1);
+  EXPECT_EQ(with("0.75").plant.drive.coulomb_friction_Nm.maxCoeff(), 0.25);
+  EXPECT_EQ(with("1").plant.drive.coulomb_friction_Nm.maxCoeff(), 0);
+  EXPECT_EQ(with("1").plant.drive.viscous_friction_Nms_per_rad.maxCoeff(), 0);
 }
 
 }  // namespace

@@ -8,18 +8,21 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "base/file_text.h"
 #include "base/logging.h"
 #include "plant/guarded_robot.h"
 #include "robot/dynamics.h"
 #include "tests/plant/peers.h"
 #include "tests/support/counting_new.h"
 #include "tests/support/limited_elbow.h"
+#include "tests/support/temporary_directory.h"
 
 namespace tachless::plant {
 namespace {
@@ -116,7 +119,7 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
 
 TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   const scenario::Scenario s = limited(
-      {"robot.gravity_m_per_s2=9.81", "robot.compensates=gravity", "robot.joint_signs=[-1, 1]",
+      {"robot.gravity_m_per_s2=9.81", "robot.compensates.gravity=true", "robot.joint_signs=[-1, 1]",
        "robot.joint_offsets_rad=[0.5, -0.25]", "plant.drive.torque_limit_Nm=1000"});
   Peers peers(s);
   Recording robot;
@@ -132,6 +135,53 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   // Before the first command, the arm's own torque holds it, except for the 4 mrad between its
   // position and the scenario's start.
   EXPECT_LT(robot.torques[0].norm(), 1);
+}
+
+TEST(RobotDriver, IsSentTheTorqueWithoutWhatTheArmAddsByItsOwnModel) {
+  const TemporaryDirectory directory;
+  std::string urdf =
+      base::given_text(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf", base::max_text_bytes);
+  const std::size_t mass = urdf.find("<mass value=");
+  ASSERT_NE(mass, std::string::npos);
+  urdf.insert(urdf.find('"', mass) + 1, "1");  // of one link: 1 in front of the first digit
+  std::ofstream(directory.path() / "own.urdf") << urdf;
+  const scenario::Scenario s =
+      limited({"robot.gravity_m_per_s2=9.81", "robot.base.rpy=[0, 0.5, 0]",
+               "robot.compensates={gravity: true, coriolis: true, base_rpy: [0, 0.2, 0], urdf: " +
+                   (directory.path() / "own.urdf").string() + "}",
+               "plant.drive.torque_limit_Nm=1000"});
+  Peers peers(s);
+  Recording robot;
+  robot.state.q << 0.004, -0.003;
+  robot.state.v << 2, 3;
+  ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
+  robot::Model own =
+      robot::model_from_urdf(urdf, "own.urdf", {.base_rpy = Eigen::Vector3d(0, 0.2, 0)});
+  own.gravity = {0, 0, -9.81};
+  const Vector added = robot::gravity_torque(own, robot.state.q) +
+                       robot::coriolis_product(own, robot.state.q, robot.state.v, robot.state.v);
+  EXPECT_GT(robot::gravity_torque(own, robot.state.q).norm(), 1);
+  EXPECT_GT(
+      (robot::gravity_torque(*s.model, robot.state.q) - robot::gravity_torque(own, robot.state.q))
+          .norm(),
+      1);
+  // The two models place gravity by different products of rotations.
+  EXPECT_LT((robot.torques[5] - (torque_of(4) - added)).norm(), 1e-12 * added.norm());
+}
+
+TEST(RobotDriver, IsNotStartedWhereTheArmsOwnModelCannotBeRead) {
+  const auto fault_of = [](const std::string& urdf) {
+    Recording robot;
+    const Outcome outcome =
+        drive(limited({"robot.compensates={gravity: true, urdf: " + urdf + "}"}), robot);
+    EXPECT_EQ(robot.calls, "");
+    return outcome.fault;
+  };
+  EXPECT_THAT(fault_of("nowhere.urdf"),
+              AllOf(HasSubstr("robot.compensates.urdf: "), HasSubstr("nowhere.urdf")));
+  EXPECT_THAT(fault_of(TACHLESS_SOURCE_DIR "/scenarios/robots/iiwa7.urdf"),
+              AllOf(HasSubstr("robot.compensates.urdf: its joints are "),
+                    HasSubstr("allowed: those of robot.urdf")));
 }
 
 /// Robot that is the clock. Its ticks last `period_s`, and `unit` times that by its own time. A
@@ -513,7 +563,8 @@ TEST_F(AFailingRobot, SaysThatCommandsWereMissingWhenItsTorqueWasHeldForTooLongB
   EXPECT_THAT(outcome.fault, HasSubstr("torque has been held for "));
   EXPECT_THAT(outcome.fault,
               HasSubstr("commands in a row did not come in time from the controller"));
-  EXPECT_THAT(outcome.fault, HasSubstr(", and this process, or the driver's read, made no progress"));
+  EXPECT_THAT(outcome.fault,
+              HasSubstr(", and this process, or the driver's read, made no progress"));
   expect_stopped(robot_);
 }
 
@@ -569,7 +620,7 @@ TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
     ArmState state_{Vector::Zero(2), Vector::Zero(2), {}, {}};
     std::size_t before_ = 0;
   };
-  const scenario::Scenario s = limited({"robot.compensates=gravity"});
+  const scenario::Scenario s = limited({"robot.compensates.gravity=true"});
   Peers peers(s);
   peers.on_measurement = [](std::int64_t) {};
   peers.truths.reserve(100);

@@ -87,7 +87,7 @@ void require_own_channels(const scenario::Scenario& one, const scenario::Scenari
 std::string friction_text(const scenario::Scenario& scenario) {
   const robot::Model& model = *scenario.model;
   std::string text;
-  if (scenario.robot.compensates == scenario::Compensates::gravity_and_friction) return text;
+  if (scenario.robot.compensates.friction == 1) return text;
   const auto add = [&](const char* key, const Vector& of_urdf, const char* what) {
     if (of_urdf.isZero(0) || scenario.gives(key)) return;
     text += fmt::format("{}{}", text.empty() ? "" : ", ", what);
@@ -146,10 +146,11 @@ void judge(PlannedRun& run) {
     remarks.push_back({false, held});
   }
   if (!loop.not_counted.empty()) remarks.push_back({false, "not counted: " + loop.not_counted});
-  if (scenario.robot.compensates != scenario::Compensates::nothing) {
-    remarks.push_back({false, fmt::format("robot.compensates is {}: a real arm is sent the torque "
-                                          "without g(q); log and certificate have the whole torque",
-                                          base::name_of(scenario.robot.compensates))});
+  if (scenario.robot.compensates.adds_torque()) {
+    remarks.push_back({false, fmt::format("robot.compensates: the arm adds {}; a real arm is sent "
+                                          "the torque without it; log and certificate have the "
+                                          "whole torque",
+                                          scenario.robot.compensates.text())});
   }
   if (const std::string friction = friction_text(scenario); !friction.empty()) {
     remarks.push_back({false, friction});

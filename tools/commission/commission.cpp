@@ -11,6 +11,7 @@
 #include "commission/findings.h"
 #include "commission/hypotheses.h"
 #include "identify/least_squares.h"
+#include "plant/own_torque.h"
 #include "robot/dynamics.h"
 
 namespace tachless::commission {
@@ -84,10 +85,10 @@ class Procedure : Findings {
     if (result.q.rows() < changed.loop.num_ticks && result.stopped.empty()) {
       result.stopped = "the run ended early";
     }
-    if (changed.robot.compensates == Compensates::nothing) return result;
-    for (Eigen::Index k = 0; k < result.q.rows(); ++k) {
-      result.tau.row(k) -=
-          robot::gravity_torque(*changed.model, result.q.row(k).transpose()).transpose();
+    const plant::OwnTorque added(changed);
+    const Vector slow = Vector::Zero(changed.num_joints);
+    for (Eigen::Index k = 0; added.any() && k < result.q.rows(); ++k) {
+      result.tau.row(k) -= added.at(result.q.row(k).transpose(), slow).transpose();
     }
     return result;
   }
@@ -103,7 +104,7 @@ class Procedure : Findings {
     return {fmt::format("controller={{law: loria_ortega_rigid, filter: tustin, gains: {{kp: "
                         "{}, kd: {}, a: {}, b: {}}}}}",
                         list(kp), list(kd), rate, rate),
-            fmt::format("robot.compensates={}", sends_gravity ? "nothing" : "gravity")};
+            fmt::format("robot.compensates={{gravity: {}}}", !sends_gravity)};
   }
 
   /// Runs some milliseconds without torque and judges the fall.

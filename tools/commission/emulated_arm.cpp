@@ -12,6 +12,7 @@ namespace tachless::commission {
 EmulatedArm::EmulatedArm(scenario::Scenario scenario)
     : scenario_(std::move(scenario)),
       model_(plant::plant_model(scenario_)),
+      own_torque_(scenario_),
       encoder_(scenario_.plant.encoder, scenario::encoder_count(scenario_, model_), model_),
       now_(plant::initial_state(scenario_.plant, scenario_.robot.flexible, model_)) {}
 
@@ -41,9 +42,7 @@ plant::ArmState EmulatedArm::read() {
 void EmulatedArm::hold(const Vector& tau, double until_s) {
   last_ = tau;
   Vector acts = scenario_.robot.joint_signs.cwiseProduct(tau);
-  if (scenario_.robot.compensates != scenario::Compensates::nothing) {
-    acts += robot::gravity_torque(model_, now_.q);
-  }
+  if (own_torque_.any()) acts += own_torque_.at(now_.q, now_.v);
   arm_->advance(acts, until_s);
   now_ = arm_->state();
 }

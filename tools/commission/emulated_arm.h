@@ -6,6 +6,7 @@
 #include "commission/commission.h"
 #include "plant/arm.h"
 #include "plant/encoder.h"
+#include "plant/own_torque.h"
 #include "plant/robot_driver.h"
 #include "robot/model.h"
 #include "scenario/scenario.h"
@@ -39,6 +40,7 @@ class EmulatedArm : public plant::RobotDriver {
  private:
   scenario::Scenario scenario_;
   robot::Model model_;
+  plant::OwnTorque own_torque_;
   plant::Encoder encoder_;
   plant::ArmState now_;
   std::deque<plant::ArmState> past_;  ///< states that the encoder's latency delays

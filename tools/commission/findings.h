@@ -14,7 +14,6 @@
 
 namespace tachless::commission {
 
-using scenario::Compensates;
 using scenario::Scenario;
 
 /// Returns the speed that no joint of an unknown arm may exceed: a tenth of its limit, or 0.1 where
@@ -55,8 +54,9 @@ class Findings {
   /// Compares the found friction with the friction that the scenario states for an arm without
   /// compensation.
   void judge_friction(const Explanation& found) {
-    const Scenario stated = scenario::parse_scenario(
-        scenario_.text, scenario_.robot.urdf_text, scenario_.source, {"robot.compensates=nothing"});
+    const Scenario stated =
+        scenario::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
+                                 {"robot.compensates.friction=0"});
     const plant::DriveSpec& drive = stated.plant.drive;
     double seen = 0, expected = 0;
     for (std::size_t j = 0; j < found.joints.size(); ++j) {
@@ -124,7 +124,7 @@ class Findings {
   }
 
   void mend_gravity() {
-    const Compensates says = scenario_.robot.compensates;
+    const scenario::CompensationSpec& says = scenario_.robot.compensates;
     if (!result_.adds_gravity) {
       misfit(
           "robot.compensates",
@@ -133,21 +133,25 @@ class Findings {
           false);
       return;
     }
-    Compensates is = Compensates::nothing;
-    if (*result_.adds_gravity) {
-      const bool friction =
-          result_.adds_friction.value_or(says == Compensates::gravity_and_friction);
-      is = friction ? Compensates::gravity_and_friction : Compensates::gravity;
+    scenario::CompensationSpec is = says;
+    is.gravity = *result_.adds_gravity;
+    if (const auto& friction = result_.adds_friction; !is.gravity || (friction && !*friction)) {
+      is.friction = 0;
+    } else if (friction && is.friction == 0) {
+      is.friction = 1;
     }
-    if (is == says) return;
+    if (is.gravity == says.gravity && is.friction == says.friction) return;
     misfit("robot.compensates",
-           fmt::format("{}, but the arm adds {}: {}; write robot.compensates: {}",
-                       base::name_of(says), *result_.adds_gravity ? base::name_of(is) : "nothing",
-                       says == Compensates::nothing ? "gravity would be sent twice"
-                       : is == Compensates::nothing ? "the arm would fall"
-                                                    : "friction would be counted wrongly",
-                       base::name_of(is)),
-           true, {fmt::format("robot.compensates={}", base::name_of(is))});
+           fmt::format("{}, but the arm adds {}: {}; write robot.compensates: {{gravity: {}, "
+                       "friction: {}}}",
+                       says.text(), is.text(),
+                       is.gravity == says.gravity ? "friction would be counted wrongly"
+                       : is.gravity               ? "gravity would be sent twice"
+                                                  : "the arm would fall",
+                       is.gravity, is.friction),
+           true,
+           {fmt::format("robot.compensates.gravity={}", is.gravity),
+            fmt::format("robot.compensates.friction={}", is.friction)});
   }
 
   void mend_delay() {

@@ -887,23 +887,34 @@ TEST(Scenario, CoulombFrictionIsTheUrdfsUnlessGiven) {
               HasSubstr("plant.drive.static_friction_Nm: 0.5 of joint elbow is below its Coulomb"));
 }
 
-TEST(Scenario, OfAnArmThatCompensatesHasAHoldingStartAndNoFrictionWhereItAddsThatToo) {
+TEST(Scenario, OfAnArmThatCompensatesHasAHoldingStartAndTheRestOfTheFriction) {
   const std::string rubbing =
       replaced(urdf, "<limit", "<dynamics damping=\"0.5\" friction=\"1\"/><limit");
   const auto read = [&](const std::string& compensates, const std::string& other) {
     return parse_scenario(minimal, rubbing, "f.yaml", {"robot.compensates=" + compensates, other});
   };
-  const Scenario gravity = read("gravity", "controller.friction.coulomb=2");
+  const Scenario gravity = read("{gravity: true}", "controller.friction.coulomb=2");
   EXPECT_EQ(gravity.plant.initial.torque, plant::InitialTorque::hold);
   EXPECT_TRUE(gravity.plant.drive.dry_friction());
   EXPECT_TRUE(gravity.controller.friction.given());
-  const Scenario both = read("gravity_and_friction", "controller.friction.coulomb=2");
+  const Scenario both = read("{gravity: true, friction: 1}", "controller.friction.coulomb=2");
   EXPECT_FALSE(both.plant.drive.dry_friction());
   EXPECT_THAT(values(both.plant.drive.viscous_friction_Nms_per_rad), ElementsAre(0, 0));
   EXPECT_FALSE(both.controller.friction.given());
-  EXPECT_THAT(refusal([&] { read("gravity", "plant.initial.torque=zero"); }),
+  EXPECT_THAT(refusal([&] { read("{gravity: true}", "plant.initial.torque=zero"); }),
               HasSubstr("plant.initial.torque: zero, but an arm that adds gravity itself"));
-  EXPECT_THAT(refusal([&] { read("gravity", "robot.joint_signs=[1, 0]"); }),
+  const Scenario half = read("{friction: 0.5}", "controller.friction.coulomb=2");
+  EXPECT_THAT(values(half.plant.drive.coulomb_friction_Nm), ElementsAre(0, 0.5));
+  EXPECT_THAT(values(half.controller.friction.coulomb), ElementsAre(1, 1));
+  EXPECT_THAT(refusal([&] { read("{coriolis: true, base_rpy: [0, 0, 0]}", "name=a"); }),
+              HasSubstr("robot.compensates.base_rpy: given, but the arm adds no gravity"));
+  EXPECT_THAT(refusal([&] { read("{gravity: true, base_rpy: [0, 1]}", "name=a"); }),
+              HasSubstr("robot.compensates.base_rpy: 2 numbers; allowed: 3"));
+  EXPECT_THAT(refusal([&] { read("{friction: 1, urdf: a.urdf}", "name=a"); }),
+              HasSubstr("robot.compensates.urdf: given, but the arm adds no torque of a model"));
+  EXPECT_THAT(refusal([&] { read("gravity", "name=a"); }),
+              HasSubstr("robot.compensates: gravity; allowed: a map"));
+  EXPECT_THAT(refusal([&] { read("{gravity: true}", "robot.joint_signs=[1, 0]"); }),
               HasSubstr("robot.joint_signs: 0; allowed: 1 and -1"));
 }
 

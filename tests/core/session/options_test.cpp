@@ -41,7 +41,7 @@ TEST(RunId, IsValidForEveryTime) {
   EXPECT_EQ(run_id_at(in_1970 + 1s), 1'000'000);
   EXPECT_EQ(run_id_at(in_1970), 1);
   EXPECT_EQ(run_id_at(in_1970 - std::chrono::years(10)), 1);
-  EXPECT_EQ(run_id_at(in_1970 + std::chrono::years(290)), largest_run_id);
+  EXPECT_EQ(run_id_at(in_1970 + std::chrono::years(290)), 9'000'000'000'000'000);
 }
 
 TEST(ProcessOptions, AreReadFromTheCommandLine) {

@@ -158,7 +158,8 @@ Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild)
   const Vector seen = signs.cwiseProduct(posture);
   const double which = part(random);
   const char* compensates =
-      which < 0.4 ? "nothing" : (which < 0.7 || !friction ? "gravity" : "gravity_and_friction");
+      which < 0.4 ? "{}"
+                  : (which < 0.7 || !friction ? "{gravity: true}" : "{gravity: true, friction: 1}");
   const int delay = static_cast<int>(5 * part(random)),
             of_reading = static_cast<int>((delay + 1) * part(random));
   const auto at = [](const Vector& q) {
@@ -207,22 +208,21 @@ struct Tally {
     }
     EXPECT_LT(driver.moved.maxCoeff(), 0.05);
     if (std::getenv("SHOW")) {
-      std::cout << what << " compensates " << static_cast<int>(arm.truth.robot.compensates)
-                << " signs " << list(arm.truth.robot.joint_signs) << " delay "
-                << arm.more.torque_delay << "+" << arm.truth.plant.encoder.latency_ticks
-                << " scale " << list(arm.more.scale) << "\n  moved " << list(driver.moved)
-                << " fast " << list(driver.fastest) << "\n"
+      std::cout << what << " compensates " << arm.truth.robot.compensates.text() << " signs "
+                << list(arm.truth.robot.joint_signs) << " delay " << arm.more.torque_delay << "+"
+                << arm.truth.plant.encoder.latency_ticks << " scale " << list(arm.more.scale)
+                << "\n  moved " << list(driver.moved) << " fast " << list(driver.fastest) << "\n"
                 << text(found, what);
       for (const auto& m : found.misfits) std::cout << "  ! " << m << "\n";
     }
-    const auto compensates = arm.truth.robot.compensates;
-    const bool gravity = compensates != scenario::Compensates::nothing;
+    const auto& compensates = arm.truth.robot.compensates;
+    const bool gravity = compensates.gravity;
     if (found.adds_gravity) {
       EXPECT_EQ(*found.adds_gravity, gravity);
       ++this->gravity;
     }
     if (found.adds_friction) {
-      EXPECT_EQ(*found.adds_friction, compensates == scenario::Compensates::gravity_and_friction);
+      EXPECT_EQ(*found.adds_friction, compensates.friction == 1);
       ++friction;
     }
     if (found.delay) {
@@ -268,12 +268,13 @@ TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
       "reference={hold: {position_rad: [0.25, 0.2]}}", "plant.drive.torque_limit_Nm=[400, 100]"};
   const std::string path = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
   const scenario::Scenario silent = scenario::load_scenario(path, says);
-  says.emplace_back("robot.compensates=gravity");
+  says.emplace_back("robot.compensates.gravity=true");
   EmulatedArm maker(scenario::load_scenario(path, says));
   const Commissioned found = commission(silent, trials_on(maker), [](std::string_view) {});
   ASSERT_EQ(found.misfits.size(), 1U);
-  EXPECT_THAT(found.misfits[0], HasSubstr("write robot.compensates: gravity"));
-  EXPECT_THAT(found.overrides, testing::ElementsAre("robot.compensates=gravity"));
+  EXPECT_THAT(found.misfits[0], HasSubstr("write robot.compensates: {gravity: true, friction: 0}"));
+  EXPECT_THAT(found.overrides, testing::ElementsAre("robot.compensates.gravity=true",
+                                                    "robot.compensates.friction=0"));
   EXPECT_TRUE(found.mendable);
 }
 

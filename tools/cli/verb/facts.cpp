@@ -196,10 +196,12 @@ struct Robot {
       return where == scenario.where.end() ? otherwise : fmt::format("{} ({})", key, where->second);
     };
     const std::string urdf = robot.urdf_path;
-    const bool no_friction = robot.compensates == scenario::Compensates::gravity_and_friction;
     const auto friction = [&](const std::string& key, const char* attribute) {
-      if (no_friction) return source("robot.compensates", "");
-      return source("plant.drive." + key, fmt::format("<dynamics {}> of {}", attribute, urdf));
+      const std::string whole =
+          source("plant.drive." + key, fmt::format("<dynamics {}> of {}", attribute, urdf));
+      if (robot.compensates.friction == 0) return whole;
+      return fmt::format("{}, without what {} cancels", whole,
+                         source("robot.compensates.friction", ""));
     };
     if (robot.flexible) facts.rotor_inertia = robot.flexible->rotor_inertia;
     facts.sources = {
