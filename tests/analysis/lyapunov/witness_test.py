@@ -102,8 +102,13 @@ class Witness(unittest.TestCase):
         right = json.loads(forged)
         right["quantum"] = [0.0]
         check(changed(right))
-        for key, value in {"joints": 1.7, "boxes": 1e3, "torque_limit": [-1.0], "viscous": [-0.1]}.items():
-            with self.assertRaises(Rejected, msg=key):
+        for key, value, why in (("joints", 1.7, "joints is not the whole number"), ("joints", 3, "whole number 1 or 2"),
+                                ("boxes", 1e3, "boxes is no whole number"), ("boxes", 0, "boxes is out of range"),
+                                ("torque_limit", [-1.0], "torque_limit is not above 0"),
+                                ("torque_limit", [0.0], "torque_limit is not above 0"),
+                                ("viscous", [-0.1], "viscous is negative"), ("rho", 1.0, "rho, gamma or the period"),
+                                ("gamma", 0.9, "rho \\+ gamma > 1")):
+            with self.assertRaisesRegex(Rejected, why, msg=key):
                 check(changed(right, **{key: value}))
         two = {**right, "joints": 2, "M": [[[2.0, 0.3], [0.2, 1.0]], [[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2]}
         for key in ("q_ref", "kp", "kd", "phi", "beta", "viscous", "quantum", "torque_limit"):
