@@ -12,20 +12,31 @@ install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
   COMPONENT program)
 
-install(DIRECTORY core/ analysis/ tools/ DESTINATION include/tachless COMPONENT development FILES_MATCHING
-  PATTERN "*.h" PATTERN verb EXCLUDE PATTERN verb.h EXCLUDE)
-install(DIRECTORY plant reference controller logger ${PROJECT_BINARY_DIR}/generated/base
-  DESTINATION include/tachless COMPONENT development FILES_MATCHING
-  PATTERN "*.h" PATTERN verb EXCLUDE PATTERN verb.h EXCLUDE)
-# Installed headers include each other as <tachless/robot/model.h>.
-install(CODE [[
-  file(GLOB_RECURSE headers "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/include/tachless/*.h")
-  foreach(header IN LISTS headers)
-    file(READ "${header}" text)
-    string(REGEX REPLACE "#include \"([a-z_]+/)" "#include \"tachless/\\1" text "${text}")
-    file(WRITE "${header}" "${text}")
-  endforeach()
-]] COMPONENT development)
+# The public headers are those of docs/site/cpp.md. They are installed with all headers that they include.
+set(headers
+  controller/law/law.h controller/law/parts.h controller/law/filter.h controller/program.h
+  messages/signals.h messages/measurements.h
+  plant/robot_driver.h plant/arm_state.h plant/node.h session/run_role.h
+  base/quantities.h robot/model.h robot/dynamics.h robot/kinematics.h
+  in_process/in_process_loop.h logger/run_log.h)
+set(installed_headers)
+while(headers)
+  list(POP_FRONT headers header)
+  if(header IN_LIST installed_headers)
+    continue()
+  endif()
+  list(APPEND installed_headers ${header})
+  # An include begins in the root or in a district, as in the include folders of cmake/Tachless.cmake.
+  find_file(file ${header} PATHS ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/core ${PROJECT_SOURCE_DIR}/analysis
+    ${PROJECT_BINARY_DIR}/generated NO_DEFAULT_PATH NO_CACHE REQUIRED)
+  get_filename_component(folder ${header} DIRECTORY)
+  install(FILES ${file} DESTINATION include/tachless/${folder} COMPONENT development)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+  file(STRINGS ${file} includes REGEX "^#include \"")
+  list(TRANSFORM includes REPLACE "^#include \"(.+)\".*" "\\1")
+  list(APPEND headers ${includes})
+  unset(file)
+endwhile()
 install(DIRECTORY examples/simulate_and_read DESTINATION ${shared}/examples COMPONENT development)
 foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot's URDF, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development

@@ -38,7 +38,7 @@ endif()
 function(tachless_export name)
   set_property(GLOBAL APPEND PROPERTY TACHLESS_LIBRARIES ${name})
   install(TARGETS ${name} EXPORT tachless COMPONENT development ARCHIVE DESTINATION ${TACHLESS_LIBDIR}
-    INCLUDES DESTINATION include)
+    INCLUDES DESTINATION include include/tachless)
 endfunction()
 tachless_export(tachless_options)
 
