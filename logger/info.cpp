@@ -199,7 +199,7 @@ json run_json(RunLog& log) {
           {"num_ticks", log.info().num_ticks},
           {"num_joints", scenario.num_joints},
           {"flexible", scenario.robot.flexible.has_value()},
-          {"compensates", base::name_of(scenario.robot.compensates)},
+          {"compensates", scenario.robot.compensates.text()},
           {"ticks", summary.ticks},
           {"first_tick", summary.first_tick},
           {"last_tick", summary.last_tick},
@@ -234,13 +234,16 @@ std::string ranges(const json& missing_ticks) {
 }
 
 std::string run_text(const json& run) {
+  const std::string added = run["compensates"] == "nothing"
+                                ? ""
+                                : fmt::format("; the arm itself adds {}", run["compensates"]);
   std::string text = fmt::format(
-      "run       {}: {}, {}, {} on {} ({} joints, {}; the arm itself adds {})\n"
+      "run       {}: {}, {}, {} on {} ({} joints, {}{})\n"
       "recorded  by version {}; controller fed with {}\n"
       "ticks     {} of {} at {:.9g} s",
       run["id"], run["scenario"], run["mode"], run["law"], run["robot"], run["num_joints"],
-      run["flexible"] ? "flexible" : "rigid", run["compensates"], run["version"],
-      run["measurement"], run["ticks"], run["num_ticks"], run["period_s"].get<double>());
+      run["flexible"] ? "flexible" : "rigid", added, run["version"], run["measurement"],
+      run["ticks"], run["num_ticks"], run["period_s"].get<double>());
   const bool has_ticks = run["ticks"] != 0;
   if (has_ticks) text += fmt::format(" ({} to {})", run["first_tick"], run["last_tick"]);
   const json& end = run["end"];
