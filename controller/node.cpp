@@ -8,10 +8,10 @@
 #include <span>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "base/failure.h"
 #include "base/logging.h"
+#include "base/tick_ring.h"
 #include "base/users_code.h"
 #include "controller/spec.h"
 #include "messages/wire.h"
@@ -33,16 +33,15 @@ struct Input : messages::Port<Value> {
     messages::Stamp stamp;
     Value value;
   };
-  std::vector<Message> kept = std::vector<Message>(session::MessageRing::depth);
+  base::TickRing<Message> kept{session::MessageRing::depth};
 
   explicit Input(messages::Port<Value> port) : messages::Port<Value>(std::move(port)) {}
 
   void keep(const messages::Stamp& stamp, const Value& value) {
-    Message& message = at(stamp.tick);
+    Message& message = kept[stamp.tick];
     message.stamp = stamp;
     message.value = value;
   }
-  Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
 };
 
 session::LawInput input_of(Role from) {
@@ -89,9 +88,9 @@ class Node {
   /// throws or returns another number of joints or signals.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
-    const auto& [asked, measurement] = measurement_.at(tick);
+    const auto& [asked, measurement] = measurement_.kept[tick];
     const messages::Stamp stamp{asked.utime, session_.run(), tick};
-    const auto step = [&] { return law_->step(tick, measurement, reference_.at(tick).value); };
+    const auto step = [&] { return law_->step(tick, measurement, reference_.kept[tick].value); };
     const Outcome outcome = users_ ? base::call_users("the law", step) : step();
     if (users_) require_sizes(outcome, tick);
     command_bytes_ = session_.publish(command_, stamp, outcome.command);

@@ -10,6 +10,7 @@
 
 #include "base/failure.h"
 #include "base/text.h"
+#include "base/tick_ring.h"
 #include "base/version.h"
 #include "messages/measurements.h"
 #include "messages/truth/truth_wire.h"
@@ -182,18 +183,18 @@ void append_cause(const std::filesystem::path& log, const scenario::Scenario& sc
 class RunLog::Window {
  public:
   /// @param held ticks of the previous window, whose pages (some megabytes) are costly to allocate
-  explicit Window(RunLog& log, std::vector<HeldTick> held = {})
+  explicit Window(RunLog& log, base::TickRing<HeldTick> held)
       : reader_(log.reader_),
         described_(log.described_),
         on_event_(log.on_event_),
         summary_(log.summary_),
         held_(std::move(held)) {
-    held_.assign(num_held, none_);
+    held_.fill(none_);
     std::apply([&](auto&... channel) { (make(channel), ...); }, channels_);
     last_seen_.fill(-1);
   }
 
-  std::vector<HeldTick> take_held() { return std::move(held_); }
+  base::TickRing<HeldTick> take_held() { return std::move(held_); }
 
   bool next(TickRecord& record) {
     for (;;) {
@@ -202,7 +203,7 @@ class RunLog::Window {
           base_ = release_below_;
           continue;
         }
-        HeldTick& held = held_at(base_++);
+        HeldTick& held = held_[base_++];
         if (held.num_messages == 0) continue;
         const bool begun = has_begun(held);
         if (begun) {
@@ -248,8 +249,6 @@ class RunLog::Window {
   }
 
   PieceSummary& piece(Slot slot) { return summary_.pieces[index(slot)]; }
-
-  HeldTick& held_at(std::int64_t tick) { return held_[static_cast<std::size_t>(tick % num_held)]; }
 
   /// Returns false for a tick that has only a reference, at the end of a run that was cut short.
   /// The reference is a tick ahead.
@@ -326,7 +325,7 @@ class RunLog::Window {
     }
     newest_ = std::max(newest_, stamp.tick);
     release_below_ = std::max(release_below_, newest_ - window);
-    HeldTick& held = held_at(stamp.tick);
+    HeldTick& held = held_[stamp.tick];
     const auto fields = event.data.subspan(messages::stamp_end);
     auto& bytes = held.bytes[index(slot)];
     if (has(held.record, slot)) {
@@ -403,7 +402,7 @@ class RunLog::Window {
   RunSummary& summary_;
   decltype(channels_of(messages::AllMessages())) channels_;
   const HeldTick none_{};  ///< source of assignments; {} would first be cleared byte by byte
-  std::vector<HeldTick> held_;
+  base::TickRing<HeldTick> held_;
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
   std::int64_t newest_ = -1;        // highest tick that is held
@@ -411,7 +410,7 @@ class RunLog::Window {
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, messages::num_slots> last_seen_{};
-  std::string gains_;                  ///< of the last reference handed out
+  std::string gains_;  ///< of the last reference handed out
 };
 
 RunLog::RunLog(const std::filesystem::path& path, std::optional<std::int64_t> run)
@@ -425,8 +424,8 @@ bool RunLog::next(TickRecord& record) { return window_->next(record); }
 void RunLog::rewind() {
   reader_.rewind();
   summary_ = {};
-  window_ =
-      std::make_unique<Window>(*this, window_ ? window_->take_held() : std::vector<HeldTick>());
+  window_ = std::make_unique<Window>(
+      *this, window_ ? window_->take_held() : base::TickRing<HeldTick>(num_held));
 }
 
 }  // namespace tachless::logger

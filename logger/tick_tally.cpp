@@ -4,8 +4,7 @@
 
 namespace tachless::logger {
 
-TickTally::TickTally(std::int64_t num_ticks)
-    : num_ticks_(num_ticks), entries_(window), expected_(num_ticks) {
+TickTally::TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), expected_(num_ticks) {
   for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
 }
 
@@ -15,7 +14,7 @@ TickTally::Verdict TickTally::on_message(Slot slot, std::int64_t tick,
   if (tick < settled_) return Verdict::too_old;
   settle_before(tick - window + 1);
   if (slot != Slot::reference) newest_ = std::max(newest_, tick);
-  Entry& entry = entries_[static_cast<std::size_t>(tick % window)];
+  Entry& entry = entries_[tick];
   if (entry.tick != tick) {
     entry = Entry();
     entry.tick = tick;
@@ -31,7 +30,7 @@ TickTally::Verdict TickTally::on_message(Slot slot, std::int64_t tick,
 
 void TickTally::settle_before(std::int64_t end) {
   for (; settled_ < end; ++settled_) {
-    const Entry& entry = entries_[static_cast<std::size_t>(settled_ % window)];
+    const Entry& entry = entries_[settled_];
     bool complete = true;
     for (const Slot slot : messages::all_slots) {
       if (entry.tick == settled_ && entry.has[index(slot)]) continue;

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "base/tick_ring.h"
 #include "logger/tick_ranges.h"
 #include "messages/slot.h"
 #include "session/message_ring.h"
@@ -58,7 +59,7 @@ class TickTally {
   void settle_before(std::int64_t end);
 
   std::int64_t num_ticks_;
-  std::vector<Entry> entries_;
+  base::TickRing<Entry> entries_{window};
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;

@@ -73,7 +73,7 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
                                     scenario::encoder_count(scenario, model_), model_)
                           : ideal_encoder(model_)),
       speed_(Vector::Zero(model_.num_joints)),
-      past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
+      past_(emulated() ? scenario.plant.encoder.latency_ticks + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   if (driver != nullptr && (!limit || !limit->allFinite())) {
     throw scenario.complaint("plant.drive.torque_limit_Nm",
@@ -173,10 +173,9 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
     measure_speed(asked);
   }
   if (own_torque_) drive_.set_added(own_torque_->at(state_.q, speed_));
-  const auto ring = static_cast<std::int64_t>(past_.size());
   const std::int64_t now = std::max<std::int64_t>(tick, 0);
-  past_[static_cast<std::size_t>(now % ring)] = state_;
-  sensed_ = static_cast<std::size_t>(std::max<std::int64_t>(now - ring + 1, 0) % ring);
+  past_[now] = state_;
+  sensed_ = std::max<std::int64_t>(now - past_.size() + 1, 0);
   watch_limits(tick);
   if (trajectory_ && tick >= 0 && !stopped_) watch_following(tick);
   return state_;

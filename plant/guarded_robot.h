@@ -7,10 +7,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "base/clock.h"
 #include "base/failure.h"
+#include "base/tick_ring.h"
 #include "messages/measurements.h"
 #include "plant/arm_state.h"
 #include "plant/drive.h"
@@ -138,9 +138,9 @@ class GuardedRobot {
     Vector q;
     base::Clock::time_point asked;
     double time_s = 0;
-  } mark_;                      ///< beginning of the window of `speed_`
-  std::vector<ArmState> past_;  ///< ring of the states of the last ticks
-  std::size_t sensed_ = 0;
+  } mark_;                         ///< beginning of the window of `speed_`
+  base::TickRing<ArmState> past_;  ///< states of the last ticks
+  std::int64_t sensed_ = 0;        ///< tick of the state that the encoders read
   std::array<bool, max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;

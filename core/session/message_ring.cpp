@@ -15,10 +15,10 @@ std::uint64_t digest_of(std::span<const std::byte> bytes) {
   return base::fnv({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, seed);
 }
 
-MessageRing::MessageRing(std::span<const std::size_t> capacities) : slots_(depth) {
-  for (Slot& slot : slots_) {
+MessageRing::MessageRing(std::span<const std::size_t> capacities) {
+  for (std::int64_t tick = 0; tick < depth; ++tick) {
     for (const std::size_t capacity : capacities) {
-      Message& message = slot.messages.emplace_back();
+      Message& message = slots_[tick].messages.emplace_back();
       message.digest_only = capacity == digest_only;
       message.bytes.reserve(capacity);
     }
@@ -27,7 +27,7 @@ MessageRing::MessageRing(std::span<const std::size_t> capacities) : slots_(depth
 
 Verdict MessageRing::put(std::int64_t tick, int kind, std::span<const std::byte> bytes) {
   if (tick < 0) throw std::logic_error("message of tick " + std::to_string(tick) + " kept");
-  Slot& slot = slots_[static_cast<std::size_t>(tick % depth)];
+  Slot& slot = slots_[tick];
   if (tick < slot.tick) return Verdict::too_old;
   if (tick > slot.tick) {
     slot.tick = tick;
@@ -59,7 +59,7 @@ std::span<const std::byte> MessageRing::bytes(std::int64_t tick, int kind) const
 
 const MessageRing::Message* MessageRing::find(std::int64_t tick, int kind) const {
   if (tick < 0) return nullptr;
-  const Slot& slot = slots_[static_cast<std::size_t>(tick % depth)];
+  const Slot& slot = slots_[tick];
   const Message& message = slot.messages[static_cast<std::size_t>(kind)];
   return slot.tick == tick && message.present ? &message : nullptr;
 }

@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "base/tick_ring.h"
+
 /// The tick protocol as pure state machines: they take events and times and return actions. They
 /// neither send nor receive, and they know no message type. docs/protocol.md describes the whole
 /// protocol.
@@ -62,7 +64,7 @@ class MessageRing {
 
   [[nodiscard]] const Message* find(std::int64_t tick, int kind) const;
 
-  std::vector<Slot> slots_;
+  base::TickRing<Slot> slots_{depth};
 };
 
 }  // namespace tachless::session

@@ -43,7 +43,7 @@ Verdict TickMaster::on_command(std::int64_t tick, std::span<const std::byte> byt
 
 void TickMaster::on_completed(Time now) {
   if (!is_commanded()) throw std::logic_error("a tick was completed without its command");
-  sent(next_tick_) = now;
+  sent_[next_tick_] = now;
   asking_ = false;
   ++next_tick_;
   progress(now);
@@ -82,7 +82,7 @@ std::optional<TickMaster::Repeat> TickMaster::next_repeat(Time now) {
   if (pending_ == 0) return std::nullopt;
   const std::int64_t tick = acknowledged_ + 1 + std::countr_zero(pending_);
   pending_ &= pending_ - 1;
-  sent(tick) = now;
+  sent_[tick] = now;
   return Repeat{Repeat::What::all, tick};
 }
 
@@ -125,12 +125,8 @@ void TickMaster::remember_missing(std::uint64_t missing, Time now) {
   const auto settled = config_.first_timeout / 2;
   for (std::uint64_t rest = missing_; rest != 0; rest &= rest - 1) {
     const std::int64_t late = acknowledged_ + 1 + std::countr_zero(rest);
-    if (now - sent(late) >= settled) pending_ |= rest & -rest;
+    if (now - sent_[late] >= settled) pending_ |= rest & -rest;
   }
-}
-
-TickMaster::Time& TickMaster::sent(std::int64_t tick) {
-  return sent_[static_cast<std::size_t>(tick % MessageRing::depth)];
 }
 
 }  // namespace tachless::session

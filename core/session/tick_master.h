@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +7,7 @@
 #include <span>
 
 #include "base/clock.h"
+#include "base/tick_ring.h"
 #include "session/message_ring.h"
 
 namespace tachless::session {
@@ -91,8 +91,6 @@ class TickMaster {
 
   void remember_missing(std::uint64_t missing, Time now);
 
-  /// Returns the time at which all messages of a tick were last sent.
-  Time& sent(std::int64_t tick);
   [[nodiscard]] std::int64_t last_completed() const { return next_tick_ - 1; }
   [[nodiscard]] std::int64_t last_asked() const { return asking_ ? next_tick_ : next_tick_ - 1; }
 
@@ -105,7 +103,8 @@ class TickMaster {
   std::int64_t acknowledged_ = -1;
   std::uint64_t missing_ = 0;  ///< bit i: the logger misses a message of acknowledged_ + 1 + i
   std::uint64_t pending_ = 0;  ///< the ticks of `missing_` to be repeated now
-  std::array<Time, MessageRing::depth> sent_{};
+  /// When all messages of a tick were last sent.
+  base::TickRing<Time> sent_{MessageRing::depth};
   Time progress_;
   Time waited_;  ///< progress_, increased by the time suspended
   Time looked_;  ///< last call of next_repeat

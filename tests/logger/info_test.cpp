@@ -81,7 +81,7 @@ TEST_F(Info, TellsRunAndChannelsOfOurLog) {
   EXPECT_EQ(info["damage"]["any"], false);
   EXPECT_THAT(
       to_text(info),
-      AllOf(HasSubstr("paper_flexible"), HasSubstr("flexible; the arm itself adds nothing)"),
+      AllOf(HasSubstr("paper_flexible"), HasSubstr("flexible)"),
             HasSubstr("40 of 40"), HasSubstr("gaps      0"), HasSubstr("damage    none"),
             HasSubstr("tachless_truth.plant_truth_t")));
 }
