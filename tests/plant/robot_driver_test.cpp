@@ -155,8 +155,9 @@ TEST(RobotDriver, IsSentTheTorqueWithoutWhatTheArmAddsByItsOwnModel) {
   robot.state.q << 0.004, -0.003;
   robot.state.v << 2, 3;
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
-  robot::Model own =
-      robot::model_from_urdf(urdf, "own.urdf", {.base_rpy = Eigen::Vector3d(0, 0.2, 0)});
+  robot::UrdfOptions options;
+  options.base_rpy = {0, 0.2, 0};
+  robot::Model own = robot::model_from_urdf(urdf, "own.urdf", options);
   own.gravity = {0, 0, -9.81};
   const Vector added = robot::gravity_torque(own, robot.state.q) +
                        robot::coriolis_product(own, robot.state.q, robot.state.v, robot.state.v);
