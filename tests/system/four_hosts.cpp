@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
@@ -51,8 +52,12 @@ FourHosts::FourHosts() {
 
 FourHosts::~FourHosts() {
   // At once, not when the kernel comes to it: the next four hosts have the same names.
-  for (const std::string role : roles) std::system(("ip link delete " + role).c_str());
-  std::system("ip link delete switch");
+  const auto remove = [](const std::string& link) {
+    const std::string command = "ip link delete " + link;
+    if (std::system(command.c_str()) != 0) std::perror(command.c_str());
+  };
+  for (const std::string role : roles) remove(role);
+  remove("switch");
 }
 
 FourHosts::Namespaces FourHosts::here() {
