@@ -133,7 +133,7 @@ TEST(ArmConventions, NotToldOfAnotherZeroRefuseToStart) {
   }
 }
 
-TEST(ArmConventions, AnArmThatCompensatesFrictionHasNone) {
+TEST(ArmConventions, AnArmThatCompensatesFrictionHasTheRestOfIt) {
   std::ifstream file(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
   std::string urdf(std::istreambuf_iterator<char>(file), {});
   const std::string joint = "</joint>";
@@ -148,8 +148,9 @@ TEST(ArmConventions, AnArmThatCompensatesFrictionHasNone) {
     return scenario({"robot.urdf=" + (directory.path() / "arm.urdf").string(),
                      "robot.compensates.friction=" + friction});
   };
-  EXPECT_EQ(with("0").plant.drive.coulomb_friction_Nm.maxCoeff(), 1);
-  EXPECT_EQ(with("0.75").plant.drive.coulomb_friction_Nm.maxCoeff(), 0.25);
+  const double whole = with("0").plant.drive.coulomb_friction_Nm.maxCoeff();
+  EXPECT_GT(whole, 0);
+  EXPECT_EQ(with("0.75").plant.drive.coulomb_friction_Nm.maxCoeff(), 0.25 * whole);
   EXPECT_EQ(with("1").plant.drive.coulomb_friction_Nm.maxCoeff(), 0);
   EXPECT_EQ(with("1").plant.drive.viscous_friction_Nms_per_rad.maxCoeff(), 0);
 }
