@@ -152,6 +152,7 @@ TEST(RobotDriver, IsSentTheTorqueWithoutWhatTheArmAddsByItsOwnModel) {
                "plant.drive.torque_limit_Nm=1000"});
   Peers peers(s);
   Recording robot;
+  robot.velocity = true;
   robot.state.q << 0.004, -0.003;
   robot.state.v << 2, 3;
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
