@@ -15,8 +15,8 @@ install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_IN
 # The public headers are those of docs/site/cpp.md. They are installed with all headers that they include.
 set(headers
   controller/law/law.h controller/law/parts.h controller/law/filter.h controller/program.h
-  messages/signals.h messages/measurements.h
-  plant/robot_driver.h plant/arm_state.h plant/node.h session/run_role.h
+  messages/signals.h messages/measurements.h bus/udp_transport.h
+  plant/robot_driver.h plant/arm_state.h plant/plant_model.h plant/node.h session/run_role.h
   base/quantities.h robot/model.h robot/dynamics.h robot/kinematics.h
   in_process/in_process_loop.h logger/run_log.h)
 set(installed_headers)

@@ -46,6 +46,7 @@ class UdpTransport final : public Transport {
   explicit UdpTransport(const LcmUrl& url = {});
 
   /// @throw std::invalid_argument unless the name has 1 to 63 characters and no NUL
+  /// @return the channel's number, which `receive` states with each message of it
   int subscribe(const std::string& channel) override;
 
   /// Makes `receive` yield every message on the bus from now on, with sequence number and time.
@@ -56,13 +57,18 @@ class UdpTransport final : public Transport {
   /// @throw std::invalid_argument for a channel name as above
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
 
+  /// Waits for a message of a subscribed channel until the deadline.
+  /// @return nothing at the deadline, or after a handled signal; the message is valid until the
+  /// next call
   std::optional<Datagram> receive(base::Clock::time_point deadline) override;
 
   /// Lets a wait for datagrams begin with a pause of this length from now on, so that one wake-up
   /// reads many. 0: no pause. Only for a process whose replies no other process waits for.
   void read_in_batches(std::chrono::nanoseconds pause) { pause_ = pause; }
 
+  /// Returns the counts since construction.
   [[nodiscard]] BusStatistics statistics() const;
+  /// Returns the address of the bus.
   [[nodiscard]] const LcmUrl& url() const { return url_; }
 
   /// Returns the receive buffer that the kernel granted [bytes], comparable with net.core.rmem_max.
