@@ -88,7 +88,8 @@ class Node {
   /// throws or returns another number of joints or signals.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
-    const auto& [asked, measurement] = measurement_.kept[tick];
+    const messages::Stamp& asked = measurement_.kept[tick].stamp;
+    const messages::AnyMeasurement& measurement = measurement_.kept[tick].value;
     const messages::Stamp stamp{asked.utime, session_.run(), tick};
     const auto step = [&] { return law_->step(tick, measurement, reference_.kept[tick].value); };
     const Outcome outcome = users_ ? base::call_users("the law", step) : step();
