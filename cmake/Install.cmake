@@ -28,7 +28,7 @@ while(headers)
   list(APPEND installed_headers ${header})
   # An include begins in the root or in a district, as in the include folders of cmake/Tachless.cmake.
   find_file(file ${header} PATHS ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/core ${PROJECT_SOURCE_DIR}/analysis
-    ${PROJECT_BINARY_DIR}/generated NO_DEFAULT_PATH NO_CACHE REQUIRED)
+    ${PROJECT_BINARY_DIR}/generated NO_DEFAULT_PATH NO_CMAKE_FIND_ROOT_PATH NO_CACHE REQUIRED)
   get_filename_component(folder ${header} DIRECTORY)
   install(FILES ${file} DESTINATION include/tachless/${folder} COMPONENT development)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
