@@ -15,8 +15,8 @@ for package in "$root"/package/*.deb; do dpkg-deb -x "$package" "$root"; done
 cd "$root"
 
 # A man page for each program and verb, which groff takes without a warning, with every exit code.
-verbs=$(sed -n 's/^TACHLESS_VERB(\(.*\))/-\1/p' "$tree/launch/verbs.inc")
-codes=$(sed -n 's/^  [a-z_]* = \([0-9]*\),.*/\1/p' "$tree/diagnostics/failure.h")
+verbs=$(sed -n 's/^TACHLESS_VERB(\(.*\))/-\1/p' "$tree/tools/cli/verbs.inc")
+codes=$(sed -n 's/^  [a-z_]* = \([0-9]*\),.*/\1/p' "$tree/core/base/failure.h")
 [[ $verbs == *-run* && $codes == *130* ]]
 for page in '' -plant -reference -controller -logger $verbs; do
   zcat "usr/share/man/man1/tachless$page.1.gz" >page
