@@ -489,9 +489,8 @@ std::string lag_text(const Verdict& verdict) {
   switch (verdict.cause) {
     case Cause::settling:
       if (verdict.loop_settles_s > verdict.rested_s) {
-        return fmt::format(
-            "; the loop settles in {:.2g} s, the run gave it {:.2g} s",
-            verdict.loop_settles_s, verdict.rested_s);
+        return fmt::format("; the loop settles in {:.2g} s, the run gave it {:.2g} s",
+                           verdict.loop_settles_s, verdict.rested_s);
       }
       return "; still settling: the error decays";
     case Cause::disturbance:

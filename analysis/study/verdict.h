@@ -40,8 +40,8 @@ constexpr bool bad(Outcome outcome) { return outcome >= Outcome::rests_beside; }
 
 /// Numbers of the linearised loop at rest.
 struct LoopYardstick {
-  bool stable = false;     ///< false: unstable or unknown, and the rest is empty
-  Vector noise{};          ///< standard deviation of each joint's error by its encoders [rad; m]
+  bool stable = false;    ///< false: unstable or unknown, and the rest is empty
+  Vector noise{};         ///< standard deviation of each joint's error by its encoders [rad; m]
   double settling_s = 0;  ///< until an initial error is below 1 %
 };
 

@@ -26,7 +26,7 @@
 ///   };
 ///
 /// Reading, checking, error messages and documentation follow from the keys. This header does not
-/// read anything itself (experiment/ reads YAML).
+/// read anything itself (core/scenario/ reads YAML).
 namespace tachless::base {
 
 /// The numbers that a value may take; NaN and the infinities never are among them.

@@ -55,7 +55,8 @@ Membership::Self self_of(const scenario::Scenario& scenario, const Session::Conf
   };
   self.who.host = text(host_name());
   self.who.scenario = text(scenario.name);
-  if (config.role == Role::plant) self.run = config.run_id.value_or(run_id_at(std::chrono::system_clock::now()));
+  if (config.role == Role::plant)
+    self.run = config.run_id.value_or(run_id_at(std::chrono::system_clock::now()));
   if (config.wait_s > 0) self.wait_limit = base::nanoseconds_of(config.wait_s);
   self.give_up = base::nanoseconds_of(scenario.loop.give_up_s);
   self.counters_required = config.key.has_value();
@@ -216,11 +217,12 @@ void Session::count(Verdict verdict, Role from, const bus::Datagram& datagram, s
   std::string& other = other_senders_[index(from)];
   if (!membership_->is_from(from, datagram.sender)) other = datagram.sender;
   if (verdict != Verdict::conflicting) return count(verdict);
-  throw Failure(ExitCode::protocol_violated,
-                "two processes are the {} of run {}: two different messages for tick {} came on {}, "
-                "one of them from {}; the run's own is {}, end the other",
-                messages::name(from), run(), tick, datagram.channel,
-                other.empty() ? datagram.sender : other, describe(from));
+  throw Failure(
+      ExitCode::protocol_violated,
+      "two processes are the {} of run {}: two different messages for tick {} came on {}, "
+      "one of them from {}; the run's own is {}, end the other",
+      messages::name(from), run(), tick, datagram.channel, other.empty() ? datagram.sender : other,
+      describe(from));
 }
 
 Session::Handled Session::handle(const bus::Datagram& datagram) {

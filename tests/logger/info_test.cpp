@@ -79,11 +79,10 @@ TEST_F(Info, TellsRunAndChannelsOfOurLog) {
   EXPECT_EQ(info["run"]["flexible"], true);
   EXPECT_EQ(info["run"]["gaps"], 0u);
   EXPECT_EQ(info["damage"]["any"], false);
-  EXPECT_THAT(
-      to_text(info),
-      AllOf(HasSubstr("paper_flexible"), HasSubstr("flexible)"),
-            HasSubstr("40 of 40"), HasSubstr("gaps      0"), HasSubstr("damage    none"),
-            HasSubstr("tachless_truth.plant_truth_t")));
+  EXPECT_THAT(to_text(info),
+              AllOf(HasSubstr("paper_flexible"), HasSubstr("flexible)"), HasSubstr("40 of 40"),
+                    HasSubstr("gaps      0"), HasSubstr("damage    none"),
+                    HasSubstr("tachless_truth.plant_truth_t")));
 }
 
 TEST_F(Info, TellsGapsAndDamage) {

@@ -25,7 +25,7 @@ struct RobotFacts {
   /// Condition number of M(q) in SI units, also for mixed joint types.
   double condition_number = 0;
   std::vector<std::string> warnings;  ///< the model's warnings, and joints outside their range
-  Vector rotor_inertia;  ///< [kg m2]; `inertia` has it for rigid joints alone
+  Vector rotor_inertia;               ///< [kg m2]; `inertia` has it for rigid joints alone
   /// Numbers and their source: a key and a place in a file. Empty for a bare URDF.
   std::vector<std::pair<std::string, std::string>> sources;
 };

@@ -41,8 +41,8 @@ struct Filters {
 
 /// tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu (law 1), about any motion: `feedforward_gradient` is
 /// the gradient of ID with respect to q there.
-inline LinearLaw linear_rigid_law(const controller::law::FilterGains& gains, const MatrixXd& feedforward_gradient,
-                                  const Sampling& sampling) {
+inline LinearLaw linear_rigid_law(const controller::law::FilterGains& gains,
+                                  const MatrixXd& feedforward_gradient, const Sampling& sampling) {
   const Filters filter(gains, sampling);
   MatrixXd D = feedforward_gradient;
   D.diagonal() -= gains.kp + gains.kd.cwiseProduct(filter.beta);
@@ -54,7 +54,8 @@ inline LinearLaw linear_rigid_law(const controller::law::FilterGains& gains, con
 /// The flexible law (law 2) about rest at q.
 inline LinearLaw linear_flexible_law(const robot::Model& links, const Vector& q,
                                      const VectorXd& stiffness, const VectorXd& rotor_inertia,
-                                     const controller::law::FilterGains& link, const controller::law::FilterGains& motor,
+                                     const controller::law::FilterGains& link,
+                                     const controller::law::FilterGains& motor,
                                      const Sampling& sampling) {
   const Index n = links.num_joints;
   const Filters filter_1(link, sampling), filter_2(motor, sampling);

@@ -50,9 +50,8 @@ TEST(LinearLoop, RigidPlantIsTheGradientOfForwardDynamics) {
 }
 
 TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
-  const LinearPlant plant =
-      flexible_plant(robot::testing::two_link(), constant_reference(both(0.3, 0.5)),
-                     stiffness(), rotors());
+  const LinearPlant plant = flexible_plant(
+      robot::testing::two_link(), constant_reference(both(0.3, 0.5)), stiffness(), rotors());
   const double h = 2e-3;
   const LinearPlant step = held(plant, h);
   VectorXd x = VectorXd::LinSpaced(8, -1, 1);
@@ -132,9 +131,8 @@ TEST(LinearLoop, LawTwoIsTheGradientOfTheLawItselfAtRest) {
   controller::law::Settings settings;
   settings.filter = Discretisation::tustin;
   const controller::law::FilterGains l = practical_link(), m = practical_motor();
-  const controller::law::LoriaOrtegaFlexible law({model, stiffness(), rotors()},
-                                                 {l.kp, l.kd, l.a, l.b, m.kp, m.kd, m.a, m.b},
-                                                 settings);
+  const controller::law::LoriaOrtegaFlexible law(
+      {model, stiffness(), rotors()}, {l.kp, l.kd, l.a, l.b, m.kp, m.kd, m.a, m.b}, settings);
   VectorXd y(6);
   y << q, 0, 0, q + robot::gravity_torque(model, q).cwiseQuotient(stiffness());
   expect_same_response(linear_flexible_law(model, q, stiffness(), rotors(), l, m,

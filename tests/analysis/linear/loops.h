@@ -31,12 +31,15 @@ inline controller::law::FilterGains paper_flexible() {
 inline controller::law::FilterGains practical_link() {
   return {both(20000, 1500), both(600, 30), both(250), both(250)};
 }
-inline controller::law::FilterGains practical_motor() { return {both(100), both(13, 20), both(1000), both(1000)}; }
+inline controller::law::FilterGains practical_motor() {
+  return {both(100), both(13, 20), both(1000), both(1000)};
+}
 
 inline lyapunov::ErrorSystem rigid(const controller::law::FilterGains& gains) {
   return {gains.kp.asDiagonal(), gains.kd.asDiagonal(), gains.a, gains.b, {}};
 }
-inline lyapunov::ErrorSystem flexible(const controller::law::FilterGains& link, const controller::law::FilterGains& motor) {
+inline lyapunov::ErrorSystem flexible(const controller::law::FilterGains& link,
+                                      const controller::law::FilterGains& motor) {
   return lyapunov::flexible_error_system(stiffness(), rotors(), link, motor);
 }
 

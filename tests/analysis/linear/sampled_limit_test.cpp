@@ -31,12 +31,12 @@ SampledLoop rigid_loop(const controller::law::FilterGains& gains, Discretisation
           },
           delay};
 }
-SampledLoop flexible_loop(const controller::law::FilterGains& link, const controller::law::FilterGains& motor, Discretisation kind,
-                          int delay, const robot::Model& model, const Vector& q) {
+SampledLoop flexible_loop(const controller::law::FilterGains& link,
+                          const controller::law::FilterGains& motor, Discretisation kind, int delay,
+                          const robot::Model& model, const Vector& q) {
   return {flexible_plant(model, constant_reference(q), stiffness(), rotors()),
           [=](double h) {
-            return linear_flexible_law(model, q, stiffness(), rotors(), link, motor,
-                                       {kind, h});
+            return linear_flexible_law(model, q, stiffness(), rotors(), link, motor, {kind, h});
           },
           delay};
 }
@@ -46,10 +46,12 @@ class SampledLimit : public ::testing::Test {
   const robot::Model model = robot::testing::two_link();
   const Vector q0 = both(0);
 
-  SampledLoop rigid(const controller::law::FilterGains& gains, Discretisation kind, int delay) const {
+  SampledLoop rigid(const controller::law::FilterGains& gains, Discretisation kind,
+                    int delay) const {
     return rigid_loop(gains, kind, delay, model, q0);
   }
-  SampledLoop flexible(const controller::law::FilterGains& link, const controller::law::FilterGains& motor, Discretisation kind,
+  SampledLoop flexible(const controller::law::FilterGains& link,
+                       const controller::law::FilterGains& motor, Discretisation kind,
                        int delay) const {
     return flexible_loop(link, motor, kind, delay, model, q0);
   }
@@ -76,7 +78,8 @@ TEST_F(SampledLimit, OfThePapersGainsForEveryFilterAndDelay) {
 }
 
 TEST_F(SampledLimit, OfGainsThatRunAtOneKilohertz) {
-  const controller::law::FilterGains g = practical_rigid(), l = practical_link(), m = practical_motor();
+  const controller::law::FilterGains g = practical_rigid(), l = practical_link(),
+                                     m = practical_motor();
   EXPECT_NEAR(*largest_stable_period(rigid(g, tustin, 0)), 8.93e-3, 5e-6);
   EXPECT_NEAR(*largest_stable_period(rigid(g, foh, 0)), 7.27e-3, 5e-6);
   EXPECT_NEAR(*largest_stable_period(rigid(g, backward, 0)), 6.86e-3, 5e-6);
@@ -143,10 +146,9 @@ TEST_F(SampledLimit, FindsANarrowWindowOfInstability) {
                      Eigen::MatrixXd{{-kp, -20}},
                      {Part::q, Part::v}};
   };
-  const SampledLoop loop{
-      {Eigen::Matrix2d{{0, 1}, {0, 0}}, Eigen::Vector2d(0, 1), 1}, law, 0};
-  EXPECT_NEAR(*largest_stable_period(loop, 1e-3),
-              window_s * (1 - 8e-3 * std::sqrt(std::log(3.0))), 1e-6);
+  const SampledLoop loop{{Eigen::Matrix2d{{0, 1}, {0, 0}}, Eigen::Vector2d(0, 1), 1}, law, 0};
+  EXPECT_NEAR(*largest_stable_period(loop, 1e-3), window_s * (1 - 8e-3 * std::sqrt(std::log(3.0))),
+              1e-6);
 }
 
 TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
@@ -158,7 +160,8 @@ TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
 }
 
 TEST_F(SampledLimit, ModesAndMarginsAtOneKilohertz) {
-  const controller::law::FilterGains g = practical_rigid(), l = practical_link(), m = practical_motor();
+  const controller::law::FilterGains g = practical_rigid(), l = practical_link(),
+                                     m = practical_motor();
   const controller::law::FilterGains soft_l{both(12000, 1000), both(500, 25), both(250), both(250)};
   const controller::law::FilterGains soft_m{both(100), both(12, 16), both(1000), both(1000)};
   const struct {

@@ -44,13 +44,13 @@ TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
   const robot::Model model = robot::testing::two_link();
   const Vector q = both(0.3, -0.4);
   for (const double h : {1e-4, 1e-3, 3e-3}) {
-    const SampledLoop own{
-        flexible_plant(model, constant_reference(q), stiffness(), rotors()),
-        [&](double period_s) {
-          return linear_flexible_law(model, q, stiffness(), rotors(), practical_link(),
-                                     practical_motor(), {Discretisation::tustin, period_s});
-        },
-        0};
+    const SampledLoop own{flexible_plant(model, constant_reference(q), stiffness(), rotors()),
+                          [&](double period_s) {
+                            return linear_flexible_law(model, q, stiffness(), rotors(),
+                                                       practical_link(), practical_motor(),
+                                                       {Discretisation::tustin, period_s});
+                          },
+                          0};
     EXPECT_NEAR(radius_at(loop.at(constant_reference(q)), h), radius_at(own, h), 1e-6) << h;
   }
 }

@@ -159,7 +159,9 @@ void expect_descents(const IntegralLoop& loop, double level, std::size_t runs, d
 
 MatrixCondition two_link_condition(const IntegralLoop& loop,
                                    const numerics::PostureOptions& of = {}) {
-  return {{linear::testing::rigid(loop.gains)}, numerics::Postures(robot::testing::two_link(), of), linear::testing::paper_B_d};
+  return {{linear::testing::rigid(loop.gains)},
+          numerics::Postures(robot::testing::two_link(), of),
+          linear::testing::paper_B_d};
 }
 
 TEST(IntegralLaw, TotalVNeverRisesInAThousandRunsFromTheBoundaryOfTheRegion) {
@@ -208,11 +210,11 @@ TEST(IntegralLaw, IsCertifiedWithItsOwnWeightsAndSaysWhichTorquesItTakesUp) {
 
 /// |e| of joint 1 over the last second of a run held at [0.5, 0.5].
 std::pair<double, int> last_second(const std::vector<std::string>& overrides) {
-  const scenario::Scenario scenario =
-      linear::testing::shipped("practical_rigid",
-              overrides + std::vector<std::string>{"reference={hold: {position_rad: [0.5, 0.5]}}",
-                                                   "plant.initial.position_rad=[0.45, 0.5]",
-                                                   "loop.duration_s=6", "plant.mechanics=native"});
+  const scenario::Scenario scenario = linear::testing::shipped(
+      "practical_rigid",
+      overrides + std::vector<std::string>{"reference={hold: {position_rad: [0.5, 0.5]}}",
+                                           "plant.initial.position_rad=[0.45, 0.5]",
+                                           "loop.duration_s=6", "plant.mechanics=native"});
   double most = 0, last = 0;
   int crossings = 0;
   in_process::run_in_process(scenario, [&](const in_process::TickRecord& record) {

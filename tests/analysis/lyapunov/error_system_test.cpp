@@ -93,7 +93,8 @@ TEST(ErrorSystem, VdotIsTheQuadraticFormForTwoRigidJoints) {
   expect_identity(robot::testing::two_link(0.5), linear::testing::rigid(paper_rigid()), 1);
 }
 TEST(ErrorSystem, VdotIsTheQuadraticFormForTwoFlexibleJoints) {
-  expect_identity(robot::testing::two_link(), linear::testing::flexible(practical_link(), practical_motor()), 2);
+  expect_identity(robot::testing::two_link(),
+                  linear::testing::flexible(practical_link(), practical_motor()), 2);
 }
 TEST(ErrorSystem, VdotIsTheQuadraticFormForSevenRigidJoints) {
   expect_identity(robot::testing::iiwa7(), linear::testing::rigid(iiwa_gains()), 3);

@@ -20,9 +20,7 @@ constexpr double eps = 2.220446049250313e-16;
 /// Rounding of some tens of operations on terms whose size the test states beside it.
 constexpr double rounding = 64 * eps;
 
-double largest(const Eigen::Ref<const Eigen::MatrixXd>& x) {
-  return x.cwiseAbs().maxCoeff();
-}
+double largest(const Eigen::Ref<const Eigen::MatrixXd>& x) { return x.cwiseAbs().maxCoeff(); }
 
 class TwoLink : public ::testing::TestWithParam<double> {
  protected:
@@ -37,8 +35,7 @@ TEST_P(TwoLink, HasTheInertiaCoriolisAndGravityOfTheClosedForm) {
     const Vector q = random.vector(2, pi), v = random.vector(2, 5);
     // Sizes of the terms: M to 12, C to h |v| (times 2 in C12), g to g0 (g1 + g2).
     EXPECT_LT(largest(mass_matrix(model, q) - closed.M(q)), rounding * 12);
-    EXPECT_LT(largest(coriolis_matrix(model, q, v) - closed.C(q, v)),
-              rounding * 12 * v.norm());
+    EXPECT_LT(largest(coriolis_matrix(model, q, v) - closed.C(q, v)), rounding * 12 * v.norm());
     EXPECT_LT(largest(gravity_torque(model, q) - closed.g(q)), rounding * 100);
   }
 }
@@ -64,10 +61,8 @@ TEST_P(TwoLink, CarriesJetsAsTheClosedFormDoes) {
     const JetVector expected_square = closed.M(q) * a + closed.C(q, x) * x + closed.g(q);
     // Second derivative: M a'' to 12 * 90, M' a' to 4 * 30, C to (1 + 3 + 9) 30 * 9 and so on.
     EXPECT_LT(largest(value(tau) - value(expected)), rounding * 500);
-    EXPECT_LT(largest(first_derivative(tau) - first_derivative(expected)),
-              rounding * 3000);
-    EXPECT_LT(largest(second_derivative(tau) - second_derivative(expected)),
-              rounding * 30000);
+    EXPECT_LT(largest(first_derivative(tau) - first_derivative(expected)), rounding * 3000);
+    EXPECT_LT(largest(second_derivative(tau) - second_derivative(expected)), rounding * 30000);
     EXPECT_LT(largest(second_derivative(square) - second_derivative(expected_square)),
               rounding * 30000);
   }
@@ -134,20 +129,18 @@ TEST_P(AnyRobot, HasACoriolisProductThatIsBilinearAndGivesTheQuadraticTerm) {
     const Vector q = random.vector(n, pi), x = random.vector(n, 3), y = random.vector(n, 3);
     const Vector z = random.vector(n, 3), zero = Vector::Zero(n), sum = x + 2 * z;
     const double size = 100 * (1 + x.squaredNorm() + y.squaredNorm() + z.squaredNorm());
-    EXPECT_LT(largest(
-                  coriolis_product(model, q, sum, y) -
-                  (coriolis_product(model, q, x, y) + 2 * coriolis_product(model, q, z, y))),
+    EXPECT_LT(largest(coriolis_product(model, q, sum, y) -
+                      (coriolis_product(model, q, x, y) + 2 * coriolis_product(model, q, z, y))),
               rounding * size);
-    EXPECT_LT(
-        largest(coriolis_matrix(model, q, x) * y - coriolis_product(model, q, x, y)),
-        rounding * size);
+    EXPECT_LT(largest(coriolis_matrix(model, q, x) * y - coriolis_product(model, q, x, y)),
+              rounding * size);
     EXPECT_LT(largest(inverse_dynamics(model, q, x, zero) -
-                                (coriolis_product(model, q, x, x) + gravity_torque(model, q))),
+                      (coriolis_product(model, q, x, x) + gravity_torque(model, q))),
               rounding * size);
     const Vector a = random.vector(n, 5);
     EXPECT_LT(largest(inverse_dynamics_bilinear(model, q, x, y, a) -
-                                (mass_matrix(model, q) * a + coriolis_product(model, q, x, y) +
-                                 gravity_torque(model, q))),
+                      (mass_matrix(model, q) * a + coriolis_product(model, q, x, y) +
+                       gravity_torque(model, q))),
               rounding * size);
   }
 }
@@ -180,9 +173,8 @@ TEST(MimicJoints, GiveTheTorqueOfTheFreeTreeProjectedOnTheCoordinates) {
       // Torques to 300 N m.
       EXPECT_LT(largest(inverse_dynamics(model, q, v, a) - G.transpose() * tau_tree),
                 rounding * 300);
-      EXPECT_LT(
-          largest(mass_matrix(model, q) - G.transpose() * mass_matrix(tree, q_tree) * G),
-          rounding * 20);
+      EXPECT_LT(largest(mass_matrix(model, q) - G.transpose() * mass_matrix(tree, q_tree) * G),
+                rounding * 20);
     }
   }
 }

@@ -487,7 +487,8 @@ TEST(Urdf, DoesNotReadVisualsCollisionsAndWhatOthersAdd) {
 }
 
 TEST(Urdf, ItsMechanicsReadAsTheSameModelAndAreTheirOwnMechanics) {
-  const std::string text = testing::read_text(TACHLESS_SOURCE_DIR "/tests/core/robot/branching.urdf");
+  const std::string text =
+      testing::read_text(TACHLESS_SOURCE_DIR "/tests/core/robot/branching.urdf");
   const std::string mechanics = urdf_mechanics(text, "t");
   EXPECT_THAT(mechanics, AllOf(Not(HasSubstr("visual")), Not(HasSubstr("\n"))));
   EXPECT_EQ(urdf_mechanics(mechanics, "t"), mechanics);
@@ -590,8 +591,8 @@ TEST(Urdf, LocksJointsWhereTheyAreToBe) {
 
 TEST(Urdf, LocksAMimicWithTheJointThatDrivesIt) {
   const Model model =
-      model_from_urdf(testing::read_text(TACHLESS_SOURCE_DIR "/tests/core/robot/branching.urdf"), "t",
-                      options_with({{"lift", 0.2}}));
+      model_from_urdf(testing::read_text(TACHLESS_SOURCE_DIR "/tests/core/robot/branching.urdf"),
+                      "t", options_with({{"lift", 0.2}}));
   EXPECT_THAT(model.joint_names, ElementsAre("turn", "wrist", "arm"));
   const Model free = testing::branching();
   const Vector q = Eigen::Vector3d(0.1, -0.4, 0.7), q_free = Eigen::Vector4d(0.1, 0.2, -0.4, 0.7);

@@ -202,7 +202,7 @@ class XmlMutator {
     const Attribute a = attribute(draw, is_number).second;
     const std::string value = part(a.value, a.value_end);
     const std::size_t at = draw.below(value.size());
-    static constexpr std::array<std::string_view, 9> inserted{",", ";",  ". .",           "x", "O",
+    static constexpr std::array<std::string_view, 9> inserted{",", ";",  ". .",          "x", "O",
                                                               "m", "--", "\xe2\x88\x92", "_"};
     static constexpr std::array<std::string_view, 10> whole{
         "", " ", "nan", "inf", "1e999", "0x1p-1", "1,5", "-", "1 2", "1 2 3 4"};

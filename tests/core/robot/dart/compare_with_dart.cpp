@@ -150,9 +150,7 @@ double difference(const MatrixXd& ours, const MatrixXd& theirs) {
 
 struct Differences {
   double inverse = 0, inertia = 0, gravity = 0, forward = 0;
-  [[nodiscard]] double largest() const {
-    return std::max({inverse, inertia, gravity, forward});
-  }
+  [[nodiscard]] double largest() const { return std::max({inverse, inertia, gravity, forward}); }
 };
 
 Differences compare(const Model& model, Dart& dart) {
