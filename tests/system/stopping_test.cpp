@@ -97,6 +97,11 @@ class Launched {
            (case_.is_clock ? "clock " : "") + case_.fault;
   }
   [[nodiscard]] bool has_begun() const { return !case_.fault.starts_with("start "); }
+  /// Returns true if a summary is in the folder --out: a ramp has folders of its own before it.
+  [[nodiscard]] bool has_summary() const {
+    const bool ramps = !case_.options.empty() && case_.options.front() == "--ramp";
+    return has_begun() && case_.verb == "run" && !ramps;
+  }
   /// "robot_stopped" of summary.json.
   [[nodiscard]] nlohmann::json robot_stopped() const {
     return nlohmann::json::parse(contents(directory_ / "out/summary.json"))["robot_stopped"];
@@ -150,7 +155,7 @@ class Launched {
 /// summary.
 void expect_stopped(const Launched& run) {
   EXPECT_THAT(run.notes(), AllOf(Contains("start"), Contains("stop"))) << run.output();
-  if (run.has_begun()) {
+  if (run.has_summary()) {
     EXPECT_EQ(run.robot_stopped(), true) << run.name();
   } else {
     EXPECT_THAT(run.output(), Not(HasSubstr("NOT stopped")));
@@ -158,6 +163,7 @@ void expect_stopped(const Launched& run) {
 }
 
 const Words endless = {"--duration", "600"};
+const Words ramp = {"--ramp", "--set", "plant.initial.position_rad=[0.1, 0]"};
 
 /// Runs side by side.
 std::deque<Launched> start(const std::vector<Case>& cases) {
@@ -209,14 +215,18 @@ TEST(Stopping, IsReportedAsNotCalledWhenTheDriverDies) {
   for (Launched& run : start({{.fault = "start exit", .options = endless},
                               {.fault = "read exit", .options = endless},
                               {.fault = "hold kill", .options = endless},
-                              {.fault = "exchange kill", .is_clock = true, .options = endless}})) {
+                              {.fault = "exchange kill", .is_clock = true, .options = endless},
+                              {.fault = "hold kill", .options = ramp}})) {
     EXPECT_EQ(run.wait(), peer_lost) << run.name() << run.output();
     EXPECT_FALSE(run.has_noted("stop"));
-    if (run.has_begun()) {
+    if (run.has_summary()) {
       EXPECT_EQ(run.robot_stopped(), false);
     }
     EXPECT_THAT(run.output(), HasSubstr("robot NOT stopped")) << run.name();
   }
+  Launched commission({.fault = "hold kill", .verb = "commission"});
+  EXPECT_NE(commission.wait(), 0) << commission.output();
+  EXPECT_THAT(commission.output(), HasSubstr("NOT stopped"));
 }
 
 TEST(Stopping, DoesNotDependOnWhoReadsTheOutput) {
@@ -225,7 +235,13 @@ TEST(Stopping, DoesNotDependOnWhoReadsTheOutput) {
       {{.fault = "read chatter", .options = endless, .output_is_read = false},
        {.fault = "read flood", .options = endless, .output_is_read = false},
        {.fault = "exchange flood", .is_clock = true, .options = endless, .output_is_read = false},
-       {.fault = "step flood", .emulated = true, .options = endless, .output_is_read = false}});
+       {.fault = "read flood", .options = ramp, .output_is_read = false},
+       {.fault = "read flood", .verb = "commission", .output_is_read = false},
+       {.fault = "step flood", .emulated = true, .options = endless, .output_is_read = false},
+       {.fault = "step flood",
+        .emulated = true,
+        .options = {"--duration", "600", "--set", "loop.mode=lockstep"},
+        .output_is_read = false}});
   for (Launched& run : runs) {
     wait_until("the fault of " + run.name(), [&] { return run.has_noted("fault"); });
     run.signal(SIGINT);
@@ -237,17 +253,19 @@ TEST(Stopping, DoesNotDependOnWhoReadsTheOutput) {
 }
 
 TEST(Stopping, IsCalledWhileTheLauncherIsStopped) {
-  Launched run({.fault = "read chatter", .options = {"--duration", "3"}});
-  wait_until("the driver prints", [&] { return run.has_noted("fault"); });
-  run.signal(SIGSTOP);
-  wait_until("the robot is stopped", [&] { return run.has_noted("stop"); });
-  run.signal(SIGCONT);
-  EXPECT_EQ(run.wait(), 0) << run.output();
-  expect_stopped(run);
+  for (Launched& run :
+       start({{.fault = "read chatter", .options = {"--duration", "3"}},
+              {.fault = "exchange chatter", .is_clock = true, .options = {"--duration", "3"}}})) {
+    wait_until("the driver prints", [&] { return run.has_noted("fault"); });
+    run.signal(SIGSTOP);
+    wait_until("the robot is stopped", [&] { return run.has_noted("stop"); });
+    run.signal(SIGCONT);
+    EXPECT_EQ(run.wait(), 0) << run.output();
+    expect_stopped(run);
+  }
 }
 
 TEST(Stopping, IsCalledInARampAndNotInADryRun) {
-  const Words ramp = {"--ramp", "--set", "plant.initial.position_rad=[0.1, 0]"};
   auto runs = start({{.fault = "hold throw", .options = ramp},
                      {.fault = "hold block", .options = ramp},
                      {.fault = "read throw", .options = {"--dry-run", "--duration", "600"}},
