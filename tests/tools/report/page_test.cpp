@@ -69,9 +69,11 @@ document.querySelector('iframe').onload = (event) => {
     console_.clear();
     std::ifstream lines(err);
     for (std::string line; std::getline(lines, line);) {
-      // The browser itself reports a host without a network or a GPU.
+      // The browser itself reports a host without a network or a GPU. dygraphs 2.2 reports the
+      // points below a logarithmic axis.
       const bool remark = line.find("Slow network is detected") != std::string::npos ||
-                          line.find("GL Driver Message") != std::string::npos;
+                          line.find("GL Driver Message") != std::string::npos ||
+                          line.find(" points out of Y bounds") != std::string::npos;
       if (line.find("CONSOLE") != std::string::npos && !remark) console_ += line + "\n";
     }
     return logger::read_file(out);
