@@ -70,10 +70,10 @@ document.querySelector('iframe').onload = (event) => {
     std::ifstream lines(err);
     for (std::string line; std::getline(lines, line);) {
       // The browser itself reports a host without a network or a GPU. dygraphs 2.2 reports the
-      // points below a logarithmic axis.
+      // points beyond an axis.
       const bool remark = line.find("Slow network is detected") != std::string::npos ||
                           line.find("GL Driver Message") != std::string::npos ||
-                          line.find(" points out of Y bounds") != std::string::npos;
+                          line.find(" points out of ") != std::string::npos;
       if (line.find("CONSOLE") != std::string::npos && !remark) console_ += line + "\n";
     }
     return logger::read_file(out);
