@@ -369,9 +369,12 @@ Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
   if (!best) {
     throw Failure(ExitCode::check_said_no,
                   "no gains were found that keep a modulus margin of {:g} at all postures within "
-                  "the torque of an encoder count{}; allow a shorter period, less delay, a finer "
+                  "the torque of an encoder count{}; {}allow a shorter period, less delay, a finer "
                   "encoder or a smaller --margin",
-                  goal.modulus, goal.least_kp ? " and the stiffness asked for" : "");
+                  goal.modulus, goal.least_kp ? " and the stiffness asked for" : "",
+                  answers ? ""
+                          : fmt::format("ask for less (--bandwidth {:.3g}), or ",
+                                        goal.bandwidth_hz ? *goal.bandwidth_hz / 2 : 1));
   }
   if (goal.settling_s &&
       best->loop.modes.settling_s >
