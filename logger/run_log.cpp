@@ -189,12 +189,15 @@ class RunLog::Window {
         on_event_(log.on_event_),
         summary_(log.summary_),
         held_(std::move(held)) {
-    held_.fill(none_);
     std::apply([&](auto&... channel) { (make(channel), ...); }, channels_);
     last_seen_.fill(-1);
   }
 
-  base::TickRing<HeldTick> take_held() { return std::move(held_); }
+  /// Gives its ticks, cleared, to the window that follows.
+  base::TickRing<HeldTick> take_held() {
+    held_.fill(none_);
+    return std::move(held_);
+  }
 
   bool next(TickRecord& record) {
     for (;;) {

@@ -96,19 +96,38 @@ robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   return urdf_options(spec);
 }
 
-/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
-robot::Model read_robot(const YamlNode& root, const std::string& key,
-                        const Description& description, Scenario& scenario) {
-  const Place place = Place{scenario, &root, ""}.child("robot");
-  const robot::UrdfOptions options = read_urdf_options(place, scenario.robot);
+/// Reads the URDF that is the value `written` of `key`. Returns nothing for an empty value.
+Description read_description(const Scenario& scenario, const std::string& key,
+                             const std::string& written, const fs::path& directory) {
+  if (written.empty()) return {};
+  const fs::path path = directory / written;
+  try {
+    return {urdf_text(path, scenario.robot.xacro), path.string()};
+  } catch (const base::Failure& failure) {
+    throw scenario.complaint(key, failure.what());
+  }
+}
+
+/// Returns the robot of a description, which is the value of `key`, and adds its mechanics
+/// (robot::urdf_mechanics) to `mechanics`.
+robot::Model described_robot(const Scenario& scenario, const std::string& key,
+                             const Description& description, std::string& mechanics) {
+  const robot::UrdfOptions options = urdf_options(scenario.robot);
   try {
     robot::UrdfTree tree =
         robot::read_urdf_xml(description.text, description.source, options.locked);
-    scenario.robot.urdf_text += tree.mechanics;
+    mechanics += tree.mechanics;
     return robot::model_of(std::move(tree), description.source, options);
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint(key, error.what());
   }
+}
+
+/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
+robot::Model read_robot(const YamlNode& root, const std::string& key,
+                        const Description& description, Scenario& scenario) {
+  read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
+  return described_robot(scenario, key, description, scenario.robot.urdf_text);
 }
 
 /// @param key of the scenario that names the URDF of `believed`
@@ -342,17 +361,10 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   read_key(place.child("robot").child("xacro"), RobotSpec::xacro_key, scenario.robot);
   read_key(place.child("controller").child("urdf"), controller::Spec::urdf_key,
            scenario.controller);
-  const auto description = [&](const std::string& key, const std::string& written) -> Description {
-    if (written.empty()) return {};
-    const fs::path urdf_path = directory / written;
-    try {
-      return {urdf_text(urdf_path, scenario.robot.xacro), urdf_path.string()};
-    } catch (const base::Failure& failure) {
-      throw scenario.complaint(key, failure.what());
-    }
-  };
-  const Description plant = description("robot.urdf", scenario.robot.urdf_path);
-  const Description believed = description("controller.urdf", scenario.controller.urdf_path);
+  const Description plant =
+      read_description(scenario, "robot.urdf", scenario.robot.urdf_path, directory);
+  const Description believed =
+      read_description(scenario, "controller.urdf", scenario.controller.urdf_path, directory);
   Scenario read = read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
   read_motion(read, directory);
   return read;
@@ -387,16 +399,13 @@ robot::Model own_model(const Scenario& scenario) {
   const CompensationSpec& arm = robot.compensates;
   robot::Model model = *scenario.model;
   if (!arm.urdf_path.empty()) {
-    const fs::path path = fs::path(scenario.source).parent_path() / arm.urdf_path;
-    const robot::UrdfOptions options = urdf_options(robot);
-    try {
-      robot::UrdfTree tree =
-          robot::read_urdf_xml(urdf_text(path, robot.xacro), path.string(), options.locked);
-      model = robot::model_of(std::move(tree), path.string(), options);
-    } catch (const std::exception& error) {
-      throw scenario.complaint("robot.compensates.urdf", error.what());
-    }
-    require_same_joints(scenario, "robot.compensates.urdf", *scenario.model, model);
+    const std::string key = "robot.compensates.urdf";
+    std::string mechanics;
+    model = described_robot(
+        scenario, key,
+        read_description(scenario, key, arm.urdf_path, fs::path(scenario.source).parent_path()),
+        mechanics);
+    require_same_joints(scenario, key, *scenario.model, model);
     model.gravity = scenario.model->gravity;
   }
   if (!arm.base_rpy.empty()) {
