@@ -40,7 +40,7 @@ class TickChannels {
     return longest_;
   }
 
-  /// Whether the TRUTH that was checked last belongs to a protective stop.
+  /// Returns true if the TRUTH that was checked last belongs to a protective stop.
   [[nodiscard]] bool is_stopped() const {
     return truth_->fault == messages::truth::DriveFault::protective_stop;
   }

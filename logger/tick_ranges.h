@@ -11,8 +11,8 @@
 
 namespace tachless::logger {
 
-/// Whether a tick of a protective stop has this message. Nobody answers the plant any more, so the
-/// others are no gaps.
+/// Returns true if a tick of a protective stop has this message. Nobody answers the plant any more,
+/// so the others are no gaps.
 constexpr bool is_due_while_stopped(messages::Slot slot) {
   return slot == messages::Slot::tick || slot == messages::Slot::measurement ||
          slot == messages::Slot::truth;

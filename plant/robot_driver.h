@@ -16,12 +16,12 @@ class RobotDriver {
  public:
   virtual ~RobotDriver() = default;
 
-  /// Whether `read` measures velocities. If not, laws that need them are refused, and the
+  /// Returns true if `read` measures velocities. If not, laws that need them are refused, and the
   /// velocities that `read` gives are for the log alone.
   [[nodiscard]] virtual bool measures_velocity() const = 0;
 
-  /// Whether the robot is the clock: its tick is over, and the next one begins, when `hold`
-  /// returns.
+  /// Returns true if the robot is the clock: its tick is over, and the next one begins, when
+  /// `hold` returns.
   [[nodiscard]] virtual bool is_clock() const { return false; }
 
   /// Enables the drives: all processes have joined, and the first tick is milliseconds ahead.

@@ -18,7 +18,7 @@ struct Recording {
   scenario::Scenario scenario;
   Eigen::MatrixXd q;    ///< measured positions [rad; m], a row per tick
   Eigen::MatrixXd tau;  ///< applied over the tick [N m; N], a row per tick
-  /// Whether the scenario's law controlled the run, with torques held over each tick. The run
+  /// True if the scenario's law controlled the run, with torques held over each tick. The run
   /// can then be simulated. Otherwise torques and positions are of the same instant.
   bool controlled = true;
 

@@ -38,7 +38,7 @@ struct Extreme {
 
 struct PostureOptions {
   int circle_points = 360;  ///< postures of a two-joint arm
-  /// Whether the values between the grid points of the circle are bounded. Without the bounds the
+  /// True: the values between the grid points of the circle are bounded. Without the bounds the
   /// result rests on sampling alone.
   bool bound_between = true;
   int samples = 2048;  ///< postures of other robots

@@ -11,7 +11,7 @@ namespace tachless::base {
 
 enum class Verbosity { quiet, normal, verbose };
 
-/// Whether lines start with their level ("<error> "), for programs that parse them.
+/// Marks at the start of lines: none, or the level ("<error> ") for programs that parse the lines.
 enum class Marks { none, levels };
 inline constexpr std::string_view error_mark = "<error> ";
 inline constexpr std::string_view warning_mark = "<warning> ";

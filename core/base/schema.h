@@ -190,7 +190,7 @@ struct ValueOf<std::optional<T>> : ValueOf<T> {};
 template <class T>
 struct ValueOf<void(T)> : ValueOf<T> {};
 
-/// Whether `T` is made by `Template`: a list, an alternative.
+/// True if `T` is made by `Template`: a list, an alternative.
 template <template <class...> class Template, class T>
 inline constexpr bool is_made_by = false;
 template <template <class...> class Template, class... T>

@@ -334,7 +334,7 @@ TEST_F(LogFile, HostileLengthsSwallowNothing) {
           log.events[later].offset + log.events[later].bytes - log.events[victim].offset - head));
     }
     for (const auto length : lengths) {
-      // Such a length is taken for the last event.
+      // A length like this is taken for the last event.
       if (head + length == rest(victim) && length != own - head) continue;
       auto damaged = undamaged(log);
       set_data_length(damaged, log.events[victim].offset, length);

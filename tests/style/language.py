@@ -9,7 +9,7 @@ import pathlib
 import re
 import sys
 
-WORDS = "Of|What|That|So|As|Those|Where|Likewise"
+WORDS = "Of|What|That|So|As|Those|Where|Whether|Such|Likewise"
 PHRASES = "lost is|did not get on|for good|looks closer"
 KINDS = {".h", ".cpp", ".py", ".sh", ".cmake"}
 FOLDERS = ("core", "plant", "reference", "controller", "logger", "analysis", "tools", "python", "lcmtypes", "cmake",

@@ -77,7 +77,8 @@ class Ramp {
     each_.overrides = run.options.overrides;  // with loop.max_missed, where that is found
   }
 
-  /// Whether the arm stands where the scenario begins, in the end.
+  /// Brings the arm to where the scenario begins.
+  /// @return done, or the exit code of the run that ended badly
   ExitCode carry_out() {
     const Vector& start = scenario_.plant.initial.position_rad;
     Vector q;

@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether the four programs of each of `runs` can open what they need.
+/// Checks that the four programs of each of `runs` can open the files and sockets that they need.
 void require_open_files(std::size_t runs) {
   const rlim_t needed = 64 * runs;  // pipes to the programs, sockets, log
   rlimit limit{};

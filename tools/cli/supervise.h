@@ -76,7 +76,7 @@ struct Supervision {
   bool interrupted = false;            ///< by a signal to this process, or by another run's failure
   std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
 
-  /// Whether it ended because of one of its processes.
+  /// Returns true if it ended because of one of its processes.
   [[nodiscard]] bool failed() const { return culprit.has_value() && !interrupted; }
 };
 

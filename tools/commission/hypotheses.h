@@ -75,7 +75,7 @@ struct Explanation {
     bool clean;  ///< `noise` is small against the torque that moves the joint
   };
   std::vector<Vector> signs;  ///< the best signs, then those almost as good
-  /// Whether gravity acts without compensation by the arm; nothing: not determined.
+  /// True if gravity acts without compensation by the arm; nothing: not determined.
   std::optional<bool> gravity;
   int delay = 0;
   std::vector<Joint> joints;

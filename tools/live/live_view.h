@@ -30,7 +30,7 @@ class LiveView {
   [[nodiscard]] const std::string& url() const { return url_; }
   /// Prints the address, and opens it in the desktop's browser if there is a desktop.
   void show() const;
-  /// Whether the child still serves the pages.
+  /// Returns true if the child still serves the pages.
   [[nodiscard]] bool running();
 
  private:

@@ -39,7 +39,7 @@ class TableScreen {
 
   void show(const BusMonitor& monitor);
 
-  /// Whether the user has typed q since the last call.
+  /// Returns true if the user has typed q since the last call.
   [[nodiscard]] bool quit_wanted();
 
  private:

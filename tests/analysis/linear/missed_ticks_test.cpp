@@ -26,8 +26,8 @@ using Eigen::VectorXd;
 
 double norm(const MatrixXd& A) { return A.jacobiSvd().singularValues()[0]; }
 
-/// Whether a tick is missed: rows of up to `most`, of random length or of the longest, and between
-/// them few or many that are not.
+/// Returns, for each tick, true if it is missed: rows of up to `most`, of random length or of the
+/// longest, and between them few or many that are not.
 std::vector<bool> pattern(std::mt19937_64& random, int most, int ticks) {
   std::vector<bool> missed;
   const bool longest = random() % 2 == 0;

@@ -118,7 +118,7 @@ TEST(IntegralLaw, VdotIsTheQuadraticFormWhateverTheUnknownTorque) {
   }
 }
 
-/// Whether V falls at every step of runs from random states of that level, and to 5 % of it.
+/// Expects that V falls at every step of runs from random states of that level, and to 5 % of it.
 void expect_descents(const IntegralLoop& loop, double level, std::size_t runs, double dt,
                      int steps) {
   std::vector<std::string> wrong(runs);

@@ -16,7 +16,7 @@ class EndlessRun {
       : log_(directory / "out/lcmlog"),
         program_("tachless", words(directory, more, scenario), directory.path()) {}
 
-  /// Whether it has recorded some hundred ticks.
+  /// Returns true if it has recorded some hundred ticks.
   [[nodiscard]] bool under_way() const {
     std::error_code error;
     const auto size = std::filesystem::file_size(log_, error);
