@@ -104,4 +104,33 @@ void write_scenario(const std::filesystem::path& input, std::vector<std::string>
   base::UnfinishedFile(output, write_remedy).write(text_for(output, changed, input));
 }
 
+void warn(const scenario::Scenario& scenario) {
+  (void)controller::law_facts(scenario);
+  for (const std::string& warning : scenario.model->warnings) base::log_warning(warning);
+}
+
+Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints) {
+  if (given.size() > 1 && std::ssize(given) != joints) {
+    throw base::bad_usage("{} has {} numbers; allowed: 1, or {}, one a joint", option, given.size(),
+                          joints);
+  }
+  Vector all(joints);
+  for (int i = 0; i < joints; ++i) {
+    all[i] = given[given.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+  }
+  return all;
+}
+
+std::vector<std::string> of_program(const std::filesystem::path& scenario,
+                                    std::vector<std::string> overrides,
+                                    const std::string& law_program) {
+  RunOptions options;
+  options.scenario = scenario;
+  options.overrides = std::move(overrides);
+  options.law_program = law_program;
+  options.measurement = measurement_wanted(options);
+  options.overrides.clear();
+  return options.all_overrides();
+}
+
 }  // namespace tachless::cli

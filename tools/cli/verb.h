@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/failure.h"
+#include "base/quantities.h"
 
 namespace CLI {  // NOLINT(readability-identifier-naming): the library's name
 class App;
@@ -77,6 +78,18 @@ std::string text_for(const std::filesystem::path& output, const scenario::Scenar
 /// Writes `input` with `overrides` and `changes` as `output`.
 void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
                     const std::vector<std::string>& changes, const std::filesystem::path& output);
+
+/// Checks that the scenario's law exists, and shows the warnings of its model.
+/// @throw base::Failure(bad_usage) for an unknown law
+void warn(const scenario::Scenario& scenario);
+/// Returns one number for each joint of an option that is given one number, or one for each joint.
+/// @throw base::Failure(bad_usage) for another count of numbers
+Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints);
+/// Returns the overrides that put a program's law in the place of the scenario's. `overrides` are
+/// those of the command line.
+std::vector<std::string> of_program(const std::filesystem::path& scenario,
+                                    std::vector<std::string> overrides,
+                                    const std::string& law_program);
 
 #define TACHLESS_VERB(name) extern const Verb name##_verb;
 #include "cli/verbs.inc"

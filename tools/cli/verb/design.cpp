@@ -1,9 +1,8 @@
-// The verbs on the stability of a loop that is not run: certify, design.
+// The verb design.
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <iostream>
@@ -20,9 +19,8 @@
 #include "cli/progress.h"
 #include "cli/run.h"
 #include "cli/verb.h"
-#include "controller/registry.h"
 #include "design/design.h"
-#include "lyapunov/witness.h"
+#include "design/structure.h"
 #include "robot/urdf_xml.h"
 #include "scenario/scenario.h"
 #include "session/options.h"
@@ -32,103 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using base::ExitCode;
-
-void warn(const scenario::Scenario& scenario) {
-  (void)controller::law_facts(scenario);
-  for (const std::string& warning : scenario.model->warnings) base::log_warning(warning);
-}
-
-/// @throw base::Failure(bad_usage) when there is neither one number nor one for each joint
-Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints) {
-  if (given.size() > 1 && std::ssize(given) != joints) {
-    throw base::bad_usage("{} has {} numbers; allowed: 1, or {}, one a joint", option, given.size(),
-                          joints);
-  }
-  Vector all(joints);
-  for (int i = 0; i < joints; ++i) {
-    all[i] = given[given.size() == 1 ? 0 : static_cast<std::size_t>(i)];
-  }
-  return all;
-}
-
-/// Returns the overrides that put a program's law in the place of the scenario's, and `overrides`.
-std::vector<std::string> of_program(const fs::path& scenario, std::vector<std::string> overrides,
-                                    const std::string& law_program) {
-  RunOptions options;
-  options.scenario = scenario;
-  options.overrides = std::move(overrides);
-  options.law_program = law_program;
-  options.measurement = measurement_wanted(options);
-  options.overrides.clear();
-  return options.all_overrides();
-}
-
-struct Certify {
-  fs::path input;
-  std::vector<std::string> overrides;
-  fs::path witness;
-  std::vector<double> errors = {0.3};
-  std::string law_program;
-  bool full = false, paper = false, force = false, json = false, quiet = false;
-
-  void declare(CLI::App& command) {
-    session::with_installed_scenarios(session::add_scenario(command, input, overrides));
-    command.add_option(
-        "--witness", witness,
-        "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
-        "the sampled loop of one or two joints");
-    auto* const error = command.add_option(
-        "--witness-error", errors,
-        "Error [rad] of one joint alone, from rest, that the region has to contain: one number, "
-        "or one for each joint; default: 0.3");
-    error->delimiter(',')->check(above_zero)->needs("--witness");
-    command.add_flag("--force", force, "Replace the file of --witness if it exists")
-        ->needs("--witness");
-    command.add_option(
-        "--controller", law_program,
-        "The law is in this program, as typed in a shell: 'python3 law.py'; its linear model "
-        "comes from its answers to small deviations");
-    command.add_flag(
-        "--full", full,
-        "All numbers in place of five lines, and the searches that take seconds: the nonlinear "
-        "sampled loop, missed ticks in lock-step. With --json too");
-    command.add_flag(
-        "--paper", paper,
-        "Also the conditions that Loria and Ortega (1995) print, with their constants");
-    add_json(command, json);
-    add_quiet(command, quiet);
-  }
-
-  [[nodiscard]] ExitCode run() const {
-    require_writable(witness, force);
-    std::vector<std::string> all_overrides = of_program(input, overrides, law_program);
-    all_overrides.insert(all_overrides.begin(), overrides.begin(), overrides.end());
-    scenario::Scenario scenario = scenario::load_scenario(input, all_overrides);
-    warn(scenario);
-    if (!witness.empty()) {
-      const Vector each = one_a_joint("--witness-error", errors, scenario.num_joints);
-      base::UnfinishedFile(witness, "name another file with --witness")
-          .write(lyapunov::witness(scenario, each));
-    }
-    const linear::LawAnswers answers = law_answers(scenario, law_program);
-    Screen screen(quiet);
-    const certify::Certificate result = certify::certify(
-        scenario, paper,
-        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); }, full,
-        answers);
-    screen.clear();
-    nlohmann::ordered_json all = {{"scenario", scenario.name},
-                                  {"law", scenario.controller.law_text()}};
-    all.update(to_json(result));
-    print(json, std::move(all), page(result, scenario, full));
-    std::vector<std::string> objections = certify::objections(result);
-    if (answers && !result.loop.unknown.empty()) objections.push_back(text(result.loop));
-    for (const std::string& objection : objections) {
-      base::log_error("{}: {}", input.string(), objection);
-    }
-    return objections.empty() ? ExitCode::done : ExitCode::check_said_no;
-  }
-};
+using design::Structure;
 
 /// For people.
 std::string text(const design::Design& design, const scenario::Scenario& scenario) {
@@ -181,7 +83,7 @@ struct Design {
   design::DesignGoal goal;
   std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
-  std::string structure, law_program;
+  std::string structure, law_program;  ///< structure: empty where none is given
   fs::path output;
   bool json = false, quiet = false, force = false;
 
@@ -212,8 +114,10 @@ struct Design {
     command
         .add_option("--structure", structure,
                     "diagonal, matrix or scheduled: the law loria_ortega_rigid, _matrix, with one "
-                    "constant matrix for all postures, or _scheduled, with M(q_ref)")
-        ->check(CLI::IsMember({"diagonal", "matrix", "scheduled"}));
+                    "constant matrix for all postures, or _scheduled, with M(q_ref). auto compares "
+                    "diagonal and scheduled gains. Default: auto for a URDF, else the scenario's "
+                    "law")
+        ->check(CLI::IsMember({"auto", "diagonal", "matrix", "scheduled"}));
     command.add_option("--from", from, "Of a URDF: where the motion begins [rad; m], one a joint")
         ->delimiter(',');
     auto* const program = command.add_option(
@@ -231,16 +135,16 @@ struct Design {
   }
 
   [[nodiscard]] ExitCode run() const {
-    scenario::Scenario scenario = load(of_program(input, overrides, law_program));
-    warn(scenario);
     require_scenario_writable(output, force);
-    const linear::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
-    const design::Design design = design::design(
-        scenario, whole_goal(scenario.num_joints),
-        [&](std::string_view what) { screen.show(what); }, answers);
+    Found found = compares() ? chosen(screen) : own(screen);
     screen.clear();
-    print(json, to_json(design, scenario), text(design, scenario));
+    const scenario::Scenario& scenario = found.designed.scenario;
+    const design::Design& design = found.designed.design;
+    nlohmann::ordered_json all = to_json(design, scenario);
+    if (!found.structures.empty()) all["structures"] = found.structures;
+    if (!found.assumed.empty()) all["assumes"] = found.assumed;
+    print(json, std::move(all), found.text + text(design, scenario));
     for (const std::string& warning : design.warnings) base::log_warning(warning);
     if (design.missed) {
       base::log_error("{}: settles in {}, not in {:g} s: limited by {}{}", input.string(),
@@ -250,7 +154,7 @@ struct Design {
       return ExitCode::check_said_no;
     }
     if (!output.empty()) {
-      base::UnfinishedFile(output, write_remedy).write(designed_text(scenario, design));
+      base::UnfinishedFile(output, write_remedy).write(designed_text(found.designed));
       if (!json) {
         std::cout << fmt::format(
             "  type: tachless run {}{}\n", base::shell_word(output.string()),
@@ -261,6 +165,175 @@ struct Design {
   }
 
  private:
+  struct Designed {
+    scenario::Scenario scenario;
+    design::Design design;
+  };
+  struct Found {
+    Designed designed;
+    std::string text;                   ///< that stands before the design's own
+    nlohmann::ordered_json structures;  ///< what was compared; empty: nothing
+    std::vector<std::string> assumed;
+  };
+
+  /// Returns true if structures are compared.
+  [[nodiscard]] bool compares() const {
+    if (!structure.empty()) return structure == "auto";
+    const bool names_a_law = std::ranges::any_of(overrides, [](const std::string& each) {
+      return each.starts_with("controller.law=") || each.starts_with("controller=");
+    });
+    return law_program.empty() && !names_a_law && bare_urdf();
+  }
+
+  /// Designs the gains of the structure asked for, or of the scenario's own law.
+  [[nodiscard]] Found own(Screen& screen) const {
+    scenario::Scenario scenario = load(structure, of_program(input, overrides, law_program));
+    warn(scenario);
+    design::Design found = design::design(scenario, whole_goal(scenario.num_joints),
+                                          progress(screen, ""), law_answers(scenario, law_program));
+    std::vector<std::string> assumed = assumptions(scenario);
+    std::string before = text_of(assumed);
+    return {{std::move(scenario), std::move(found)}, std::move(before), {}, std::move(assumed)};
+  }
+
+  /// Designs diagonal and scheduled gains, and chooses.
+  [[nodiscard]] Found chosen(Screen& screen) const {
+    std::vector<design::Candidate> candidates;
+    std::vector<scenario::Scenario> scenarios;
+    for (const Structure each : {Structure::diagonal, Structure::scheduled}) {
+      const std::string name(base::name_of(each));
+      scenarios.push_back(load(name, {}));
+      if (candidates.empty()) warn(scenarios.back());
+      design::DesignGoal wanted = whole_goal(scenarios.back().num_joints);
+      if (each == Structure::scheduled && !wanted.bandwidth_hz) {
+        wanted.bandwidth_hz = design::default_bandwidth_hz;
+      }
+      candidates.push_back({each, {}, {}});
+      try {
+        candidates.back().design =
+            design::design(scenarios.back(), wanted, progress(screen, name + " gains: "));
+      } catch (const base::Failure& failure) {
+        if (failure.code() != ExitCode::check_said_no) throw;
+        candidates.back().refusal = failure.what();
+      }
+    }
+    const auto [best, reason] =
+        design::choose(candidates, goal, !stiffness.empty() || !rest_error.empty());
+    std::vector<std::string> assumed = assumptions(scenarios[best]);
+    std::string before = text_of(assumed) + comparison_text(candidates, best, reason);
+    nlohmann::ordered_json compared = comparison_json(candidates, best, reason);
+    return {{std::move(scenarios[best]), std::move(*candidates[best].design)},
+            std::move(before),
+            std::move(compared),
+            std::move(assumed)};
+  }
+
+  [[nodiscard]] static linear::OnProgress progress(Screen& screen, const std::string& of) {
+    return [&screen, of](std::string_view what) { screen.show(of + std::string(what)); };
+  }
+
+  /// Returns what a scenario of a bare URDF has that neither URDF nor options state, with the key
+  /// that changes it.
+  [[nodiscard]] std::vector<std::string> assumptions(const scenario::Scenario& scenario) const {
+    std::vector<std::string> assumed;
+    if (!bare_urdf()) return assumed;
+    const auto given = [&](const char* key) {
+      return std::ranges::any_of(overrides,
+                                 [&](const std::string& each) { return each.starts_with(key); });
+    };
+    const auto assume = [&](const char* key, const std::string& what) {
+      if (!given(key)) assumed.push_back(fmt::format("{} ({})", what, key));
+    };
+    if (const auto& bits = scenario.plant.encoder.resolution_bits; bits && bits->size() > 0) {
+      assume("plant.encoder.resolution_bits", fmt::format("encoders of {:g} bits", (*bits)[0]));
+    }
+    assume("loop.command_delay", fmt::format("{} tick of delay", scenario.loop.command_delay));
+    if (scenario.robot.rigid_rotor_inertia_kgm2.isZero(0)) {
+      assume(
+          "robot.joint_parameters",
+          "rotors of inertia 0, as the URDF has none: with a real arm's, gains are 2 to 20 times "
+          "stiffer");
+    }
+    const plant::DriveSpec& drive = scenario.plant.drive;
+    const bool rubs =
+        !drive.viscous_friction_Nms_per_rad.isZero(0) || !drive.coulomb_friction_Nm.isZero(0);
+    assume("plant.drive.coulomb_friction_Nm",
+           rubs ? "the URDF's friction" : "no friction, as the URDF has none");
+    assume("plant.drive.torque_limit_Nm",
+           drive.torque_limit_Nm ? "the URDF's effort limits" : "no torque limits");
+    return assumed;
+  }
+
+  [[nodiscard]] static std::string text_of(const std::vector<std::string>& assumed) {
+    std::string text;
+    for (const std::string& each : assumed) {
+      text += (text.empty() ? "assumes   " : "          ") + each + "\n";
+    }
+    return text;
+  }
+
+  /// Returns "3.3 to 3330", or one number where all are equal.
+  [[nodiscard]] static std::string range_text(const Eigen::VectorXd& values) {
+    if (values.size() == 0) return "-";
+    const double least = values.minCoeff(), most = values.maxCoeff();
+    return least == most ? fmt::format("{:.3g}", least)
+                         : fmt::format("{:.3g} to {:.3g}", least, most);
+  }
+
+  [[nodiscard]] static std::string comparison_text(const std::vector<design::Candidate>& candidates,
+                                                   std::size_t best, const std::string& reason) {
+    std::vector<std::vector<std::string>> rows = {
+        {"gains", "settle in", "stiffness", "F_c/kp", "torque of a count", "modulus in range", ""}};
+    std::string refusals;
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      const design::Candidate& each = candidates[k];
+      const std::string name(base::name_of(each.structure));
+      if (!each.design) {
+        rows.push_back({name, "none found"});
+        refusals += fmt::format("  {}: {}\n", name, each.refusal);
+        continue;
+      }
+      const certify::Prediction& loop = each.design->loop;
+      rows.push_back(
+          {name, certify::settling_text(loop.modes.settling_s),
+           range_text(loop.stiffness) + " " + std::string(loop.stiffness_unit),
+           range_text(loop.rest_error),
+           loop.count_Nm ? range_text(*loop.count_Nm) + " " + std::string(loop.torque_unit) : "-",
+           fmt::format("{:.2f}", each.design->modulus_in_range), k == best ? "<- taken" : ""});
+    }
+    const char* const other =
+        candidates[best].structure == Structure::scheduled ? "diagonal" : "scheduled";
+    return base::table(rows, "l") + refusals +
+           fmt::format("  {}; --structure {} gives the others\n", reason, other);
+  }
+
+  [[nodiscard]] static nlohmann::ordered_json comparison_json(
+      const std::vector<design::Candidate>& candidates, std::size_t best,
+      const std::string& reason) {
+    const auto list = [](const Eigen::VectorXd& v) {
+      return std::vector<double>(v.begin(), v.end());
+    };
+    nlohmann::ordered_json all = nlohmann::ordered_json::array();
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      const design::Candidate& each = candidates[k];
+      nlohmann::ordered_json row = {{"structure", base::name_of(each.structure)},
+                                    {"law", design::law_of(each.structure)},
+                                    {"taken", k == best}};
+      if (each.design) {
+        row["settling_s"] = each.design->loop.modes.settling_s;
+        row["stiffness"] = list(each.design->loop.stiffness);
+        row["rest_error"] = list(each.design->loop.rest_error);
+        if (each.design->loop.count_Nm) row["count_torque_Nm"] = list(*each.design->loop.count_Nm);
+        row["modulus_in_range"] = each.design->modulus_in_range;
+      } else {
+        row["refusal"] = each.refusal;
+      }
+      if (k == best) row["reason"] = reason;
+      all.push_back(std::move(row));
+    }
+    return all;
+  }
+
   [[nodiscard]] design::DesignGoal whole_goal(int num_joints) const {
     design::DesignGoal whole = goal;
     if (stiffness.empty() && rest_error.empty()) return whole;
@@ -276,13 +349,14 @@ struct Design {
            base::given_text(input, base::max_text_bytes).find("<robot") != std::string::npos;
   }
 
-  /// The scenario, that of a bare URDF from text, with these overrides.
-  [[nodiscard]] scenario::Scenario load(std::vector<std::string> more) const {
+  /// Returns the scenario, or that of a bare URDF, with these overrides.
+  /// @param with the structure of its gains; empty: those of its own law
+  [[nodiscard]] scenario::Scenario load(const std::string& with,
+                                        std::vector<std::string> more) const {
     if (period_s > 0) more.push_back(fmt::format("loop.period_s={}", period_s));
-    if (!structure.empty()) {
-      const char* law = structure == "diagonal" ? "rigid" : structure.c_str();
-      more.insert(more.begin(),
-                  {"controller.gains={}", fmt::format("controller.law=loria_ortega_{}", law)});
+    if (!with.empty()) {
+      const std::string_view law = design::law_of(*base::value_of<Structure>(with));
+      more.insert(more.begin(), {"controller.gains={}", fmt::format("controller.law={}", law)});
     }
     more.insert(more.begin(), overrides.begin(), overrides.end());
     if (!bare_urdf()) {
@@ -329,13 +403,14 @@ struct Design {
     return Vector::Map(from.data(), std::ssize(from));
   }
 
-  /// The scenario with the design's gains, as text.
-  [[nodiscard]] std::string designed_text(const scenario::Scenario& scenario,
-                                          const design::Design& design) const {
+  /// Returns the scenario with the design's gains, as text.
+  [[nodiscard]] std::string designed_text(const Designed& found) const {
+    const scenario::Scenario& scenario = found.scenario;
+    const design::Design& design = found.design;
     std::vector<std::string> gains = design::overrides_of(design);
     // The files were read before the search: they may have changed since.
     const auto designed = [&] {
-      if (!law_program.empty()) return load(std::move(gains));
+      if (!law_program.empty()) return load("", std::move(gains));
       return scenario::parse_scenario(scenario.text, scenario.robot.urdf_text, input.string(),
                                       gains);
     };
@@ -351,13 +426,6 @@ struct Design {
 };
 
 }  // namespace
-
-const Verb certify_verb = verb_of<Certify>(
-    "certify", "Checks the stability of a scenario's loop, with margins; runs nothing",
-    "  tachless certify scenarios/paper_rigid.yaml\n"
-    "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
-    "--json\n"
-    "  tachless certify scenarios/paper_rigid.yaml --full --paper");
 
 const Verb design_verb = verb_of<Design>(
     "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",
