@@ -12,7 +12,10 @@
 
 #include "base/file_text.h"
 #include "base/json_text.h"
+#include "base/logging.h"
 #include "base/text.h"
+#include "cli/run.h"
+#include "controller/registry.h"
 #include "scenario/scenario.h"
 #include "scenario/yaml_tree.h"
 
