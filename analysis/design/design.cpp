@@ -35,8 +35,16 @@ using messages::ReferencePoint;
 
 constexpr int pool_size = 400, first_postures = 16, most_added = 3;
 constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
-constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4;
+constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4, most_attempts = 4;
+// The least modulus over the joints' range: descents from the worst of fresh postures, until two
+// sets of descents agree.
+constexpr int fresh_postures = 400, descents = 8, descent_evaluations = 300, most_sets = 8;
+constexpr double same_posture = 0.05;  // [rad; m] two descents that end this near are one posture
+constexpr double sets_agree = 1.02;    // ratio of the least moduli of two sets
 constexpr double slower = 1.02;  // least factor of the settling time by which a posture is added
+// Bandwidths of the searches for softer gains, each half of the one before [Hz].
+constexpr double softest_start_hz = 20, least_bandwidth_hz = 0.1;
+constexpr double useless_share = 0.1;       // of a joint's motion that friction may take from it
 constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
 
 class Search {
@@ -85,20 +93,29 @@ class Search {
       worst_ = worst_postures();
     }
     if (!std::isfinite(best_.settling_s)) return {};
-    for (int attempt = 0; attempt < 3; ++attempt) {
+    std::optional<Design> best;
+    for (int attempt = 0; attempt < most_attempts; ++attempt) {
+      search_range(tell);
       Design design = result(tell);
       if (!design.loop.stable || !design.loop.margins) break;
       const double lacking = goal_.modulus - design.loop.margins->modulus;
-      if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) return design;
+      if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) {
+        best = design;
+        if (!add_worst())
+          return best;  // a posture found by the search in the range lacks the margin
+        best_ = climbed("design: once more with the worst posture in range", best_.theta,
+                        steps_of_a_round, tell);
+        if (!std::isfinite(best_.settling_s)) break;
+        continue;
+      }
       add(problem_, law_.at({linear::constant_reference(design.loop.margin_q)}), 0, 1);
       // The margin lacks between the frequencies of the grid.
       problem_.margin += std::max(0.0, lacking);
       best_ = climbed("design: once more with what lacked", best_.theta.cwiseMax(problem_.lower),
                       steps_of_a_round, tell);
       if (!std::isfinite(best_.settling_s)) break;
-      worst_ = worst_postures();
     }
-    return {};
+    return best;
   }
 
  private:
@@ -248,6 +265,33 @@ class Search {
     });
   }
 
+  /// Searches the joints' range for the least modulus with fresh postures, until two sets of
+  /// descents agree, and adds what it finds to `worst_`.
+  void search_range(const linear::OnProgress& tell) {
+    double before = infinity;
+    for (int set = 0; set < most_sets; ++set) {
+      tell(fmt::format("design: least modulus in the joints' range, set {} of at most {}", set + 1,
+                       most_sets));
+      std::vector<ReferencePoint> rests;
+      for (int k = 1; k <= fresh_postures; ++k) {
+        rests.push_back(rest_in_range(law_.model(), 10'000 + set * fresh_postures + k));
+      }
+      const std::vector<double> modulus = least_moduli(law_.at(rests), best_.theta, 0);
+      std::vector<std::size_t> order(modulus.size());
+      std::iota(order.begin(), order.end(), 0);
+      std::ranges::partial_sort(order, order.begin() + descents, {},
+                                [&](std::size_t k) { return modulus[k]; });
+      const auto found = parallel_map(descents, [&](std::size_t k) {
+        return numerics::minimise([&](const VectorXd& q) { return modulus_at(q); },
+                                  rests[order[k]].q_ref, 0.3, descent_evaluations);
+      });
+      worst_.insert(worst_.end(), found.begin(), found.end());
+      const double here = std::ranges::min_element(found, {}, &numerics::Minimum::value)->value;
+      if (std::max(here, before) <= sets_agree * std::min(here, before)) return;
+      before = std::min(here, before);
+    }
+  }
+
   [[nodiscard]] const numerics::Minimum& worst() const {
     return *std::ranges::min_element(worst_, {}, &numerics::Minimum::value);
   }
@@ -255,8 +299,15 @@ class Search {
   /// `range_share` of it. Returns whether it added any.
   bool add_worst() {
     if (worst().value >= range_share * problem_.margin) return false;
+    std::ranges::sort(worst_, {}, &numerics::Minimum::value);
+    std::vector<VectorXd> added;
     for (const numerics::Minimum& each : worst_) {
-      if (each.value >= asked_share * problem_.margin) continue;
+      if (each.value >= asked_share * problem_.margin || added.size() == searched_postures) break;
+      const bool known = std::ranges::any_of(added, [&](const VectorXd& q) {
+        return (q - each.x).cwiseAbs().maxCoeff() < same_posture;
+      });
+      if (known) continue;
+      added.push_back(each.x);
       add(problem_, law_.at({linear::constant_reference(each.x)}), 0, asked_share);
     }
     return true;
@@ -321,10 +372,12 @@ class Search {
           std::ranges::minmax(on_the_way, {}, [j](const ReferencePoint& r) { return r.q_ref[j]; });
       const double motion = most.q_ref[j] - least.q_ref[j];
       if (stuck.size() > 0 && stuck[j] > 0.01 * motion) {
-        design.warnings.push_back(fmt::format(
-            "{} stops up to {:.2g} {} beside its goal, by dry friction over a "
-            "stiffness of {:.3g}; its motion is {:.2g}",
-            name, stuck[j], labels_.length[static_cast<std::size_t>(j)], stiffness[j], motion));
+        const bool useless = stuck[j] > useless_share * motion;
+        (useless ? design.objections : design.warnings)
+            .push_back(fmt::format("{} stops up to {:.2g} {} beside its goal, by dry friction over "
+                                   "a stiffness of {:.3g}; its motion is {:.2g}",
+                                   name, stuck[j], labels_.length[static_cast<std::size_t>(j)],
+                                   stiffness[j], motion));
       }
       const double w = std::sqrt(stiffness[j] / law_.mean_inertia()[j]);
       if (viscous.size() > 0 && 3 * stiffness[j] < w * viscous[j]) {
@@ -362,6 +415,18 @@ Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
   std::optional<Design> best;
   try {
     if (!answers) best = Search(scenario, goal, answers, false).found(tell);
+    // Below its springs' resonances and the encoders' counts, a loop may keep the margin that it
+    // lacks where the search from the rule begins.
+    DesignGoal softer = goal;
+    softer.bandwidth_hz = std::min(goal.bandwidth_hz.value_or(softest_start_hz), softest_start_hz);
+    while (!answers && !goal.least_kp && !best && *softer.bandwidth_hz >= 2 * least_bandwidth_hz) {
+      *softer.bandwidth_hz /= 2;
+      best = Search(scenario, softer, answers, false).found(tell);
+      if (best) {
+        best->warnings.push_back(fmt::format(
+            "no gains of more than {:.3g} Hz were found: these are soft", *softer.bandwidth_hz));
+      }
+    }
     if (!best) best = Search(scenario, goal, answers, true).found(tell);
   } catch (const linear::NoLinearModel& why) {
     throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());

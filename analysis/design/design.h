@@ -40,6 +40,9 @@ struct Design {
   std::map<std::string, Vector> gains;
   std::vector<std::string> binds;  ///< constraints that bind the settling time, costliest first
   certify::Prediction loop;        ///< prediction with these gains, as `certify` prints it
+  /// One line each: a joint that stops beside its goal by more than a tenth of its motion. Nobody
+  /// can use these gains.
+  std::vector<std::string> objections;
   /// One line each: a joint that sticks beside its goal, a slow pole by friction, a posture in
   /// range that lacks the margin.
   std::vector<std::string> warnings;

@@ -73,6 +73,7 @@ nlohmann::ordered_json to_json(const design::Design& design, const scenario::Sce
   json["range_q"] = list(design.range_q);
   json["limited_by"] = design.binds;
   json["warnings"] = design.warnings;
+  json["objections"] = design.objections;
   json["reached"] = !design.missed;
   return json;
 }
@@ -146,6 +147,12 @@ struct Design {
     if (!found.assumed.empty()) all["assumes"] = found.assumed;
     print(json, std::move(all), found.text + text(design, scenario));
     for (const std::string& warning : design.warnings) base::log_warning(warning);
+    for (const std::string& objection : design.objections) base::log_error(objection);
+    if (!design.objections.empty()) {
+      base::log_error("{}: nobody can use these gains{}; {}", input.string(),
+                      output.empty() ? "" : ", nothing is written", ways_out(scenario));
+      return ExitCode::check_said_no;
+    }
     if (design.missed) {
       base::log_error("{}: settles in {}, not in {:g} s: limited by {}{}", input.string(),
                       certify::settling_text(design.loop.modes.settling_s), *design.missed,
@@ -226,6 +233,28 @@ struct Design {
             std::move(before),
             std::move(compared),
             std::move(assumed)};
+  }
+
+  /// Returns what makes gains stiffer.
+  [[nodiscard]] std::string ways_out(const scenario::Scenario& scenario) const {
+    std::vector<std::string> ways;
+    if (scenario.robot.rigid_rotor_inertia_kgm2.isZero(0)) {
+      ways.emplace_back("give the rotors' inertia (--set robot.joint_parameters=FILE)");
+    }
+    if (scenario.controller.law != design::law_of(Structure::scheduled)) {
+      ways.emplace_back("take --structure scheduled");
+    }
+    ways.emplace_back("give finer encoders (--set plant.encoder.resolution_bits=BITS)");
+    const robot::Model& model = *scenario.model;
+    for (std::size_t j = 0; j < model.joint_names.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      const bool finger = model.joint_types[j] == robot::JointType::prismatic &&
+                          model.upper[i] - model.lower[i] < 0.1;
+      if (!finger) continue;
+      ways.push_back(fmt::format("lock the finger (--set 'robot.locked={{{}: {:g}}}')",
+                                 model.joint_names[j], 0.5 * (model.lower[i] + model.upper[i])));
+    }
+    return base::joined(ways, ", or ");
   }
 
   [[nodiscard]] static linear::OnProgress progress(Screen& screen, const std::string& of) {
