@@ -371,7 +371,8 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
 }
 
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
-                        const std::string& source, const std::vector<std::string>& overrides) {
+                        const std::string& source, const std::vector<std::string>& overrides,
+                        const std::optional<fs::path>& folder) {
   Scenario scenario;
   scenario.source = source;
   YamlNode root = located_tree(text, overrides, scenario);
@@ -379,7 +380,12 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   const auto refusal = [&](const std::string& key) {
     return scenario.complaint(key, "its file is not read here; allowed: in a scenario's file");
   };
-  if (scenario.gives("robot.joint_parameters")) throw refusal("robot.joint_parameters");
+  JointParameters parameters;
+  if (folder) {
+    parameters = take_joint_parameters(root, scenario, *folder);
+  } else if (scenario.gives("robot.joint_parameters")) {
+    throw refusal("robot.joint_parameters");
+  }
   if (scenario.gives("controller.urdf")) {
     // The text of one robot ends where the other's begins.
     constexpr std::string_view end = "</robot>";
@@ -391,7 +397,7 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
     believed = {plant.text.substr(cut + end.size()), plant.source};
     plant.text.resize(cut + end.size());
   }
-  return read_scenario(std::move(root), plant, believed, {}, std::move(scenario));
+  return read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
 }
 
 robot::Model own_model(const Scenario& scenario) {

@@ -262,8 +262,10 @@ Scenario load_scenario(const std::filesystem::path& path,
 
 /// Reads a scenario from texts, as a log holds them. `urdf_text` is `RobotSpec::urdf_text`, or a
 /// URDF file without controller.urdf, which no override may name. `source` replaces the file name.
+/// @param folder of the file of joint parameters that an override names; none: no file is read
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
-                        const std::string& source, const std::vector<std::string>& overrides = {});
+                        const std::string& source, const std::vector<std::string>& overrides = {},
+                        const std::optional<std::filesystem::path>& folder = {});
 
 /// Checks the rules between keys of `robot` and `plant` in a scenario that has its model.
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.

@@ -413,7 +413,7 @@ struct Design {
     } catch (const std::invalid_argument& problem) {
       throw base::bad_usage(problem.what());
     }
-    return scenario::parse_scenario(scenario, urdf, input.string(), more);
+    return scenario::parse_scenario(scenario, urdf, input.string(), more, fs::path());
   }
 
   /// @throw base::Failure(bad_usage) when it is not within the joints' limits
