@@ -158,7 +158,7 @@ struct Sweep {
     return command
         .add_option("--bandwidth", bandwidth_hz,
                     "To which each law of --laws is tuned [Hz]; default: 5")
-        ->check(above_zero);
+        ->check(CLI::Range(1e-3, 1e5));  // beyond it a gain is 0 or infinite
   }
 
   [[nodiscard]] study::SweepPlan plan() const {
