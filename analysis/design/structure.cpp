@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <tuple>
+#include <utility>
 
 #include "base/failure.h"
 #include "base/schema.h"
@@ -21,32 +23,57 @@ std::string_view law_of(Structure structure) {
   return "";
 }
 
-Choice choose(const std::vector<Candidate>& candidates, const DesignGoal& goal, bool of_joints) {
-  const auto find = [&](Structure structure) {
-    return static_cast<std::size_t>(std::ranges::find_if(candidates,
-                                                         [&](const Candidate& each) {
-                                                           return each.structure == structure &&
-                                                                  each.design;
-                                                         }) -
-                                    candidates.begin());
-  };
-  const std::size_t diagonal = find(Structure::diagonal), scheduled = find(Structure::scheduled);
-  const std::size_t none = candidates.size();
-  if (diagonal == none && scheduled == none) {
-    throw base::Failure(base::ExitCode::check_said_no, "{}", candidates.front().refusal);
-  }
-  if (scheduled == none) return {diagonal, "no scheduled gains keep the margin"};
-  if (diagonal == none) return {scheduled, "no diagonal gains keep the margin"};
-  if (of_joints) return {diagonal, "the stiffness of single joints is asked for"};
+namespace {
+
+/// Returns the index of the better candidate, and the reason.
+std::pair<std::size_t, std::string> choice(const std::vector<Candidate>& candidates,
+                                           const DesignGoal& goal) {
+  constexpr std::size_t diagonal = 0, scheduled = 1;
+  if (!candidates[scheduled].design) return {diagonal, "no scheduled gains keep the margin"};
+  if (!candidates[diagonal].design) return {scheduled, "no diagonal gains keep the margin"};
   const Design &one = *candidates[diagonal].design, &other = *candidates[scheduled].design;
+  if (one.objections.empty() != other.objections.empty()) {
+    return {one.objections.empty() ? diagonal : scheduled,
+            "with the others, friction stops a joint far beside its goal"};
+  }
   const double slower = one.loop.modes.settling_s / other.loop.modes.settling_s;
   if (slower <= 1.1 && one.modulus_in_range >= range_share * goal.modulus) {
     return {diagonal, "diagonal gains are as good, and simpler"};
   }
-  if (slower <= 1) {
+  if (slower <= 1.1) {
     return {scheduled, "scheduled gains have the same margin at every posture"};
   }
   return {scheduled, fmt::format("scheduled gains settle {:.2g} times as fast", slower)};
+}
+
+}  // namespace
+
+Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,
+                   const DesignGoal& goal, const linear::OnProgress& tell) {
+  Comparison comparison;
+  for (const Structure each : {Structure::diagonal, Structure::scheduled}) {
+    DesignGoal wanted = goal;
+    if (each == Structure::scheduled && !wanted.bandwidth_hz) {
+      wanted.bandwidth_hz = default_bandwidth_hz;
+    }
+    comparison.candidates.push_back({each, scenario_with(each), {}, {}});
+    Candidate& candidate = comparison.candidates.back();
+    const std::string name(base::name_of(each));
+    try {
+      candidate.design = design(candidate.scenario, wanted, [&](std::string_view what) {
+        tell(fmt::format("{} gains: {}", name, what));
+      });
+    } catch (const base::Failure& failure) {
+      if (failure.code() != base::ExitCode::check_said_no) throw;
+      candidate.refusal = failure.what();
+    }
+  }
+  if (std::ranges::none_of(comparison.candidates,
+                           [](const Candidate& each) { return each.design.has_value(); })) {
+    throw base::Failure(base::ExitCode::check_said_no, "{}", comparison.candidates.front().refusal);
+  }
+  std::tie(comparison.chosen, comparison.reason) = choice(comparison.candidates, goal);
+  return comparison;
 }
 
 }  // namespace tachless::design

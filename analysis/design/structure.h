@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -32,20 +33,24 @@ inline constexpr double default_bandwidth_hz = 10;
 /// Result of the search for gains of one structure.
 struct Candidate {
   Structure structure = Structure::diagonal;
+  scenario::Scenario scenario;   ///< with the structure's law
   std::optional<Design> design;  ///< nothing: no gains were found
   std::string refusal;           ///< why there are none
 };
 
-struct Choice {
-  std::size_t chosen = 0;  ///< index of the candidate
-  std::string reason;      ///< one sentence
+struct Comparison {
+  std::vector<Candidate> candidates;  ///< diagonal, then scheduled
+  std::size_t chosen = 0;             ///< index of the candidate, which has a design
+  std::string reason;                 ///< one sentence
 };
 
-/// Chooses between the diagonal and the scheduled candidate. Scheduled gains are the default. The
-/// diagonal ones are chosen if the user asks for the stiffness of single joints, or if they are as
-/// good: they settle at most a tenth later and keep the margin over the range of the joints.
-/// @param of_joints the user asks for the stiffness of single joints
-/// @throw base::Failure(check_said_no) if no candidate has gains
-Choice choose(const std::vector<Candidate>& candidates, const DesignGoal& goal, bool of_joints);
+/// Designs diagonal and scheduled gains, and chooses between them. Scheduled gains are the default,
+/// at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. The diagonal ones are
+/// chosen if they are as good: they settle at most a tenth later, keep the margin over the range of
+/// the joints, and friction stops no joint far beside its goal.
+/// @param scenario_with returns the scenario with the law of a structure
+/// @throw base::Failure(check_said_no) if no structure has gains
+Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,
+                   const DesignGoal& goal, const linear::OnProgress& tell);
 
 }  // namespace tachless::design

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "robot/model.h"
+
+namespace tachless::design {
+
+/// Joint stiffness that an arm's maker publishes for its own controller.
+struct MakerStiffness {
+  std::string arm;     ///< "Franka Panda"
+  std::string source;  ///< where the numbers are published
+  Vector N_m_per_rad;  ///< of the model's joints; 0 for a joint behind the arm, as of a hand
+};
+
+/// Returns the stiffness that the maker of this arm publishes, or nothing. The names of the first
+/// joints identify the arm. A prefix and a suffix of the names do not matter. Franka and Universal
+/// Robots publish numbers. KUKA, UFACTORY and Kinova do not.
+std::optional<MakerStiffness> maker_stiffness(const robot::Model& model);
+
+}  // namespace tachless::design

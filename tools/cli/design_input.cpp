@@ -1,0 +1,133 @@
+#include "cli/design_input.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "base/failure.h"
+#include "base/file_text.h"
+#include "base/logging.h"
+#include "cli/verb.h"
+#include "robot/typical_rotors.h"
+#include "robot/urdf_xml.h"
+
+namespace tachless::cli {
+
+DesignInput::DesignInput(Options options) : options_(std::move(options)) {
+  if (!is_yaml(options_.file) &&
+      base::given_text(options_.file, base::max_text_bytes).find("<robot") != std::string::npos) {
+    urdf_ = read_urdf();
+    return;
+  }
+  if (!options_.from.empty()) {
+    throw base::bad_usage(
+        "--from: of a URDF; in a scenario set plant.initial.position_rad and reference");
+  }
+  if (options_.typical_rotors) {
+    throw base::bad_usage(
+        "--rotors: of a URDF; in a scenario set robot.joints.rigid.rotor_inertia_kgm2");
+  }
+}
+
+DesignInput::Urdf DesignInput::read_urdf() const {
+  const std::string source = options_.file.string();
+  for (const std::string& each : options_.overrides) {
+    if (!each.starts_with("robot.urdf=")) continue;
+    throw base::bad_usage("--set {}: the URDF is {}; name another in its place", each, source);
+  }
+  if (options_.typical_rotors &&
+      (overridden("robot.joint_parameters=") || overridden("robot.joints"))) {
+    throw base::bad_usage(
+        "--rotors typical: --set gives the rotors already; leave one of them out");
+  }
+  auto [text, options] = scenario::robot_file(options_.file, options_.overrides);
+  try {
+    const robot::Model model = robot::read_urdf(text, source, options);
+    for (const std::string& doubt : robot::improbable_numbers(text, source, options.locked)) {
+      base::log_warning(doubt);
+    }
+    scenario::UrdfScenario of{
+        scenario_name(options_.output.empty() ? options_.file : options_.output),
+        path_from(options_.output, options_.file),
+        options_.period_s > 0 ? options_.period_s : 1e-3};
+    if (!options_.from.empty()) of.from = from_posture(model);
+    Urdf urdf{std::move(text), scenario::urdf_scenario(model, of), {}};
+    if (options_.typical_rotors) urdf.typical_rotors = robot::typical_rotor_inertia(model);
+    return urdf;
+  } catch (const std::invalid_argument& problem) {
+    throw base::bad_usage(problem.what());
+  }
+}
+
+scenario::Scenario DesignInput::scenario(std::optional<design::Structure> structure,
+                                         std::vector<std::string> more) const {
+  if (options_.period_s > 0) more.push_back(fmt::format("loop.period_s={}", options_.period_s));
+  if (structure) {
+    more.insert(more.begin(), {"controller.gains={}",
+                               fmt::format("controller.law={}", design::law_of(*structure))});
+  }
+  more.insert(more.begin(), options_.overrides.begin(), options_.overrides.end());
+  if (!urdf_) return scenario::load_scenario(options_.file, more);
+  if (urdf_->typical_rotors.size() > 0) {
+    more.push_back(fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}",
+                               fmt::join(urdf_->typical_rotors, ", ")));
+  }
+  return scenario::parse_scenario(urdf_->scenario, urdf_->text, options_.file.string(), more,
+                                  std::filesystem::path());
+}
+
+std::vector<std::string> DesignInput::assumptions(const scenario::Scenario& scenario) const {
+  std::vector<std::string> assumed;
+  if (!urdf_) return assumed;
+  const auto assume = [&](std::string_view key, const std::string& what) {
+    if (!overridden(key)) assumed.push_back(fmt::format("{} ({})", what, key));
+  };
+  if (const auto& bits = scenario.plant.encoder.resolution_bits; bits && bits->size() > 0) {
+    assume("plant.encoder.resolution_bits", fmt::format("encoders of {:g} bits", (*bits)[0]));
+  }
+  assume("loop.command_delay", fmt::format("{} tick of delay", scenario.loop.command_delay));
+  if (urdf_->typical_rotors.size() > 0) {
+    assume("robot.joints.rigid.rotor_inertia_kgm2",
+           fmt::format("rotors by a rule of thumb, {:g} s2 times the effort limit; published ones "
+                       "have 0.7 to 4 times it",
+                       robot::rotor_inertia_per_torque));
+  } else if (scenario.robot.rigid_rotor_inertia_kgm2.isZero(0)) {
+    assume("robot.joint_parameters",
+           "no rotors, since the URDF has none: gains are 2 to 20 times softer than with them; "
+           "--rotors typical assumes some, excite and identify find them");
+  }
+  const plant::DriveSpec& drive = scenario.plant.drive;
+  const bool rubs =
+      !drive.viscous_friction_Nms_per_rad.isZero(0) || !drive.coulomb_friction_Nm.isZero(0);
+  assume("plant.drive.coulomb_friction_Nm",
+         rubs ? "the URDF's friction" : "no friction, since the URDF has none");
+  assume("plant.drive.torque_limit_Nm",
+         drive.torque_limit_Nm ? "the URDF's effort limits" : "no torque limits");
+  return assumed;
+}
+
+bool DesignInput::overridden(std::string_view key) const {
+  return std::ranges::any_of(options_.overrides,
+                             [&](const std::string& each) { return each.starts_with(key); });
+}
+
+Vector DesignInput::from_posture(const robot::Model& model) const {
+  const std::vector<double>& from = options_.from;
+  if (std::ssize(from) != model.num_joints) {
+    throw base::bad_usage("--from has {} numbers; allowed: {}, one a joint", from.size(),
+                          model.num_joints);
+  }
+  for (int i = 0; i < model.num_joints; ++i) {
+    const double q = from[static_cast<std::size_t>(i)];
+    if (q >= model.lower[i] && q <= model.upper[i]) continue;
+    throw base::bad_usage("--from: {:g} for joint {}; allowed: {:g} to {:g}", q,
+                          model.joint_names[static_cast<std::size_t>(i)], model.lower[i],
+                          model.upper[i]);
+  }
+  return Vector::Map(from.data(), std::ssize(from));
+}
+
+}  // namespace tachless::cli

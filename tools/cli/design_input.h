@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "design/structure.h"
+#include "robot/model.h"
+#include "scenario/scenario.h"
+
+namespace tachless::cli {
+
+/// The file that `tachless design` is given, a scenario or a bare URDF, with the options about it.
+/// A URDF is read once.
+class DesignInput {
+ public:
+  struct Options {
+    std::filesystem::path file;
+    std::vector<std::string> overrides;
+    double period_s = 0;       ///< 0: the scenario's, 1 ms for a URDF
+    std::vector<double> from;  ///< start of a URDF's motion [rad; m]; empty: in the joints' ranges
+    bool typical_rotors = false;   ///< a URDF's rotors by the rule of thumb
+    std::filesystem::path output;  ///< paths are relative to it; empty: they are absolute
+  };
+
+  /// Reads the file.
+  /// @throw base::Failure(bad_usage) for a file that is no robot's, or options that do not suit it
+  explicit DesignInput(Options options);
+
+  [[nodiscard]] bool bare_urdf() const { return urdf_.has_value(); }
+
+  /// Returns the scenario, or that of a bare URDF, with these overrides.
+  /// @param structure of its gains; nothing: those of its own law
+  [[nodiscard]] scenario::Scenario scenario(std::optional<design::Structure> structure,
+                                            std::vector<std::string> more = {}) const;
+
+  /// Returns what the scenario of a bare URDF has that neither URDF nor options state, each with
+  /// the key that changes it. Empty for a scenario's file.
+  [[nodiscard]] std::vector<std::string> assumptions(const scenario::Scenario& scenario) const;
+
+ private:
+  struct Urdf {
+    std::string text, scenario;
+    Vector typical_rotors;  ///< empty: not asked for
+  };
+  [[nodiscard]] Urdf read_urdf() const;
+  [[nodiscard]] Vector from_posture(const robot::Model& model) const;
+  [[nodiscard]] bool overridden(std::string_view key) const;
+
+  Options options_;
+  std::optional<Urdf> urdf_;
+};
+
+}  // namespace tachless::cli
