@@ -35,7 +35,7 @@ using messages::ReferencePoint;
 
 constexpr int pool_size = 400, first_postures = 16, most_added = 3;
 constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
-constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4, most_attempts = 4;
+constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4, most_attempts = 8;
 // The least modulus over the joints' range: descents from the worst of fresh postures, until two
 // sets of descents agree.
 constexpr int fresh_postures = 400, descents = 8, descent_evaluations = 300, most_sets = 8;
@@ -93,29 +93,25 @@ class Search {
       worst_ = worst_postures();
     }
     if (!std::isfinite(best_.settling_s)) return {};
-    std::optional<Design> best;
     for (int attempt = 0; attempt < most_attempts; ++attempt) {
-      search_range(tell);
+      const bool last = attempt + 1 == most_attempts;
+      worst_.clear();  // these moduli are of other gains
+      search_range(tell, last);
+      if (!last && add_worst()) {
+        if (!climbed_on("design: once more with the worst postures in range", tell)) break;
+        continue;
+      }
       Design design = result(tell);
       if (!design.loop.stable || !design.loop.margins) break;
       const double lacking = goal_.modulus - design.loop.margins->modulus;
-      if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) {
-        best = design;
-        if (!add_worst())
-          return best;  // a posture found by the search in the range lacks the margin
-        best_ = climbed("design: once more with the worst posture in range", best_.theta,
-                        steps_of_a_round, tell);
-        if (!std::isfinite(best_.settling_s)) break;
-        continue;
-      }
+      if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) return design;
       add(problem_, law_.at({linear::constant_reference(design.loop.margin_q)}), 0, 1);
       // The margin lacks between the frequencies of the grid.
       problem_.margin += std::max(0.0, lacking);
-      best_ = climbed("design: once more with what lacked", best_.theta.cwiseMax(problem_.lower),
-                      steps_of_a_round, tell);
-      if (!std::isfinite(best_.settling_s)) break;
+      best_.theta = best_.theta.cwiseMax(problem_.lower);
+      if (!climbed_on("design: once more with what lacked", tell)) break;
     }
-    return best;
+    return {};
   }
 
  private:
@@ -142,6 +138,12 @@ class Search {
         });
     done_ = end;
     return found;
+  }
+
+  /// Goes on from the best gains. Returns whether some keep the margin at the postures added.
+  bool climbed_on(const std::string& what, const linear::OnProgress& tell) {
+    best_ = climbed(what, best_.theta, steps_of_a_round, tell);
+    return std::isfinite(best_.settling_s);
   }
 
   /// Restarts the search beside the best gains of an external law. The search has only one start
@@ -250,24 +252,28 @@ class Search {
   }
 
   /// Returns the least modulus at a posture; 2 outside the joints' ranges.
-  [[nodiscard]] double modulus_at(const Vector& q) const {
+  [[nodiscard]] double modulus_at(const LeastModulus& least, const Vector& q) const {
     const robot::Model& model = law_.model();
     if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2;
-    return least_moduli(law_.at({linear::constant_reference(q)}), best_.theta, near_margin)[0];
+    const ReferencePoint rest = linear::constant_reference(q);
+    return least.at(law_.loop_at(rest), rest, problem_.margin + near_margin);
   }
 
   /// Searches for the postures with the least modulus, starting from the worst of the pool.
   [[nodiscard]] std::vector<numerics::Minimum> worst_postures() const {
     const auto order = worst_of_pool(best_.theta);
+    const LeastModulus least(problem_, best_.theta);
     return parallel_map(searched_postures, [&](std::size_t k) {
-      return numerics::minimise([&](const VectorXd& q) { return modulus_at(q); },
+      return numerics::minimise([&](const VectorXd& q) { return modulus_at(least, q); },
                                 pool_.rests[order[k].second].q_ref, 0.3, search_evaluations);
     });
   }
 
-  /// Searches the joints' range for the least modulus with fresh postures, until two sets of
-  /// descents agree, and adds what it finds to `worst_`.
-  void search_range(const linear::OnProgress& tell) {
+  /// Searches the joints' range for the least modulus with fresh postures, and adds what it finds
+  /// to `worst_`. Ends when two sets of descents agree.
+  /// @param whole otherwise it ends when a posture lacks the margin, too
+  void search_range(const linear::OnProgress& tell, bool whole) {
+    const LeastModulus least(problem_, best_.theta);
     double before = infinity;
     for (int set = 0; set < most_sets; ++set) {
       tell(fmt::format("design: least modulus in the joints' range, set {} of at most {}", set + 1,
@@ -282,23 +288,26 @@ class Search {
       std::ranges::partial_sort(order, order.begin() + descents, {},
                                 [&](std::size_t k) { return modulus[k]; });
       const auto found = parallel_map(descents, [&](std::size_t k) {
-        return numerics::minimise([&](const VectorXd& q) { return modulus_at(q); },
+        return numerics::minimise([&](const VectorXd& q) { return modulus_at(least, q); },
                                   rests[order[k]].q_ref, 0.3, descent_evaluations);
       });
       worst_.insert(worst_.end(), found.begin(), found.end());
       const double here = std::ranges::min_element(found, {}, &numerics::Minimum::value)->value;
       if (std::max(here, before) <= sets_agree * std::min(here, before)) return;
+      if (!whole && lacks(here)) return;
       before = std::min(here, before);
     }
   }
 
+  /// Returns true for a modulus at a posture outside the motion that is below the margin there.
+  [[nodiscard]] bool lacks(double modulus) const { return modulus < range_share * problem_.margin; }
   [[nodiscard]] const numerics::Minimum& worst() const {
     return *std::ranges::min_element(worst_, {}, &numerics::Minimum::value);
   }
   /// Adds the worst postures that lack the margin asked of them, if the very worst lacks
   /// `range_share` of it. Returns whether it added any.
   bool add_worst() {
-    if (worst().value >= range_share * problem_.margin) return false;
+    if (!lacks(worst().value)) return false;
     std::ranges::sort(worst_, {}, &numerics::Minimum::value);
     std::vector<VectorXd> added;
     for (const numerics::Minimum& each : worst_) {

@@ -275,13 +275,14 @@ linear::Feedback DesignProblem::feedback(const VectorXd& theta, const ReferenceP
   return feedback;
 }
 
+linear::RestLoop DesignProblem::loop_at(const ReferencePoint& rest) const {
+  const double h = scenario_.loop.period_s;
+  const linear::SampledLoop loop = loop_.at(rest);
+  return {loop.plant, loop.law(h), h, loop.delay};
+}
 GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
   GainProblem problem = problem_;
-  const double h = scenario_.loop.period_s;
-  problem.loops = parallel_map(rests.size(), [&](std::size_t i) -> linear::RestLoop {
-    const linear::SampledLoop loop = loop_.at(rests[i]);
-    return {loop.plant, loop.law(h), h, loop.delay};
-  });
+  problem.loops = parallel_map(rests.size(), [&](std::size_t i) { return loop_at(rests[i]); });
   problem.rests = rests;
   problem.share.assign(rests.size(), 1);
   problem.feedback = [this](const VectorXd& theta, const ReferencePoint& rest, bool derivatives) {

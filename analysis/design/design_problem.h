@@ -51,6 +51,7 @@ class DesignProblem {
   /// Returns the feedback terms about rest in a posture.
   [[nodiscard]] linear::LinearLaw feedback_at(const Gains& gains,
                                               const messages::ReferencePoint& rest) const;
+  [[nodiscard]] RestLoop loop_at(const messages::ReferencePoint& rest) const;
   /// Returns the problem with the margin to be kept at these postures. The result refers to this
   /// object.
   [[nodiscard]] GainProblem at(const std::vector<messages::ReferencePoint>& rests) const;

@@ -52,6 +52,22 @@ double required_fall(const linear::Errors& errors, Index instant, double T) {
 
 }  // namespace
 
+LeastModulus::LeastModulus(const GainProblem& problem, const VectorXd& theta)
+    : problem_(&problem), theta_(theta) {
+  if (!problem.same_everywhere || problem.resonant) return;
+  grid_ =
+      on_grid(problem.feedback(theta, problem.rests[0], false), problem.loops[0].period_s(), {});
+}
+
+double LeastModulus::at(const linear::RestLoop& loop, const messages::ReferencePoint& rest,
+                        double enough) const {
+  if (!grid_.empty()) return loop.least_modulus(grid_, enough);
+  const linear::Feedback here = problem_->feedback(theta_, rest, false);
+  const std::vector<double> more =
+      problem_->resonant ? resonances(loop, here.law) : std::vector<double>();
+  return loop.least_modulus(on_grid(here, loop.period_s(), more), enough);
+}
+
 GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
     : problem_(&problem), theta_(theta) {
   make_feedback(false);

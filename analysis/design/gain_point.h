@@ -19,6 +19,21 @@ constexpr double margin_kept = 0.003;  // added to the margin for dips between t
 constexpr double window = 3;
 constexpr double near_margin = 0.3;  // distance above the margin within which eigenvalues get rows
 
+/// Least moduli of loops with given gains. The law's response is computed once where it is the same
+/// at all postures.
+class LeastModulus {
+ public:
+  LeastModulus(const GainProblem& problem, const Eigen::VectorXd& theta);
+  /// Returns the least modulus of the loop at rest there, or a smaller number above `enough`.
+  [[nodiscard]] double at(const linear::RestLoop& loop, const messages::ReferencePoint& rest,
+                          double enough) const;
+
+ private:
+  const GainProblem* problem_;
+  Eigen::VectorXd theta_;
+  std::vector<FeedbackAt> grid_;  ///< empty: it depends on the loop
+};
+
 class GainPoint {
  public:
   GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);

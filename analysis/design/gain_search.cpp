@@ -50,9 +50,10 @@ FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
 }
 
 std::vector<double> least_moduli(const GainProblem& problem, const VectorXd& theta, double above) {
-  GainPoint point(problem, theta);
-  point.look_at_margins(above);
-  return parallel_map(problem.loops.size(), [&](std::size_t i) { return point.least_modulus(i); });
+  const LeastModulus least(problem, theta);
+  return parallel_map(problem.loops.size(), [&](std::size_t i) {
+    return least.at(problem.loops[i], problem.rests[i], problem.margin + above) / problem.share[i];
+  });
 }
 
 std::vector<double> settling_times(const GainProblem& problem, const VectorXd& theta) {

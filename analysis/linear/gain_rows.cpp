@@ -116,27 +116,32 @@ MatrixXcd RestLoop::response(double w) const {
   return over_frequency_.at(std::polar(1.0, w * period_s_));
 }
 
-std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, double enough) const {
-  std::vector<double> least;
-  for (const FeedbackAt& at : grid) {
-    const VectorXd scale = scale_of(at.K);
-    MatrixXcd one_plus =
-        -(scale.cwiseInverse().asDiagonal() * (at.K * response(at.w)) * scale.asDiagonal());
-    one_plus.diagonal().array() += 1;
-    double bound = least_by_discs(one_plus);
-    if (bound > enough) {
-      least.push_back(bound);
-      continue;
-    }
-    // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
-    MatrixXcd inverse = numerics::complex_inverse(one_plus);
-    bound = 1 / inverse.norm();
-    for (int k = 2; bound <= enough && k <= 8; k *= 2) {
-      inverse = inverse.lazyProduct(inverse).eval();
-      bound = std::pow(inverse.norm(), -1.0 / k);
-    }
-    least.push_back(bound > enough ? bound : numerics::eigenvalues(one_plus).cwiseAbs().minCoeff());
+double RestLoop::modulus(const FeedbackAt& at, double enough) const {
+  const VectorXd scale = scale_of(at.K);
+  MatrixXcd one_plus =
+      -(scale.cwiseInverse().asDiagonal() * (at.K * response(at.w)) * scale.asDiagonal());
+  one_plus.diagonal().array() += 1;
+  double bound = least_by_discs(one_plus);
+  if (bound > enough) return bound;
+  // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
+  MatrixXcd inverse = numerics::complex_inverse(one_plus);
+  bound = 1 / inverse.norm();
+  for (int k = 2; bound <= enough && k <= 8; k *= 2) {
+    inverse = inverse.lazyProduct(inverse).eval();
+    bound = std::pow(inverse.norm(), -1.0 / k);
   }
+  return bound > enough ? bound : numerics::eigenvalues(one_plus).cwiseAbs().minCoeff();
+}
+
+std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, double enough) const {
+  std::vector<double> all;
+  for (const FeedbackAt& at : grid) all.push_back(modulus(at, enough));
+  return all;
+}
+
+double RestLoop::least_modulus(const std::vector<FeedbackAt>& grid, double enough) const {
+  double least = infinity;
+  for (const FeedbackAt& at : grid) least = std::min(least, modulus(at, std::min(least, enough)));
   return least;
 }
 

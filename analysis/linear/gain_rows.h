@@ -52,6 +52,8 @@ class RestLoop {
   /// certain, a smaller number above that.
   [[nodiscard]] std::vector<double> modulus(const std::vector<FeedbackAt>& grid,
                                             double enough) const;
+  /// Returns the least of `modulus` over the grid, or a smaller number above `enough`.
+  [[nodiscard]] double least_modulus(const std::vector<FeedbackAt>& grid, double enough) const;
   /// Rows |1 + eigenvalue| + gradient' d >= `least`, of eigenvalues within `near` of that.
   void add_rows(const FeedbackAt& at, const Feedback& feedback, double least, double near,
                 std::vector<numerics::LinearProgramme::Row>& rows) const;
@@ -61,6 +63,7 @@ class RestLoop {
 
  private:
   [[nodiscard]] Eigen::MatrixXcd response(double w) const;
+  [[nodiscard]] double modulus(const FeedbackAt& at, double enough) const;
 
   Eigen::Index n_ = 0;
   double period_s_ = 0;

@@ -55,13 +55,17 @@ LinearLaw linear_law(const scenario::Scenario& scenario, const ReferencePoint& r
 }
 
 /// Returns the part of the law's gradient D that is there because of gravity.
-MatrixXd gravity_part(const LinearLaw& law, const scenario::Scenario& scenario,
+MatrixXd gravity_part(const LinearLaw& law, const scenario::Scenario& weightless,
                       const ReferencePoint& reference) {
-  scenario::Scenario weightless = scenario;
+  return law.D -
+         linear_law(weightless, reference, state_on(reference, *weightless.model, weightless)).D;
+}
+
+scenario::Scenario without_weight(scenario::Scenario scenario) {
   robot::Model model = *scenario.model;
   model.gravity.setZero();
-  weightless.model = std::make_shared<const robot::Model>(model);
-  return law.D - linear_law(weightless, reference, state_on(reference, model, weightless)).D;
+  scenario.model = std::make_shared<const robot::Model>(std::move(model));
+  return scenario;
 }
 
 /// Behind the drives' torque scale and current loops, whose torques are further states then.
@@ -140,6 +144,7 @@ struct ScenarioLoop::AskedLaw {
 
 ScenarioLoop::ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers& answers)
     : scenario_(std::make_shared<const scenario::Scenario>(scenario)),
+      weightless_(std::make_shared<const scenario::Scenario>(without_weight(scenario))),
       model_(plant_of(scenario)),
       trajectory_(reference::make_trajectory(scenario)),
       motion_(scenario, trajectory_) {
@@ -169,25 +174,34 @@ LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
 }
 
 SampledLoop ScenarioLoop::at(const ReferencePoint& reference) const {
-  const auto law = [scenario = scenario_, asked = asked_, reference,
+  const auto law = [scenario = scenario_, weightless = weightless_, asked = asked_, reference,
                     state = state_on(reference, model_, *scenario_)](double period_s) {
     if (asked) return asked->at(period_s, reference, state, scenario->controller.gains);
-    scenario::Scenario at_period = *scenario;
-    at_period.loop.period_s = period_s;
-    LinearLaw result = linear_law(at_period, reference, state);
-    result.compensation = gravity_part(result, at_period, reference);
-    return result;
+    const auto with_gravity_part = [&](const scenario::Scenario& own,
+                                       const scenario::Scenario& floating) {
+      LinearLaw result = linear_law(own, reference, state);
+      result.compensation = gravity_part(result, floating, reference);
+      return result;
+    };
+    if (period_s == scenario->loop.period_s) return with_gravity_part(*scenario, *weightless);
+    scenario::Scenario own = *scenario, floating = *weightless;
+    own.loop.period_s = floating.loop.period_s = period_s;
+    return with_gravity_part(own, floating);
   };
   return {plant(reference), law, settings_.command_delay};
 }
 
 LinearLaw ScenarioLoop::law_with(const std::map<std::string, Vector>& gains,
                                  const ReferencePoint& reference) const {
-  scenario::Scenario other = *scenario_;
-  other.controller.gains = gains;
-  ScenarioLoop loop = *this;
-  loop.scenario_ = std::make_shared<const scenario::Scenario>(std::move(other));
-  return loop.at(reference).law(settings_.period_s);
+  if (asked_) {
+    return asked_->at(settings_.period_s, reference, state_on(reference, model_, *scenario_),
+                      gains);
+  }
+  scenario::Scenario own = *scenario_, floating = *weightless_;
+  own.controller.gains = floating.controller.gains = gains;
+  LinearLaw law = linear_law(own, reference, state_on(reference, model_, own));
+  law.compensation = gravity_part(law, floating, reference);
+  return law;
 }
 
 controller::SteppedLaw ScenarioLoop::stepped(const ReferencePoint& reference) const {

@@ -67,7 +67,8 @@ class ScenarioLoop {
   [[nodiscard]] LinearPlant plant(const messages::ReferencePoint& reference) const;
   struct AskedLaw;
 
-  std::shared_ptr<const scenario::Scenario> scenario_;
+  std::shared_ptr<const scenario::Scenario> scenario_,
+      weightless_;  ///< weightless: without gravity
   controller::law::Settings settings_;
   robot::Model model_;  ///< of the plant
   reference::Trajectory trajectory_;
