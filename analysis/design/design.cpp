@@ -38,7 +38,9 @@ constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
 constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4, most_attempts = 8;
 // The least modulus over the joints' range: descents from the worst of fresh postures, until two
 // sets of descents agree.
-constexpr int fresh_postures = 400, descents = 8, descent_evaluations = 300, most_sets = 8;
+constexpr double uncertain_share = 0.1;  // postures of each uncertain plant, of the scenario's
+constexpr int fresh_postures = 400, fresh_apart = 10'000, descents = 8, descent_evaluations = 300,
+              most_sets = 8;
 constexpr double same_posture = 0.05;  // [rad; m] two descents that end this near are one posture
 constexpr double sets_agree = 1.02;    // ratio of the least moduli of two sets
 constexpr double slower = 1.02;  // least factor of the settling time by which a posture is added
@@ -46,6 +48,14 @@ constexpr double slower = 1.02;  // least factor of the settling time by which a
 constexpr double softest_start_hz = 20, least_bandwidth_hz = 0.1;
 constexpr double useless_share = 0.1;       // of a joint's motion that friction may take from it
 constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
+
+/// @throw Failure(bad_usage) for flexible joints, whose rotors are no part of the links' model
+void require_rigid(const scenario::Scenario& scenario) {
+  if (!scenario.robot.flexible) return;
+  throw Failure(ExitCode::bad_usage,
+                "--uncertain: {} has flexible joints; allowed: a robot with rigid ones",
+                scenario.robot.name);
+}
 
 class Search {
  public:
@@ -59,9 +69,11 @@ class Search {
         labels_(robot::joint_labels(*scenario.model)) {
     law_.choose_variables();
     problem_ = law_.at(law_.first_rests());
-    std::vector<ReferencePoint> pool;
-    for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
-    pool_ = law_.at(pool);
+    if (goal.uncertainty) {
+      require_rigid(scenario);
+      plants_ = uncertain_plants(law_.model(), *goal.uncertainty);
+    }
+    pool_ = pool(1000, pool_size);
     const auto starts = answers_ ? std::ssize(law_.beside(problem_.upper)) : most_starts;
     most_steps_ = static_cast<int>(starts) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
     way_ = law_.at(law_.loop().rest_points(certify::reference_postures));
@@ -251,21 +263,55 @@ class Search {
     return all;
   }
 
-  /// Returns the least modulus at a posture; 2 outside the joints' ranges.
-  [[nodiscard]] double modulus_at(const LeastModulus& least, const Vector& q) const {
+  /// Returns loops in the joints' range: `count` with the scenario's plant, then a part of it with
+  /// each plant of the uncertain set.
+  [[nodiscard]] GainProblem pool(int first, int count) const {
+    const auto nominal = static_cast<std::size_t>(count);
+    const std::size_t others = plants_.size() * uncertain_postures(nominal);
+    GainProblem pool = law_.at({});
+    for (std::size_t k = 0; k < nominal + others; ++k) {
+      pool.rests.push_back(rest_in_range(law_.model(), first + 1 + static_cast<int>(k)));
+    }
+    pool.loops = parallel_map(pool.rests.size(), [&](std::size_t k) {
+      return law_.loop_at(pool.rests[k], plant_of_pool(k, nominal));
+    });
+    pool.share.assign(pool.rests.size(), 1);
+    return pool;
+  }
+  static std::size_t uncertain_postures(std::size_t nominal) {
+    return static_cast<std::size_t>(static_cast<double>(nominal) * uncertain_share);
+  }
+  /// Returns the plant of a loop of a pool with so many loops of the scenario's plant; null: that.
+  [[nodiscard]] const UncertainPlant* plant_of_pool(std::size_t k, std::size_t nominal) const {
+    return k < nominal ? nullptr : &plants_[(k - nominal) / uncertain_postures(nominal)];
+  }
+
+  /// A posture with a low modulus, and the plant that has it; null: the scenario's.
+  struct Worst : numerics::Minimum {
+    const UncertainPlant* plant = nullptr;
+  };
+
+  /// Descends from a posture to one with a lower modulus.
+  [[nodiscard]] Worst descended(const LeastModulus& least, const VectorXd& from,
+                                const UncertainPlant* plant, int evaluations) const {
     const robot::Model& model = law_.model();
-    if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2;
-    const ReferencePoint rest = linear::constant_reference(q);
-    return least.at(law_.loop_at(rest), rest, problem_.margin + near_margin);
+    const auto modulus = [&](const VectorXd& q) {
+      // Outside the joints' ranges.
+      if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2.0;
+      const ReferencePoint rest = linear::constant_reference(q);
+      return least.at(law_.loop_at(rest, plant), rest, problem_.margin + near_margin);
+    };
+    return {numerics::minimise(modulus, from, 0.3, evaluations), plant};
   }
 
   /// Searches for the postures with the least modulus, starting from the worst of the pool.
-  [[nodiscard]] std::vector<numerics::Minimum> worst_postures() const {
+  [[nodiscard]] std::vector<Worst> worst_postures() const {
     const auto order = worst_of_pool(best_.theta);
     const LeastModulus least(problem_, best_.theta);
     return parallel_map(searched_postures, [&](std::size_t k) {
-      return numerics::minimise([&](const VectorXd& q) { return modulus_at(least, q); },
-                                pool_.rests[order[k].second].q_ref, 0.3, search_evaluations);
+      const std::size_t from = order[k].second;
+      return descended(least, pool_.rests[from].q_ref, plant_of_pool(from, pool_size),
+                       search_evaluations);
     });
   }
 
@@ -278,46 +324,58 @@ class Search {
     for (int set = 0; set < most_sets; ++set) {
       tell(fmt::format("design: least modulus in the joints' range, set {} of at most {}", set + 1,
                        most_sets));
-      std::vector<ReferencePoint> rests;
-      for (int k = 1; k <= fresh_postures; ++k) {
-        rests.push_back(rest_in_range(law_.model(), 10'000 + set * fresh_postures + k));
+      const GainProblem fresh = pool(10'000 + set * fresh_apart, fresh_postures);
+      const std::vector<double> modulus = least_moduli(fresh, best_.theta, 0);
+      std::vector<std::size_t> starts = least_of(modulus, 0, fresh_postures);
+      if (!plants_.empty()) {
+        const std::vector<std::size_t> others = least_of(modulus, fresh_postures, modulus.size());
+        starts.insert(starts.end(), others.begin(), others.end());
       }
-      const std::vector<double> modulus = least_moduli(law_.at(rests), best_.theta, 0);
-      std::vector<std::size_t> order(modulus.size());
-      std::iota(order.begin(), order.end(), 0);
-      std::ranges::partial_sort(order, order.begin() + descents, {},
-                                [&](std::size_t k) { return modulus[k]; });
-      const auto found = parallel_map(descents, [&](std::size_t k) {
-        return numerics::minimise([&](const VectorXd& q) { return modulus_at(least, q); },
-                                  rests[order[k]].q_ref, 0.3, descent_evaluations);
+      const auto found = parallel_map(starts.size(), [&](std::size_t k) {
+        return descended(least, fresh.rests[starts[k]].q_ref,
+                         plant_of_pool(starts[k], fresh_postures), descent_evaluations);
       });
       worst_.insert(worst_.end(), found.begin(), found.end());
-      const double here = std::ranges::min_element(found, {}, &numerics::Minimum::value)->value;
+      const double here = std::ranges::min_element(found, {}, &Worst::value)->value;
       if (std::max(here, before) <= sets_agree * std::min(here, before)) return;
       if (!whole && lacks(here)) return;
       before = std::min(here, before);
     }
   }
 
+  /// Returns the indices of the least numbers from `begin` to before `end`.
+  static std::vector<std::size_t> least_of(const std::vector<double>& numbers, std::size_t begin,
+                                           std::size_t end) {
+    std::vector<std::size_t> order(end - begin);
+    std::iota(order.begin(), order.end(), begin);
+    std::ranges::partial_sort(order, order.begin() + descents, {},
+                              [&](std::size_t k) { return numbers[k]; });
+    order.resize(descents);
+    return order;
+  }
+
   /// Returns true for a modulus at a posture outside the motion that is below the margin there.
   [[nodiscard]] bool lacks(double modulus) const { return modulus < range_share * problem_.margin; }
-  [[nodiscard]] const numerics::Minimum& worst() const {
-    return *std::ranges::min_element(worst_, {}, &numerics::Minimum::value);
+  [[nodiscard]] const Worst& worst() const {
+    return *std::ranges::min_element(worst_, {}, &Worst::value);
   }
   /// Adds the worst postures that lack the margin asked of them, if the very worst lacks
   /// `range_share` of it. Returns whether it added any.
   bool add_worst() {
     if (!lacks(worst().value)) return false;
-    std::ranges::sort(worst_, {}, &numerics::Minimum::value);
-    std::vector<VectorXd> added;
-    for (const numerics::Minimum& each : worst_) {
+    std::ranges::sort(worst_, {}, &Worst::value);
+    std::vector<Worst> added;
+    for (const Worst& each : worst_) {
       if (each.value >= asked_share * problem_.margin || added.size() == searched_postures) break;
-      const bool known = std::ranges::any_of(added, [&](const VectorXd& q) {
-        return (q - each.x).cwiseAbs().maxCoeff() < same_posture;
+      const bool known = std::ranges::any_of(added, [&](const Worst& other) {
+        return other.plant == each.plant && (other.x - each.x).cwiseAbs().maxCoeff() < same_posture;
       });
       if (known) continue;
-      added.push_back(each.x);
-      add(problem_, law_.at({linear::constant_reference(each.x)}), 0, asked_share);
+      added.push_back(each);
+      const ReferencePoint rest = linear::constant_reference(each.x);
+      problem_.share.push_back(asked_share);
+      problem_.loops.push_back(law_.loop_at(rest, each.plant));
+      problem_.rests.push_back(rest);
     }
     return true;
   }
@@ -357,8 +415,19 @@ class Search {
     for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
     const scenario::Scenario scenario = law_.with(design.gains);
     design.loop = certify::analyse(scenario, linear::Effort::margins, tell, answers_);
-    design.modulus_in_range = worst().value;
-    design.range_q = certify::found_posture(worst().x);
+    const auto least_with = [&](bool nominal) -> const Worst& {
+      return *std::ranges::min_element(worst_, {}, [&](const Worst& each) {
+        return (each.plant == nullptr) == nominal ? each.value : infinity;
+      });
+    };
+    design.modulus_in_range = least_with(true).value;
+    design.range_q = certify::found_posture(least_with(true).x);
+    if (!plants_.empty()) {
+      const Worst& least = least_with(false);
+      design.uncertain_modulus = least.value;
+      design.uncertain_q = certify::found_posture(least.x);
+      design.uncertain_plant = least.plant->name;
+    }
     const double asked = range_share * goal_.modulus;
     if (design.modulus_in_range < asked - margin_tolerance) {
       design.warnings.push_back(
@@ -407,8 +476,9 @@ class Search {
   GainProblem pool_, way_;              ///< loops in the joints' range; loops along the motion
   std::vector<char> in_pool_, on_way_;  ///< whether each of these loops is in the problem
   FoundGains best_;
-  std::vector<numerics::Minimum> worst_;  ///< least moduli of the best gains, with their postures
-  int done_ = 0, most_steps_ = 0;         ///< to estimate the time left
+  std::vector<UncertainPlant> plants_;  ///< beside the scenario's
+  std::vector<Worst> worst_;            ///< least moduli of the best gains, with their postures
+  int done_ = 0, most_steps_ = 0;       ///< to estimate the time left
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 

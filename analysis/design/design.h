@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "certify/prediction.h"
+#include "design/uncertainty.h"
 #include "scenario/scenario.h"
 
 /// Gains for a scenario's law, found with the sampled loop. They settle as fast as possible after
@@ -34,6 +35,7 @@ struct DesignGoal {
   std::optional<double> start_error;   ///< kp times it is within the torque limit [rad; m]
   double modulus = 0.5;                ///< least modulus margin, along the motion
   std::optional<double> count_share;   ///< torque of one encoder count over the limit; 0.01
+  std::optional<Uncertainty> uncertainty;  ///< plants for which the margin holds, too
 };
 
 struct Design {
@@ -49,6 +51,10 @@ struct Design {
   /// Least modulus margin over the range of the joints, and its posture.
   double modulus_in_range = 0;
   Vector range_q;
+  /// Least modulus margin over the range with a plant of the uncertain set, and that plant.
+  std::optional<double> uncertain_modulus;
+  Vector uncertain_q;
+  std::string uncertain_plant;
   std::optional<double> missed;  ///< the settling time asked for, if it is not reached [s]
 };
 

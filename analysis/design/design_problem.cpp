@@ -275,10 +275,12 @@ linear::Feedback DesignProblem::feedback(const VectorXd& theta, const ReferenceP
   return feedback;
 }
 
-linear::RestLoop DesignProblem::loop_at(const ReferencePoint& rest) const {
+linear::RestLoop DesignProblem::loop_at(const ReferencePoint& rest,
+                                        const UncertainPlant* plant) const {
   const double h = scenario_.loop.period_s;
   const linear::SampledLoop loop = loop_.at(rest);
-  return {loop.plant, loop.law(h), h, loop.delay};
+  if (plant == nullptr) return {loop.plant, loop.law(h), h, loop.delay};
+  return {loop_.plant_with(plant->model, rest), loop.law(h), h, loop.delay + plant->more_delay};
 }
 GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
   GainProblem problem = problem_;

@@ -8,6 +8,7 @@
 #include "controller/registry.h"
 #include "design/design.h"
 #include "design/gain_search.h"
+#include "design/uncertainty.h"
 #include "linear/scenario_loop.h"
 
 namespace tachless::design {
@@ -51,7 +52,9 @@ class DesignProblem {
   /// Returns the feedback terms about rest in a posture.
   [[nodiscard]] linear::LinearLaw feedback_at(const Gains& gains,
                                               const messages::ReferencePoint& rest) const;
-  [[nodiscard]] RestLoop loop_at(const messages::ReferencePoint& rest) const;
+  /// @param plant another than the scenario's; null: the scenario's
+  [[nodiscard]] RestLoop loop_at(const messages::ReferencePoint& rest,
+                                 const UncertainPlant* plant = nullptr) const;
   /// Returns the problem with the margin to be kept at these postures. The result refers to this
   /// object.
   [[nodiscard]] GainProblem at(const std::vector<messages::ReferencePoint>& rests) const;

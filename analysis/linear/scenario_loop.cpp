@@ -159,12 +159,13 @@ ScenarioLoop::ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers&
   settings_ = controller::law_settings(scenario);
 }
 
-LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
+LinearPlant ScenarioLoop::plant_with(const robot::Model& model,
+                                     const ReferencePoint& reference) const {
   const plant::DriveSpec& drives = scenario_->plant.drive;
   const VectorXd& friction = drives.viscous_friction_Nms_per_rad;
   const auto& drive = scenario_->robot.flexible;
-  if (!drive) return with_drives(rigid_plant(model_, reference, friction), drives);
-  LinearPlant plant = flexible_plant(model_, reference, drive->stiffness, drive->rotor_inertia,
+  if (!drive) return with_drives(rigid_plant(model, reference, friction), drives);
+  LinearPlant plant = flexible_plant(model, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);
   // The friction is that of the links. M^-1 K stands in the block beside.
   const Index n = plant.num_joints;

@@ -42,6 +42,10 @@ class ScenarioLoop {
   /// measurement and command are added: only their sum matters.
   [[nodiscard]] SampledLoop at(const messages::ReferencePoint& reference) const;
 
+  /// Returns the plant about a point of a motion, with another model in the place of its own.
+  [[nodiscard]] LinearPlant plant_with(const robot::Model& model,
+                                       const messages::ReferencePoint& reference) const;
+
   /// The law about rest there with these gains in place of the scenario's.
   [[nodiscard]] LinearLaw law_with(const std::map<std::string, Vector>& gains,
                                    const messages::ReferencePoint& reference) const;
@@ -64,7 +68,9 @@ class ScenarioLoop {
   [[nodiscard]] const controller::law::Settings& settings() const { return settings_; }
 
  private:
-  [[nodiscard]] LinearPlant plant(const messages::ReferencePoint& reference) const;
+  [[nodiscard]] LinearPlant plant(const messages::ReferencePoint& reference) const {
+    return plant_with(model_, reference);
+  }
   struct AskedLaw;
 
   std::shared_ptr<const scenario::Scenario> scenario_,

@@ -96,6 +96,11 @@ std::string design_text(const design::Design& design, const scenario::Scenario& 
                    certify::modulus_text(*loop.margins), certify::list_text(loop.margin_q)));
   line(fmt::format("least modulus margin found in the joints' range: {:.2g} at q = {}",
                    design.modulus_in_range, certify::list_text(design.range_q)));
+  if (design.uncertain_modulus) {
+    line(fmt::format("least modulus margin found with an uncertain plant: {:.2g} ({}) at q = {}",
+                     *design.uncertain_modulus, design.uncertain_plant,
+                     certify::list_text(design.uncertain_q)));
+  }
   line(fmt::format("stiffness {} {}", certify::list_text(loop.stiffness), loop.stiffness_unit));
   if (const std::string held = certify::friction_text(loop); !held.empty()) line(held);
   if (loop.count_Nm) {
@@ -117,6 +122,11 @@ nlohmann::ordered_json design_json(const design::Design& design,
   json["stiffness"] = list(design.loop.stiffness);
   json["modulus_in_range"] = design.modulus_in_range;
   json["range_q"] = list(design.range_q);
+  if (design.uncertain_modulus) {
+    json["uncertain"] = {{"modulus", *design.uncertain_modulus},
+                         {"q", list(design.uncertain_q)},
+                         {"plant", design.uncertain_plant}};
+  }
   json["limited_by"] = design.binds;
   json["warnings"] = design.warnings;
   json["objections"] = design.objections;

@@ -41,6 +41,7 @@ struct Design {
   std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
   std::string structure, rotors, law_program;  ///< empty where none is given
+  std::string uncertain;                       ///< empty: the plant is the model
   fs::path output;
   bool json = false, quiet = false, force = false;
 
@@ -65,6 +66,9 @@ struct Design {
         "Initial error [rad] whose torque is to stay within the limit");
     command.add_option("--margin", goal.modulus, "Least modulus margin; default: 0.5")
         ->check(CLI::Range(0.05, 0.95));
+    command.add_option("--uncertain", uncertain,
+                       "The margin holds for each plant of this set: links=20%,rotors=30%,delay=1 "
+                       "(shares of the inertias, further ticks of delay)");
     add("--count-share", goal.count_share,
         "Largest torque of one encoder count, as a part of the torque limit; default: 0.01");
     add("--period", period_s, "Sampling period [s]; default: the scenario's, 1 ms for a URDF");
@@ -98,6 +102,7 @@ struct Design {
 
   [[nodiscard]] ExitCode run() const {
     require_scenario_writable(output, force);
+    (void)common_goal();  // a wrong option ends before the file is read
     const DesignInput source({input, overrides, period_s, from, !rotors.empty(), output});
     Screen screen(quiet);
     const linear::OnProgress tell = [&](std::string_view what) { screen.show(what); };
@@ -186,7 +191,7 @@ struct Design {
           if (!std::exchange(warned, true)) warn(scenario);
           return scenario;
         },
-        goal, tell);
+        common_goal(), tell);
     const design::Candidate& best = comparison.candidates[comparison.chosen];
     scenario::Scenario scenario = best.scenario;
     design::Design design = *best.design;
@@ -194,8 +199,13 @@ struct Design {
     return {std::move(scenario), std::move(design), std::move(comparison), std::move(assumed)};
   }
 
+  [[nodiscard]] design::DesignGoal common_goal() const {
+    design::DesignGoal common = goal;
+    if (!uncertain.empty()) common.uncertainty = design::parse_uncertainty(uncertain);
+    return common;
+  }
   [[nodiscard]] design::DesignGoal whole_goal(int num_joints) const {
-    design::DesignGoal whole = goal;
+    design::DesignGoal whole = common_goal();
     if (stiffness.empty() && rest_error.empty()) return whole;
     Vector least = Vector::Zero(num_joints);
     if (!stiffness.empty()) least = one_a_joint("--stiffness", stiffness, num_joints);

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "robot/model.h"
+
+namespace tachless::design {
+
+/// Bounds of what the plant may have other than the law's model.
+struct Uncertainty {
+  double links = 0;        ///< share by which mass and inertia of each link may differ
+  double rotors = 0;       ///< share by which the inertia of each rotor may differ
+  double rotors_kgm2 = 0;  ///< inertia that each rotor may have beside it [kg m2]
+  int delay = 0;           ///< further ticks of delay
+};
+
+/// Reads e.g. "links=20%,rotors=0.05,delay=1". A percentage of the rotors is a share of their
+/// inertia, a number is an inertia [kg m2].
+/// @throw base::Failure(bad_usage) naming the text, the part and what is allowed
+Uncertainty parse_uncertainty(std::string_view text);
+
+/// One plant of the set.
+struct UncertainPlant {
+  robot::Model model;
+  int more_delay = 0;
+  std::string name;  ///< e.g. "links +20 %, 1 more tick"
+};
+
+/// Returns plants of the set: the corners at which all links and rotors are heavy, or all light,
+/// without and with the delay, and eight plants inside, whose links and rotors differ each by its
+/// own number. The plants are the same in each call.
+std::vector<UncertainPlant> uncertain_plants(const robot::Model& nominal,
+                                             const Uncertainty& uncertainty);
+
+}  // namespace tachless::design
