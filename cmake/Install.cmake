@@ -18,7 +18,7 @@ set(headers
   messages/signals.h messages/measurements.h bus/udp_transport.h
   plant/robot_driver.h plant/arm_state.h plant/plant_model.h plant/node.h session/run_role.h
   base/quantities.h robot/model.h robot/dynamics.h robot/kinematics.h
-  in_process/in_process_loop.h logger/run_log.h)
+  in_process/in_process_loop.h own_loop/own_loop.h logger/run_log.h)
 set(installed_headers)
 while(headers)
   list(POP_FRONT headers header)
@@ -38,7 +38,8 @@ while(headers)
   unset(file)
 endwhile()
 install(DIRECTORY examples/simulate_and_read DESTINATION ${shared}/examples COMPONENT development)
-foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot's URDF, which is a link in the tree
+install(DIRECTORY examples/ros2_control DESTINATION ${shared}/examples COMPONENT development)
+foreach(example IN ITEMS use_law own_law own_driver iiwa)  # each with its robot's URDF, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)
   set(robot two_link)

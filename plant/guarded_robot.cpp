@@ -22,14 +22,13 @@ using base::Clock;
 using base::ExitCode;
 using base::Failure;
 
-std::string when(std::int64_t tick) {
-  return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
-}
-
 constexpr const char* driver_name = "the driver";
 
-/// By more than rounding.
-bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
+/// Returns the limits of the following error; empty: none.
+Vector following_error(const Spec& spec, const RobotDriver* driver, int num_joints) {
+  if (spec.following_error_rad) return *spec.following_error_rad;
+  return driver == nullptr ? Vector() : default_following_error(num_joints);
+}
 
 /// Returns the drives of a real robot. Unless the scenario gives plant.initial.torque, they start
 /// with the torque that holds the robot, since its brakes open under that torque.
@@ -72,7 +71,10 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
       encoder_(emulated() ? Encoder(scenario.plant.encoder,
                                     scenario::encoder_count(scenario, model_), model_)
                           : ideal_encoder(model_)),
+      guard_(model_, scenario.robot.urdf_path,
+             following_error(scenario.plant, driver, model_.num_joints)),
       speed_(Vector::Zero(model_.num_joints)),
+      meter_(model_.num_joints),
       past_(emulated() ? scenario.plant.encoder.latency_ticks + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   if (driver != nullptr && (!limit || !limit->allFinite())) {
@@ -86,12 +88,7 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
                              "given, but the robot is emulated; allowed: with a driver (--plant)");
   }
   stopped_ = spec.dry_run;
-  if (spec.following_error_rad) {
-    following_error_ = *spec.following_error_rad;
-  } else if (driver != nullptr) {
-    following_error_ = Vector::Constant(model_.num_joints, 0.05);
-  }
-  if (following_error_.size() > 0) trajectory_ = reference::make_trajectory(scenario_);
+  if (guard_.watches_following()) trajectory_ = reference::make_trajectory(scenario_);
   base::log_detail(driver != nullptr ? "mechanics: the driver's robot"
                                      : fmt::format("mechanics {}, integrated with accuracy {}",
                                                    base::name_of(spec.mechanics),
@@ -232,24 +229,21 @@ void GuardedRobot::apply_conventions() {
 }
 
 void GuardedRobot::measure_speed(Clock::time_point asked) {
-  if (mark_.q.size() != 0) {
-    const double own_s = state_.time_s - mark_.time_s;
-    const double passed_s = std::isfinite(own_s)
-                                ? own_s
-                                : std::chrono::duration<double>(Clock::now() - mark_.asked).count();
-    if (passed_s < speed_window_s) return;
-    speed_ = (state_.q - mark_.q) / passed_s;
-  }
-  mark_ = {state_.q, asked, state_.time_s};
+  const auto seconds = [](Clock::time_point time) {
+    return std::chrono::duration<double>(time.time_since_epoch()).count();
+  };
+  const bool own = std::isfinite(state_.time_s);
+  meter_.add(state_.q, own ? state_.time_s : seconds(asked),
+             own ? state_.time_s : seconds(Clock::now()));
+  speed_ = meter_.speed();
 }
 
 void GuardedRobot::watch_limits(std::int64_t tick) {
   const bool warns = emulated() && scenario_.plant.on_limit == OnLimit::warn;
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
-    const double q = state_.q[i];
-    const bool outside = above(q, model_.upper[i]) || above(-q, -model_.lower[i]);
-    const bool fast = above(std::abs(speed_[i]), model_.velocity_limit[i]);
+    const bool outside = guard_.is_outside(i, state_.q[i]);
+    const bool fast = guard_.is_fast(i, speed_[i]);
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;
@@ -261,31 +255,15 @@ void GuardedRobot::watch_limits(std::int64_t tick) {
 
 void GuardedRobot::watch_following(std::int64_t tick) {
   const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
-  const Vector error = (state_.q - trajectory_->at(time_s).q_ref).cwiseAbs();
-  if (tick == 0) first_error_ = error;
-  for (Eigen::Index i = 0; i < error.size(); ++i) {
-    if (!(error[i] > first_error_[i] + following_error_[i])) continue;
-    const auto j = static_cast<std::size_t>(i);
-    const char* unit = model_.joint_types[j] == robot::JointType::prismatic ? "m" : "rad";
-    throw Failure(ExitCode::protective_stop,
-                  "{} is {:.4g} {} from its reference at tick {}, at the start it was {:.4g} {} "
-                  "(plant.following_error_rad: {:.4g}); soft gains with friction need more, but "
-                  "first see joint_signs and whether the arm adds gravity itself "
-                  "(robot.compensates)",
-                  robot::joint_labels(model_).joint(j), error[i], unit, tick, first_error_[i], unit,
-                  following_error_[i]);
-  }
+  const Vector q_ref = trajectory_->at(time_s).q_ref;
+  if (tick == 0) guard_.set_first_error(state_.q, q_ref);
+  const Eigen::Index late = guard_.late_joint(state_.q, q_ref);
+  if (late < 0) return;
+  throw Failure(ExitCode::protective_stop,
+                guard_.following_text(late, std::abs(state_.q[late] - q_ref[late]), tick));
 }
 
 std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const {
-  const auto j = static_cast<std::size_t>(joint);
-  const char* unit = model_.joint_types[j] == robot::JointType::prismatic ? "m" : "rad";
-  const std::string what =
-      outside ? fmt::format("is at {:.6g} {} {}, outside of its range {:.6g} to {:.6g} {}",
-                            state_.q[joint], unit, when(tick), model_.lower[joint],
-                            model_.upper[joint], unit)
-              : fmt::format("moves at {:.6g} {}/s {}, faster than its limit of {:.6g} {}/s",
-                            speed_[joint], unit, when(tick), model_.velocity_limit[joint], unit);
   const char* remedy = "";
   if (emulated()) {
     remedy = scenario_.plant.on_limit == OnLimit::warn
@@ -293,8 +271,9 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
                  : "; slow the reference or soften the gains, or continue with "
                    "plant.on_limit: warn";
   }
-  return fmt::format("{} {} in {}{}", robot::joint_labels(model_).joint(j), what,
-                     scenario_.robot.urdf_path, remedy);
+  return (outside ? guard_.range_text(joint, state_.q[joint], tick)
+                  : guard_.speed_text(joint, speed_[joint], tick)) +
+         remedy;
 }
 
 std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {

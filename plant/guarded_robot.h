@@ -15,6 +15,7 @@
 #include "plant/arm_state.h"
 #include "plant/drive.h"
 #include "plant/encoder.h"
+#include "plant/motion_guard.h"
 #include "plant/own_torque.h"
 #include "plant/robot_driver.h"
 #include "reference/make_trajectory.h"
@@ -112,8 +113,8 @@ class GuardedRobot {
   /// @throw base::Failure(protective_stop) when the time went back, stood still while the robot
   /// moved, or only some readings have it
   void require_time(const ArmState& before, std::int64_t tick) const;
-  /// Sets `speed_` of a robot that does not measure it to a mean over at least `speed_window_s`.
-  /// The time is the robot's if it tells one, else this computer's. The mean never overestimates.
+  /// Sets `speed_` of a robot that does not measure it. The time is the robot's if it tells one,
+  /// else this computer's.
   /// @param asked the time before `state_` was read
   void measure_speed(base::Clock::time_point asked);
   void watch_limits(std::int64_t tick);
@@ -128,17 +129,11 @@ class GuardedRobot {
   std::optional<OwnTorque> own_torque_;  ///< a real robot's that adds some
   Encoder encoder_;
   messages::AnyMeasurement measurement_;
-  Vector following_error_;  ///< limit; empty: none
-  std::optional<reference::Trajectory> trajectory_;
-  Vector first_error_;  ///< |q - q_ref| at tick 0
+  MotionGuard guard_;
+  std::optional<reference::Trajectory> trajectory_;  ///< if the guard watches the following error
   ArmState state_;
   Vector speed_;  ///< of each joint [rad/s; m/s]
-  static constexpr double speed_window_s = 0.02;
-  struct {
-    Vector q;
-    base::Clock::time_point asked;
-    double time_s = 0;
-  } mark_;                         ///< beginning of the window of `speed_`
+  SpeedMeter meter_;
   base::TickRing<ArmState> past_;  ///< states of the last ticks
   std::int64_t sensed_ = 0;        ///< tick of the state that the encoders read
   std::array<bool, max_joints> beyond_limit_{}, warned_{};

@@ -16,6 +16,7 @@
 #include "in_process/in_process_loop.h"
 #include "logger/log_file.h"
 #include "logger/table.h"
+#include "own_loop/own_loop.h"
 #include "plant/truth_of.h"
 #include "python/python_law.h"
 #include "robot/dynamics.h"
@@ -282,6 +283,8 @@ true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was m
           "Numbers of the ticks, (ticks,).")
       .def_property_readonly("t", &times, "Times of the ticks, s, (ticks,).")
       .def("__getitem__", &array)
+      .def("__iter__", [](const Run& run) { return py::iter(py::cast(run.names())); })
+      .def("__len__", [](const Run& run) { return run.names().size(); })
       .def("__contains__",
            [](const Run& run, const py::object& name) {
              return py::cast(run.names()).contains(name);
@@ -321,14 +324,19 @@ int run_controller(const std::vector<std::string>& words, const py::object& f,
 PYBIND11_MODULE(_tachless, module) {
   module.attr("version") = std::string(base::version);
   static const py::exception<Failure> error(module, "Error");
+  static const auto set_error = [](const char* what, base::ExitCode code) {
+    const py::object made = py::reinterpret_borrow<py::object>(error)(what);
+    made.attr("code") = static_cast<int>(code);
+    PyErr_SetObject(error.ptr(), made.ptr());
+  };
   // NOLINTNEXTLINE(performance-unnecessary-value-param): pybind11 requires this signature
   py::register_exception_translator([](std::exception_ptr raised) {
     try {
       if (raised) std::rethrow_exception(raised);
     } catch (const Failure& failure) {
-      const py::object made = py::reinterpret_borrow<py::object>(error)(failure.what());
-      made.attr("code") = static_cast<int>(failure.code());
-      PyErr_SetObject(error.ptr(), made.ptr());
+      set_error(failure.what(), failure.code());
+    } catch (const own_loop::NotCertified& refused) {
+      set_error(refused.what(), base::ExitCode::check_said_no);
     }
   });
   declare_class<Measurement>(module, "Measurement")
@@ -346,6 +354,7 @@ PYBIND11_MODULE(_tachless, module) {
   declare_run(module);
   declare_linear(module);
   declare_listener(module);
+  declare_own_loop(module);
   module.def("run_controller", &run_controller);
 }
 

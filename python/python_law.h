@@ -55,5 +55,6 @@ py::class_<T> declare_class(py::module_& module, const char* name, const char* d
 /// Declare the parts of the module that have their own source files.
 void declare_linear(py::module_& module);
 void declare_listener(py::module_& module);
+void declare_own_loop(py::module_& module);
 
 }  // namespace tachless::python

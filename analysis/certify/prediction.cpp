@@ -11,7 +11,6 @@
 #include "base/text.h"
 #include "controller/registry.h"
 #include "linear/law_answers.h"
-#include "lyapunov/law_loop.h"
 #include "numerics/decompositions.h"
 #include "numerics/postures.h"
 
@@ -176,12 +175,18 @@ void find_settling(Prediction& result, const linear::ScenarioLoop& scenario_loop
   result.modes.settling_mean_s = longest.settling_mean_s;
 }
 
+/// Returns the torque from which on each joint at rest begins to move [N m; N].
+VectorXd holding_friction(const scenario::Scenario& scenario) {
+  const plant::DriveSpec& drive = scenario.plant.drive;
+  return drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm);
+}
+
 /// Finds gain, stiffness and rest error, each the worst over the postures.
 void find_stiffness(Prediction& result, const scenario::Scenario& scenario,
                     const std::vector<linear::SampledLoop>& loops) {
   const double h = result.settings.period_s;
   const auto laws = parallel_map(loops.size(), [&](std::size_t i) { return loops[i].law(h); });
-  const VectorXd held = lyapunov::friction_torques(scenario, {}).on_delta;
+  const VectorXd held = holding_friction(scenario);
   const auto& drive = scenario.robot.flexible;
   const VectorXd springs = drive ? VectorXd(drive->stiffness) : VectorXd();
   const VectorXd scale = scenario.plant.drive.torque_scale;
@@ -319,7 +324,7 @@ Vector stiffness(const scenario::Scenario& scenario) {
   rest.settings = loop.settings();
   find_stiffness(rest, scenario, loops_at(loop, loop.rest_points(reference_postures)));
   if (rest.rest_error.size() == 0) return rest.stiffness;
-  const VectorXd held = lyapunov::friction_torques(scenario, {}).on_delta;
+  const VectorXd held = holding_friction(scenario);
   return (held.array() > 0).select(held.cwiseQuotient(rest.rest_error), rest.stiffness);
 }
 
@@ -424,12 +429,15 @@ std::string text(const Prediction& prediction) {
                      settling_text(prediction.modes.settling_s));
 }
 
+std::optional<double> stable_period(const Prediction& prediction) {
+  if (!prediction.limit_s) return std::nullopt;
+  return round_below(std::min(*prediction.limit_s, prediction.settings.period_s));
+}
+
 std::string refusal(const Prediction& prediction, const std::string& scenario_file) {
-  const double period_s = prediction.settings.period_s;
-  const std::string remedy = prediction.limit_s
-                                 ? fmt::format("type --set loop.period_s={:g}",
-                                               round_below(std::min(*prediction.limit_s, period_s)))
-                                 : std::string("choose other gains");
+  const std::optional<double> period_s = stable_period(prediction);
+  const std::string remedy = period_s ? fmt::format("type --set loop.period_s={:g}", *period_s)
+                                      : std::string("choose other gains");
   return fmt::format("{}: {}; {} or --force to run it as it is; tachless certify prints more",
                      scenario_file, text(prediction), remedy);
 }

@@ -87,6 +87,9 @@ std::string growth_text(const Prediction& prediction);
 /// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
 std::string text(const Prediction& prediction);
 
+/// Returns a round period below the limit and the scenario's period; nothing: no period is stable.
+std::optional<double> stable_period(const Prediction& prediction);
+
 /// Returns why a run of an unstable loop is refused, and what to type: limit, a stable period
 /// nearby.
 std::string refusal(const Prediction& prediction, const std::string& scenario_file);

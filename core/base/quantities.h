@@ -10,6 +10,7 @@ namespace tachless {
 /// Most joints a robot may have. Vectors and matrices reserve space for this many in place:
 /// nothing allocates once a run has begun.
 inline constexpr int max_joints = 64;
+/// Stands for a limit that a joint does not have.
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// One entry per joint.
@@ -20,7 +21,7 @@ template <class Scalar>
 using MatrixOf =
     Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, max_joints>;
 
-using Vector = VectorOf<double>;
-using Matrix = MatrixOf<double>;
+using Vector = VectorOf<double>;  ///< one number per joint
+using Matrix = MatrixOf<double>;  ///< one row and one column of numbers per joint, or fewer
 
 }  // namespace tachless

@@ -105,6 +105,7 @@ std::pair<double, double> finite_range(const Model& model, int joint);
 
 /// How to treat a moving body with a physically impossible inertia.
 enum class CheckInertia { refuse, warn };
+/// Returns the names of the choices in scenarios.
 constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
   return {"refuse", "warn"};
 }

@@ -7,6 +7,7 @@ itself. Angles are in rad, lengths in m, torques in N m (N on prismatic joints).
     simulate(scenario)       the closed loop in this process, as arrays
     read(log)                a recorded run, as arrays
     certify, design, identify, sweep  results of the commands of these names, as objects
+    Law(scenario)            the certified law in a loop of your own: a torque for each position
     linear(scenario)         the loop's map of one period, as matrices
     listen(channels)         the messages of a bus, as they come
     run.plot(), plot(run)    a picture of a run, by matplotlib
@@ -35,11 +36,11 @@ from . import _tachless
 from ._tachless import Error, Measurement, Reference, Run
 
 __version__: str = _tachless.version
-__all__ = ["Error", "Linear", "Measurement", "Reference", "Result", "Robot", "Run", "certify", "design", "identify",
+__all__ = ["Error", "Law", "Linear", "Measurement", "Reference", "Result", "Robot", "Run", "certify", "design", "identify",
            "linear", "listen", "plot", "read", "run_controller", "simulate", "sweep"]
 
 Path = Union[str, "os.PathLike[str]"]
-Law = Callable[[int, float, Measurement, Reference], ArrayLike]
+LawFunction = Callable[[int, float, Measurement, Reference], ArrayLike]
 
 
 def _settings(values: Mapping[str, Any]) -> list[str]:
@@ -79,11 +80,37 @@ class Robot(_tachless.Robot):
                        **({"robot.locked": dict(locked)} if locked else {})}), gravity)
 
 
-def _name_of(f: Law, name: Optional[str]) -> str:
+class Law(_tachless.Law):
+    """The scenario's law in a loop of your own: ``law = Law("arm.yaml")``, then ``tau = law.step(q)`` once per period.
+
+    The constructor certifies the loop at the scenario's period and delay. The torques equal those of a run's log bit for
+    bit, less the torque that the arm adds itself (robot.compensates). The scenario needs no reference, plant or duration
+    if the references are yours.
+
+    Args:
+        scenario: path of the YAML file.
+        bounds: of your own references, {"speed": ..., "acceleration": ..., "lower": ..., "upper": ...}, one number per
+            joint or one for all, rad/s, rad/s² and rad (m/s, m/s², m). The positions default to the joints' ranges.
+        overrides: values of the scenario by key.
+
+    Raises:
+        Error: the loop has no certificate (code 1), or the scenario is not valid (code 2).
+    """
+
+    def __init__(self, scenario: Path, *, bounds: Optional[Mapping[str, ArrayLike]] = None, **overrides: Any) -> None:
+        names = ("speed", "acceleration", "lower", "upper")
+        if unknown := set(bounds or ()) - set(names):
+            raise _error(f"bounds: {sorted(unknown)[0]!r}; allowed: {', '.join(names)}", 2)
+        declared = None if bounds is None else [np.atleast_1d(np.asarray(bounds.get(name, ()), float)).tolist()
+                                                for name in names]
+        super().__init__(_found(scenario), declared, _settings(overrides))
+
+
+def _name_of(f: LawFunction, name: Optional[str]) -> str:
     return name or getattr(f, "__name__", None) or type(f).__name__
 
 
-def simulate(scenario: Path, *, controller: Optional[Law] = None, name: Optional[str] = None,
+def simulate(scenario: Path, *, controller: Optional[LawFunction] = None, name: Optional[str] = None,
              **overrides: Any) -> Run:
     """Simulates the closed loop of a scenario in this process. The result equals a lock-step run's log bit for bit.
 
@@ -117,7 +144,7 @@ def read(log: Path, *, run_id: int = 0) -> Run:
     return _tachless.read(os.fspath(log), run_id)
 
 
-def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[str] = None,
+def run_controller(f: LawFunction, scenario: Optional[Path] = None, *, name: Optional[str] = None,
                    argv: Optional[Sequence[str]] = None) -> None:
     """Makes this process the controller of a run, with the law f. Returns when the run is over.
 

@@ -1,10 +1,12 @@
 """Compares the Python package with the C++ programs. Arguments: the directory of the programs, that of the scenarios."""
 
 import ast
+import importlib.util
 import inspect
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import struct
@@ -54,7 +56,7 @@ class AnObjectWithoutAValue(unittest.TestCase):
         for kind, use in ((module.Run, repr), (module.Run, lambda run: run["q"]), (module.Run, lambda run: run.joints),
                           (module.Measurement, lambda measurement: measurement.q), (module.Reference, lambda reference: reference.q),
                           (module.Robot, lambda robot: robot.M([0, 0])), (tachless.Robot, lambda robot: robot.joints),
-                          (module.Listener, lambda listener: listener.take(0))):
+                          (module.Listener, lambda listener: listener.take(0)), (module.Law, lambda law: law.step([0, 0]))):
             for maker in kind, module.Run.__base__:
                 with self.subTest(kind=kind, maker=maker), self.assertRaisesRegex(TypeError, "has no value"):
                     use(maker.__new__(kind))
@@ -323,6 +325,92 @@ class Documentation(unittest.TestCase):
         tree = ast.parse((examples / "loria_ortega.py").read_text())
         law = next(node for node in tree.body if isinstance(node, ast.FunctionDef))
         self.assertLessEqual(law.end_lineno - law.lineno + 1, 15)
+
+
+class TheLawInALoopOfOnesOwn(Folder):
+    scenario = scenarios / "practical_rigid.yaml"
+
+    def test_has_the_bits_of_the_log(self):
+        tachless_command("run", self.scenario, "--in-process", "--quiet", "--duration", 0.3, "--out", self.folder / "log")
+        run = tachless.read(self.folder / "log")
+        measured, references = run["q_measured"], zip(run["q_ref"], run["v_ref"], run["a_ref"], run["jerk_ref"], run["snap_ref"])
+        law = tachless.Law(self.scenario)
+        for _ in range(2):
+            np.testing.assert_array_equal([law.step(q) for q in measured], run["tau"])
+            law.reset()
+        bounds = {"speed": 2, "acceleration": 100, "lower": [-1, -1], "upper": 1}
+        other = tachless.Law(self.scenario, bounds=bounds)
+        torques = [other.step(q, reference) for q, reference in zip(measured, references)]
+        np.testing.assert_array_equal(torques, run["tau"])
+        # A list of integers is taken too, and ticks may be left out.
+        np.testing.assert_array_equal(law.step([0, 0], tick=5), tachless.Law(self.scenario).step(np.zeros(2), tick=5))
+        self.assertEqual(law.tick, 6)
+
+    def test_certifies_or_refuses(self):
+        law = tachless.Law(self.scenario, **{"loop.period_s": 0.002})
+        self.assertIn("stable at 500 Hz with 1 tick of delay", law.certificate)
+        self.assertEqual((law.period_s, law.joints, law.tick), (0.002, ["shoulder", "elbow"], 0))
+        self.assertAlmostEqual(law.limit_s, tachless.certify(self.scenario).sampled["limit_s"], delta=1e-6)
+        with self.assertRaisesRegex(tachless.Error, "no certificate: unstable at 166.7 Hz") as raised:
+            tachless.Law(self.scenario, **{"loop.period_s": 0.006})
+        self.assertEqual(raised.exception.code, 1)
+        with self.assertRaisesRegex(tachless.Error, "bounds: 'velocity'; allowed: speed"):
+            tachless.Law(self.scenario, bounds={"velocity": 1})
+
+    def test_raises_where_there_is_no_torque(self):
+        law = tachless.Law(self.scenario, bounds={"speed": 1, "acceleration": 10})
+        zero = np.zeros(2)
+        for wrong, reason in ((lambda: law.step([0, np.nan]), "position of joint 2 .elbow. at tick 0 is not finite"),
+                              (lambda: law.step([0, 0, 0]), r"q has the shape \(3\); needed: \(2,\)"),
+                              (lambda: law.step(zero, (zero, [2, 0], zero)), "beyond its bounds"),
+                              (lambda: law.step(zero, zero), "needed: .q, v, a."),
+                              (lambda: law.step(zero, tick=-1), "call reset")):
+            with self.subTest(reason=reason), self.assertRaisesRegex(tachless.Error, reason):
+                wrong()
+        self.assertEqual(law.step(zero).shape, (2,))
+
+    def test_a_run_iterates_over_its_names(self):
+        run = tachless.simulate(self.scenario, **short)
+        self.assertEqual(list(run), run.names)
+        self.assertEqual(len(run), len(run.names))
+        self.assertIn("tau", {name: run[name] for name in run})
+
+    def test_the_example_of_mujoco_follows_the_reference(self):
+        environment = dict(os.environ)
+        if importlib.util.find_spec("mujoco") is None:  # a stand-in has the names of MuJoCo that the example uses
+            environment["PYTHONPATH"] += f":{pathlib.Path(__file__).parent / 'stand_in'}"
+        out = subprocess.run([sys.executable, examples / "mujoco_loop.py", self.scenario, arm, "200"], capture_output=True,
+                             text=True, check=True, env=environment).stdout
+        error = float(re.search(r"largest error (\S+) rad", out)[1])
+        self.assertIn("stable at 1 kHz", out)
+        # The reference moves at once by 1 rad/s, and the arm follows from rest.
+        self.assertLess(error, 5e-3)
+
+    def test_the_example_of_hardware_leaves_missed_ticks_out_and_brakes(self):
+        sys.path.insert(0, str(examples))
+        self.addCleanup(sys.path.remove, str(examples))
+        hardware_loop = importlib.import_module("hardware_loop")
+
+        class Arm:
+            reads, sent, braked = 0, [], False
+
+            def read(self):
+                self.reads += 1
+                return None if self.reads == 3 else np.zeros(2)
+
+            def send(self, torque):
+                self.sent.append(torque)
+                if len(self.sent) == 20:
+                    raise OSError("no arm")
+
+            def brake(self):
+                self.braked = True
+
+        played = Arm()
+        with self.assertRaisesRegex(OSError, "no arm"):
+            hardware_loop.control(played, tachless.Law(self.scenario), 1e9)
+        self.assertTrue(played.braked)
+        self.assertEqual((played.reads, len(played.sent)), (21, 20))
 
 
 class TheLinearLoop(unittest.TestCase):

@@ -26,7 +26,8 @@ const std::vector<std::string> order = {
     "base",       "robot",     "messages",   "bus",      "scenario", "session",  // core
     "plant",      "reference", "controller", "logger",                          // the four programs
     "in_process", "numerics",  "linear",     "lyapunov", "certify",  "design",  // analysis
-    "study",      "identify",  "replay",     "report",   "live",     "commission", "cli",  // tools
+    "study",      "identify",  "replay",     "own_loop", "report",   "live",
+    "commission", "cli",  // tools
     "python"};
 const Names programs = {"plant", "reference", "controller", "logger"};
 

@@ -26,6 +26,57 @@ for example in own_law own_driver iiwa simulate_and_read; do
 done
 readelf -d "$prefix/work/own_law/build/own_law" | grep SimTK && fail=1  # of a law's program not loaded
 
+# The law in a loop of the user's own, in C++17, without the packages that the emulated arm and the programs need.
+without=()
+for package in Simbody nlohmann_json CLI11 urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
+rm -rf "$prefix/work/use_law"
+cp -r "$prefix/share/tachless/examples/use_law" "$prefix/work/use_law"
+cmake -S "$prefix/work/use_law" -B "$prefix/work/use_law/build" -G Ninja -DCMAKE_PREFIX_PATH="$prefix" "${without[@]}"
+cmake --build "$prefix/work/use_law/build"
+(cd "$prefix/work/use_law" && build/use_law) | grep 'stable at 1 kHz with 1 tick of delay' || fail=1
+sed -i 's/period_s: .*,/period_s: 0.006,/' "$prefix/work/use_law/arm.yaml"  # unstable
+(cd "$prefix/work/use_law" && ! build/use_law) | grep 'no certificate: unstable at 166.7 Hz' || fail=1
+readelf -d "$prefix/work/use_law/build/use_law" | grep SimTK && fail=1
+
+# The law without its certificate needs neither NLopt nor Clp.
+rm -rf "$prefix/work/law_only"
+mkdir "$prefix/work/law_only"
+cat >"$prefix/work/law_only/CMakeLists.txt" <<'END'
+cmake_minimum_required(VERSION 3.25)
+project(law_only LANGUAGES CXX)
+set(CMAKE_CXX_STANDARD 17)
+find_package(tachless REQUIRED COMPONENTS own_loop)
+add_executable(law_only main.cpp)
+target_link_libraries(law_only PRIVATE tachless::own_loop)
+END
+cat >"$prefix/work/law_only/main.cpp" <<'END'
+#include <tachless/own_loop/own_loop.h>
+int main() {
+  tachless::own_loop::Loop loop("arm.yaml");
+  return loop.torque(0, std::vector<double>{0, 0}).ok() ? 0 : 1;
+}
+END
+cmake -S "$prefix/work/law_only" -B "$prefix/work/law_only/build" -G Ninja -DCMAKE_PREFIX_PATH="$prefix" "${without[@]}" \
+  -DCMAKE_DISABLE_FIND_PACKAGE_NLopt=ON
+cmake --build "$prefix/work/law_only/build"
+(cd "$prefix/work/use_law" && "$prefix/work/law_only/build/law_only") || fail=1
+readelf -d "$prefix/work/law_only/build/law_only" | grep -iE 'SimTK|nlopt|clp' && fail=1
+
+# The controller of ros2_control as a plugin, against stand-ins of ROS 2. Two plugins live in one process.
+rm -rf "$prefix/work/ros2_control" "$prefix/work/ros2_stubs"
+cp -r "$prefix/share/tachless/examples/ros2_control" "$prefix/work/ros2_control"
+stubs=$tree/tests/system/ros2_stubs
+for project in "$prefix/work/ros2_control" "$stubs"; do
+  built=$prefix/work/$(basename "$project")/build
+  cmake -S "$project" -B "$built" -G Ninja -DCMAKE_PREFIX_PATH="$prefix;$stubs/cmake" "${without[@]}"
+  cmake --build "$built"
+done
+plugin=$prefix/work/ros2_control/build/libtachless_controllers.so
+cp "$plugin" "$prefix/work/ros2_control/build/libother.so"
+"$prefix/work/ros2_stubs/build/manager" "$plugin" "$prefix/work/ros2_control/build/libother.so" \
+  "$prefix/share/tachless/examples/use_law/arm.yaml" || fail=1
+nm -DC --defined-only "$plugin" | grep -E 'tachless::(base|robot|messages|scenario|controller|plant|reference|numerics|linear|certify)::' && fail=1
+
 # The simulation of the example equals the log of a run.
 scenario=$tree/scenarios/regulation.yaml
 "$prefix/bin/tachless" run "$scenario" --in-process --quiet --out "$prefix/work/log"
@@ -35,7 +86,7 @@ scenario=$tree/scenarios/regulation.yaml
 # Each documented header compiles alone; a header that no documented one includes is not installed.
 flags=$(PKG_CONFIG_PATH=$(dirname "$(find "$prefix" -name tachless.pc)") pkg-config --cflags tachless)
 documented=$(sed -n '/^## /p' "$tree/docs/site/cpp.md" | grep -oE '[a-z_/]+\.h' | sed -E 's,^(core|analysis)/,,')
-[[ $(wc -w <<<"$documented") -ge 16 ]] || fail=1
+[[ $(wc -w <<<"$documented") -ge 17 ]] || fail=1
 for header in $documented; do
   echo "#include <tachless/$header>"
   # shellcheck disable=SC2086

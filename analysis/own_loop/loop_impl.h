@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "controller/registry.h"
+#include "messages/measurements.h"
+#include "own_loop/loop_scenario.h"
+#include "own_loop/own_loop.h"
+#include "plant/motion_guard.h"
+#include "plant/own_torque.h"
+#include "reference/make_trajectory.h"
+#include "robot/model.h"
+
+namespace tachless::own_loop {
+
+/// Bounds of the caller's references, one entry per joint.
+struct Bounds {
+  Vector speed, acceleration, lower, upper;
+
+  /// Fills lists of one entry and missing positions.
+  /// @throw base::Failure(bad_usage) for a wrong number of entries, or one that is out of range
+  Bounds(const ReferenceBounds& given, const robot::Model& model);
+
+  /// Returns the first joint that is beyond the bounds; -1: none. From the second reference on, the
+  /// way from the one before counts too.
+  /// @param before reference `passed_s` earlier [s]; null: none
+  [[nodiscard]] int beyond(const messages::ReferencePoint& reference,
+                           const messages::ReferencePoint* before, double passed_s) const;
+};
+
+Numbers view(const Vector& x);
+
+struct Loop::Impl {
+  explicit Impl(LoopScenario made);
+
+  /// Steps the law with `reference`, after the caller's reference got its status.
+  Step step(std::int64_t tick, Numbers position, Status status, int joint) noexcept;
+  /// Fills `reference` with a reference of the caller's. @return false for another number of joints
+  bool take(const Reference& given);
+  /// Returns a step with views of the last torques.
+  [[nodiscard]] Step shown_step(std::int64_t tick, Status status, int joint = -1) const;
+  /// Returns why a step of the law is not ok.
+  [[nodiscard]] std::string reason(const Step& step) const;
+  [[nodiscard]] std::string joint_name(int joint) const;
+
+  scenario::Scenario scenario;
+  bool has_reference;
+  bool needs_bounds = false;  ///< certified: references of the caller's need bounds
+  bool arm_coordinates;       ///< the arm's differ from those of the URDF
+  std::optional<Bounds> bounds;
+  controller::ScenarioLaw law;
+  reference::Trajectory trajectory;
+  std::optional<plant::OwnTorque> own_torque;  ///< of an arm that adds some
+  plant::SpeedMeter meter;
+
+  std::int64_t last_tick = -1;    ///< of this run
+  std::int64_t first_tick = 0;    ///< tick of the law at which this run began
+  bool failed = false;            ///< a step threw: nothing until `reset`
+  std::int64_t before_tick = -1;  ///< tick of `before`, the caller's last reference; -1: none
+  messages::AnyMeasurement measured{messages::PositionMeasurement{}};
+  messages::ReferencePoint reference, before, shown;
+  Vector tau, law_tau, added;  ///< torque to send, the law's, and the arm's own
+};
+
+}  // namespace tachless::own_loop

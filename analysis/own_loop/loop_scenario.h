@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "own_loop/own_loop.h"
+#include "scenario/scenario.h"
+
+/// The scenario of a loop of one's own, which needs no whole experiment.
+namespace tachless::own_loop {
+
+struct LoopScenario {
+  scenario::Scenario scenario;  ///< with a constant reference if none is given
+  bool has_reference = false;   ///< the file or an override gives one
+};
+
+/// Reads a scenario's file. What a law does not need may be missing: the reference, the initial
+/// position and the duration, which need not be a whole number of periods either.
+/// @throw base::Failure(bad_usage) as `scenario::load_scenario`
+LoopScenario read_loop_scenario(const std::string& file, const std::vector<std::string>& set);
+
+/// Makes the scenario of a law for a robot's file, without a reference.
+/// @throw base::Failure(bad_usage), also if the file is no robot
+LoopScenario make_loop_scenario(const LawSettings& law, const std::vector<std::string>& set);
+
+}  // namespace tachless::own_loop

@@ -1,0 +1,75 @@
+#include "plant/motion_guard.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace tachless::plant {
+namespace {
+
+/// Returns true if x is above `most` by more than rounding.
+bool above(double x, double most) { return x > most + 1e-9 * std::max(1.0, std::abs(most)); }
+
+}  // namespace
+
+std::string when(std::int64_t tick) {
+  return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
+}
+
+void SpeedMeter::add(const Vector& q, double begin_s, double end_s) {
+  const double passed_s = end_s - begin_s_;
+  if (q_.size() != 0) {
+    if (passed_s >= 0 && passed_s < window_s) return;
+    if (passed_s > 0) speed_ = (q - q_) / passed_s;  // else the times are those of another clock
+  }
+  q_ = q;
+  begin_s_ = begin_s;
+}
+
+bool MotionGuard::is_outside(Eigen::Index joint, double q) const {
+  return above(q, model_.upper[joint]) || above(-q, -model_.lower[joint]);
+}
+
+bool MotionGuard::is_fast(Eigen::Index joint, double speed) const {
+  return above(std::abs(speed), model_.velocity_limit[joint]);
+}
+
+Eigen::Index MotionGuard::late_joint(const Vector& q, const Vector& q_ref) const {
+  for (Eigen::Index i = 0; i < following_error_.size(); ++i) {
+    if (std::abs(q[i] - q_ref[i]) > first_error_[i] + following_error_[i]) return i;
+  }
+  return -1;
+}
+
+std::string MotionGuard::range_text(Eigen::Index joint, double q, std::int64_t tick) const {
+  return fmt::format("{} is at {:.6g} {} {}, outside of its range {:.6g} to {:.6g} {} in {}",
+                     name(joint), q, unit(joint), when(tick), model_.lower[joint],
+                     model_.upper[joint], unit(joint), robot_file_);
+}
+
+std::string MotionGuard::speed_text(Eigen::Index joint, double speed, std::int64_t tick) const {
+  return fmt::format("{} moves at {:.6g} {}/s {}, faster than its limit of {:.6g} {}/s in {}",
+                     name(joint), speed, unit(joint), when(tick), model_.velocity_limit[joint],
+                     unit(joint), robot_file_);
+}
+
+std::string MotionGuard::following_text(Eigen::Index joint, double error, std::int64_t tick) const {
+  return fmt::format(
+      "{} is {:.4g} {} from its reference at tick {}, at the start it was {:.4g} {} "
+      "(plant.following_error_rad: {:.4g}); soft gains with friction need more, but first see "
+      "joint_signs and whether the arm adds gravity itself (robot.compensates)",
+      name(joint), error, unit(joint), tick, first_error_[joint], unit(joint),
+      following_error_[joint]);
+}
+
+std::string MotionGuard::name(Eigen::Index joint) const {
+  return robot::joint_labels(model_).joint(static_cast<std::size_t>(joint));
+}
+
+const char* MotionGuard::unit(Eigen::Index joint) const {
+  const robot::JointType type = model_.joint_types[static_cast<std::size_t>(joint)];
+  return type == robot::JointType::prismatic ? "m" : "rad";
+}
+
+}  // namespace tachless::plant

@@ -1,0 +1,2 @@
+macro(ament_package)
+endmacro()
