@@ -16,7 +16,7 @@ install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_IN
 set(headers
   controller/law/law.h controller/law/parts.h controller/law/filter.h controller/program.h
   messages/signals.h messages/measurements.h bus/udp_transport.h
-  plant/robot_driver.h plant/arm_state.h plant/plant_model.h plant/node.h session/run_role.h
+  plant/robot_driver.h plant/arm_state.h plant/plant_model.h plant/simulator.h plant/node.h session/run_role.h
   base/quantities.h robot/model.h robot/dynamics.h robot/kinematics.h
   in_process/in_process_loop.h own_loop/own_loop.h logger/run_log.h)
 set(installed_headers)
@@ -39,7 +39,7 @@ while(headers)
 endwhile()
 install(DIRECTORY examples/simulate_and_read DESTINATION ${shared}/examples COMPONENT development)
 install(DIRECTORY examples/ros2_control DESTINATION ${shared}/examples COMPONENT development)
-foreach(example IN ITEMS use_law own_law own_driver iiwa)  # each with its robot's URDF, which is a link in the tree
+foreach(example IN ITEMS use_law own_law own_driver own_simulator iiwa)  # each with its robot's URDF, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)
   set(robot two_link)

@@ -12,6 +12,7 @@
 #include "base/logging.h"
 #include "base/text.h"
 #include "base/users_code.h"
+#include "plant/mujoco/mujoco.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 
@@ -44,6 +45,39 @@ Encoder ideal_encoder(const robot::Model& model) {
   return {{}, Vector::Zero(model.num_joints), model};
 }
 
+/// Refuses keys of mechanics that a simulator has itself: they would have no effect.
+void require_simulable(const scenario::Scenario& scenario) {
+  for (const char* key :
+       {"robot.joints.flexible", "plant.mechanics", "plant.integrator", "plant.payload",
+        "plant.disturbances", "plant.drive.viscous_friction_Nms_per_rad",
+        "plant.drive.coulomb_friction_Nm", "plant.drive.static_friction_Nm",
+        "plant.drive.stribeck_velocity_rad_per_s", "plant.drive.current_loop_hz",
+        "plant.drive.torque_scale", "plant.drive.torque_offset_Nm"}) {
+    if (!scenario.gives(key)) continue;
+    throw scenario.complaint(
+        key,
+        "given, but a simulator has its own mechanics; remove the key and give "
+        "the simulator the same");
+  }
+}
+
+/// Returns the simulator of plant.mujoco; null without the key.
+std::unique_ptr<Simulator> mujoco(const scenario::Scenario& scenario, const robot::Model& model) {
+  if (scenario.plant.mujoco.model.empty()) return nullptr;
+  require_simulable(scenario);
+  return mujoco_simulator(scenario, model);
+}
+
+std::unique_ptr<RobotDriver> emulator(const scenario::Scenario& scenario, const robot::Model& model,
+                                      Simulator* simulator) {
+  const Motors& motors = scenario.robot.flexible;
+  if (simulator == nullptr) {
+    return std::make_unique<EmulatedRobot>(scenario.plant, motors, scenario.loop.period_s, model);
+  }
+  require_simulable(scenario);
+  return std::make_unique<EmulatedRobot>(scenario.plant, motors, model, *simulator);
+}
+
 }  // namespace
 
 bool all_finite(const ArmState& state) {
@@ -58,12 +92,13 @@ Failure not_finite(std::int64_t tick) {
                       tick)};
 }
 
-GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver)
+GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver,
+                           Simulator* simulator)
     : scenario_(scenario),
       model_(plant_model(scenario)),
+      mujoco_(driver == nullptr && simulator == nullptr ? mujoco(scenario, model_) : nullptr),
       emulator_(driver == nullptr
-                    ? std::make_unique<EmulatedRobot>(scenario.plant, scenario.robot.flexible,
-                                                      scenario.loop.period_s, model_)
+                    ? emulator(scenario, model_, simulator == nullptr ? mujoco_.get() : simulator)
                     : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
       drive_(driver == nullptr ? make_drive(scenario.plant, scenario.loop, model_)
@@ -90,9 +125,11 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
   stopped_ = spec.dry_run;
   if (guard_.watches_following()) trajectory_ = reference::make_trajectory(scenario_);
   base::log_detail(driver != nullptr ? "mechanics: the driver's robot"
-                                     : fmt::format("mechanics {}, integrated with accuracy {}",
-                                                   base::name_of(spec.mechanics),
-                                                   base::shortest(spec.integrator.accuracy)));
+                   : simulator != nullptr || mujoco_ != nullptr
+                       ? "mechanics: the simulator's"
+                       : fmt::format("mechanics {}, integrated with accuracy {}",
+                                     base::name_of(spec.mechanics),
+                                     base::shortest(spec.integrator.accuracy)));
 }
 
 void GuardedRobot::feed(std::string_view measurement) {

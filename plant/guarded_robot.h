@@ -18,6 +18,7 @@
 #include "plant/motion_guard.h"
 #include "plant/own_torque.h"
 #include "plant/robot_driver.h"
+#include "plant/simulator.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
 #include "scenario/scenario.h"
@@ -36,8 +37,12 @@ class GuardedRobot {
   /// Emulates the scenario when `driver` is null. With a driver, the robot does not use the
   /// emulator's keys (plant.integrator, plant.payload, friction).
   /// @param driver a real robot's driver, which outlives this object
-  /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit.
-  explicit GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver = nullptr);
+  /// @param simulator mechanics in the place of the emulator's own, which outlive this object; null
+  /// with a driver
+  /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit, and for a
+  /// key of mechanics that a simulator has itself.
+  explicit GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver = nullptr,
+                        Simulator* simulator = nullptr);
   GuardedRobot(const GuardedRobot&) = delete;
   GuardedRobot& operator=(const GuardedRobot&) = delete;
   /// Stops a robot that was started and not stopped.
@@ -123,6 +128,7 @@ class GuardedRobot {
 
   const scenario::Scenario& scenario_;
   robot::Model model_;
+  std::unique_ptr<Simulator> mujoco_;      ///< of plant.mujoco; null without it
   std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
   RobotDriver& driver_;
   Drive drive_;

@@ -31,8 +31,8 @@ TickMaster::Config tick_master_config(const scenario::Scenario& scenario) {
 
 class LockstepLoop : PlantLoop {
  public:
-  LockstepLoop(const scenario::Scenario& scenario, session::Session& session)
-      : PlantLoop(scenario, session),
+  LockstepLoop(const scenario::Scenario& scenario, session::Session& session, Simulator* simulator)
+      : PlantLoop(scenario, session, nullptr, simulator),
         ack_port_(messages::port<messages::LogAck>(prefix_, layout_)),
         tick_master_(tick_master_config(scenario)) {
     session_.on(
@@ -142,8 +142,9 @@ class LockstepLoop : PlantLoop {
 
 }  // namespace
 
-void run_lockstep(const scenario::Scenario& scenario, session::Session& session) {
-  LockstepLoop(scenario, session).run();
+void run_lockstep(const scenario::Scenario& scenario, session::Session& session,
+                  Simulator* simulator) {
+  LockstepLoop(scenario, session, simulator).run();
 }
 
 }  // namespace tachless::plant

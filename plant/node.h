@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "plant/robot_driver.h"
+#include "plant/simulator.h"
 #include "scenario/scenario.h"
 #include "session/session.h"
 
@@ -16,6 +17,13 @@ inline constexpr std::chrono::milliseconds longest_stop{500};
 /// @throw base::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated
 /// (two processes command), protective_stop (the simulation diverged), and what the session throws.
 void run_node(const scenario::Scenario& scenario, session::Session& session);
+
+/// Does the same with a simulator in the place of the emulator's mechanics, in lock-step and in
+/// realtime: docs/plant.md.
+/// @throw base::Failure also bad_usage (a key of mechanics that the simulator has itself) and
+/// protective_stop (the simulator threw)
+void run_simulator(const scenario::Scenario& scenario, session::Session& session,
+                   Simulator& simulator);
 
 /// The same with a real robot, in realtime: docs/real_robot.md.
 /// @throw base::Failure also bad_usage (lock-step; no torque limits; the robot is not where

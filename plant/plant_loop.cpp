@@ -14,13 +14,22 @@ namespace {
 using base::ExitCode;
 using base::Failure;
 
+void run_emulated(const scenario::Scenario& scenario, session::Session& session,
+                  Simulator* simulator) {
+  if (scenario.loop.mode == scenario::Mode::realtime) {
+    run_realtime(scenario, session, nullptr, simulator);
+  } else {
+    run_lockstep(scenario, session, simulator);
+  }
+}
+
 }  // namespace
 
 PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Session& session,
-                     RobotDriver* driver)
+                     RobotDriver* driver, Simulator* simulator)
     : scenario_(scenario),
       session_(session),
-      robot_(scenario, driver),
+      robot_(scenario, driver, simulator),
       prefix_(scenario.robot.channel_prefix),
       layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
       tick_port_(messages::port<messages::Tick>(prefix_, layout_)),
@@ -92,11 +101,12 @@ void PlantLoop::require_finite(messages::Rejection rejection, const bus::Datagra
 }
 
 void run_node(const scenario::Scenario& scenario, session::Session& session) {
-  if (scenario.loop.mode == scenario::Mode::realtime) {
-    run_realtime(scenario, session, nullptr);
-  } else {
-    run_lockstep(scenario, session);
-  }
+  run_emulated(scenario, session, nullptr);
+}
+
+void run_simulator(const scenario::Scenario& scenario, session::Session& session,
+                   Simulator& simulator) {
+  run_emulated(scenario, session, &simulator);
 }
 
 void run_driver(const scenario::Scenario& scenario, session::Session& session,
@@ -105,7 +115,7 @@ void run_driver(const scenario::Scenario& scenario, session::Session& session,
     throw scenario.complaint("loop.mode",
                              "lockstep; a real robot does not wait, so only realtime is allowed");
   }
-  run_realtime(scenario, session, &driver);
+  run_realtime(scenario, session, &driver, nullptr);
 }
 
 }  // namespace tachless::plant

@@ -25,8 +25,9 @@ class PlantLoop {
   using Bytes = std::span<const std::byte>;
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  PlantLoop(const scenario::Scenario& scenario, session::Session& session,
-            RobotDriver* driver = nullptr);
+  /// @param simulator mechanics in the place of the emulator's own, which outlive this
+  PlantLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver,
+            Simulator* simulator);
 
   /// Once the others have joined: chooses the measurement, publishes RUN_INFO, once: the logger
   /// writes its own, this one is for lcm-logger.
@@ -70,7 +71,8 @@ class PlantLoop {
 
 /// In simulation time: the plant advances only with the command for this tick. Joins, runs all
 /// ticks, leaves.
-void run_lockstep(const scenario::Scenario& scenario, session::Session& session);
+void run_lockstep(const scenario::Scenario& scenario, session::Session& session,
+                  Simulator* simulator);
 
 /// On the wall clock: tick k begins at the absolute deadline start + k h, whether its command has
 /// come or not. No tick is left out: late ones follow as fast as they can, each with half a period
@@ -80,6 +82,6 @@ void run_lockstep(const scenario::Scenario& scenario, session::Session& session)
 /// deadlines were missed than the scenario allows. A robot that is the clock begins the ticks
 /// itself: its missed deadlines are those of its ticks, by its own time, that passed unanswered.
 void run_realtime(const scenario::Scenario& scenario, session::Session& session,
-                  RobotDriver* driver);
+                  RobotDriver* driver, Simulator* simulator);
 
 }  // namespace tachless::plant

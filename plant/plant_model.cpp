@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/failure.h"
 #include "robot/dynamics.h"
 
 namespace tachless::plant {
@@ -15,6 +16,33 @@ Vector initial_torque(const InitialState& initial, const robot::Model& model, co
   if (initial.torque == InitialTorque::hold) return robot::gravity_torque(model, q);
   return Vector::Zero(q.size());
 }
+
+/// Returns that torque at the start of the run.
+Vector first_torque(const InitialState& initial, const robot::Model& model) {
+  return initial_torque(initial, model, or_zero(initial.position_rad, model.num_joints));
+}
+
+/// The mechanics of this library, with disturbances.
+class ArmSimulator final : public Simulator {
+ public:
+  ArmSimulator(const Spec& plant, const Motors& motors, double period_s, const robot::Model& model)
+      : disturbances_(plant.disturbances, period_s, model),
+        arm_(make_arm(plant, motors, model, initial_state(plant, motors, model), &disturbances_)) {}
+
+  void reset(const ArmState& initial) override { arm_.set_state(initial, now_s_ = 0); }
+  ArmState state() override {
+    ArmState state = arm_.state();
+    state.disturbance = disturbances_.at(now_s_, state.q);
+    return state;
+  }
+  void advance(const Vector& tau, double until_s) override { arm_.advance(tau, now_s_ = until_s); }
+  void brake(const Vector& damping) override { arm_.brake(damping); }
+
+ private:
+  Disturbances disturbances_;
+  Arm arm_;
+  double now_s_ = 0;
+};
 
 }  // namespace
 
@@ -53,9 +81,7 @@ Arm make_arm(const Spec& plant, const Motors& motors, const robot::Model& model,
 }
 
 Drive make_drive(const Spec& plant, const scenario::LoopSpec& loop, const robot::Model& model) {
-  const Vector q = or_zero(plant.initial.position_rad, model.num_joints);
-  return Drive(plant.drive, loop.command_delay, loop.period_s,
-               initial_torque(plant.initial, model, q));
+  return Drive(plant.drive, loop.command_delay, loop.period_s, first_torque(plant.initial, model));
 }
 
 Vector protective_stop_damping(const Motors& motors, const robot::Model& model, const Vector& q) {
@@ -70,14 +96,29 @@ EmulatedRobot::EmulatedRobot(const Spec& plant, const Motors& motors, double per
     : plant_(plant),
       motors_(motors),
       model_(model),
-      disturbances_(plant.disturbances, period_s, model),
-      before_(initial_torque(plant.initial, model,
-                             or_zero(plant.initial.position_rad, model.num_joints))),
-      arm_(make_arm(plant, motors, model, initial_state(plant, motors, model), &disturbances_)) {}
+      own_(std::make_unique<ArmSimulator>(plant, motors, period_s, model)),
+      simulator_(*own_),
+      before_(first_torque(plant.initial, model)) {}
+
+EmulatedRobot::EmulatedRobot(const Spec& plant, const Motors& motors, const robot::Model& model,
+                             Simulator& simulator)
+    : plant_(plant),
+      motors_(motors),
+      model_(model),
+      simulator_(simulator),
+      before_(first_torque(plant.initial, model)) {
+  simulator_.reset(initial_state(plant, motors, model));
+}
 
 ArmState EmulatedRobot::read() {
-  ArmState state = arm_.state();
-  state.disturbance = disturbances_.at(now_s_, state.q);
+  ArmState state = simulator_.state();
+  const Eigen::Index n = model_.num_joints;
+  if (state.q.size() != n || state.v.size() != n) {
+    throw base::Failure(base::ExitCode::protective_stop,
+                        "the simulator gave {} positions and {} velocities; the scenario has {} "
+                        "joints: give ArmState as many numbers",
+                        state.q.size(), state.v.size(), n);
+  }
   return state;
 }
 
@@ -90,11 +131,13 @@ void EmulatedRobot::hold(const Vector& tau, double until_s) {
 }
 
 void EmulatedRobot::advance(const Vector& tau, double until_s) {
-  arm_.advance(tau, until_s);
+  simulator_.advance(tau, until_s);
   now_s_ = until_s;
 }
 
-void EmulatedRobot::stop() { arm_.brake(protective_stop_damping(motors_, model_, arm_.state().q)); }
+void EmulatedRobot::stop() {
+  simulator_.brake(protective_stop_damping(motors_, model_, simulator_.state().q));
+}
 
 void EmulatedRobot::rest(double until_s) { advance(Vector::Zero(model_.num_joints), until_s); }
 

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include "plant/arm.h"
 #include "plant/disturbances.h"
 #include "plant/drive.h"
 #include "plant/robot_driver.h"
+#include "plant/simulator.h"
 #include "plant/spec.h"
 #include "robot/model.h"
 #include "scenario/scenario.h"
@@ -39,19 +41,22 @@ Drive make_drive(const Spec& plant, const scenario::LoopSpec& loop, const robot:
 /// drive) over 0.1 s. The joint comes to rest in some tenths of a second.
 Vector protective_stop_damping(const Motors& motors, const robot::Model& model, const Vector& q);
 
-/// The simulated robot: arm, payload and disturbances. It stops by viscous braking
-/// (`protective_stop_damping`).
+/// The simulated robot: a simulator, or this library's own arm with payload and disturbances. It
+/// stops by viscous braking (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
   /// @param model with the payload (`plant_model`)
   /// All but the period outlive this.
   EmulatedRobot(const Spec& plant, const Motors& motors, double period_s,
                 const robot::Model& model);
+  /// Puts a simulator in the place of this library's mechanics, and resets it.
+  EmulatedRobot(const Spec& plant, const Motors& motors, const robot::Model& model,
+                Simulator& simulator);
 
   [[nodiscard]] bool measures_velocity() const override { return true; }
   void start() override {}
   ArmState read() override;
-  /// @throw std::runtime_error when the integrator gives up.
+  /// @throw std::runtime_error when the integrator, or the simulator, gives up.
   void hold(const Vector& tau, double until_s) override;
   void stop() override;
   void rest(double until_s) override;
@@ -62,10 +67,10 @@ class EmulatedRobot final : public RobotDriver {
   const Spec& plant_;
   const Motors& motors_;
   const robot::Model& model_;
-  Disturbances disturbances_;
+  std::unique_ptr<Simulator> own_;  ///< null: a simulator of the caller's
+  Simulator& simulator_;
   double now_s_ = 0;
   Vector before_;  ///< torque over the tick before; the initial one at first
-  Arm arm_;
 };
 
 }  // namespace tachless::plant

@@ -38,8 +38,9 @@ double milliseconds(std::chrono::nanoseconds duration) {
 
 class RealtimeLoop : PlantLoop {
  public:
-  RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver)
-      : PlantLoop(scenario, session, driver),
+  RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver,
+               Simulator* simulator)
+      : PlantLoop(scenario, session, driver, simulator),
         commands_(scenario.loop.max_missed),
         clock_rate_(scenario.loop.period_s, base::seconds_of(longest_hold())) {
     session_.on(
@@ -337,8 +338,8 @@ class RealtimeLoop : PlantLoop {
 }  // namespace
 
 void run_realtime(const scenario::Scenario& scenario, session::Session& session,
-                  RobotDriver* driver) {
-  RealtimeLoop(scenario, session, driver).run();
+                  RobotDriver* driver, Simulator* simulator) {
+  RealtimeLoop(scenario, session, driver, simulator).run();
 }
 
 }  // namespace tachless::plant

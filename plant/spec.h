@@ -107,6 +107,41 @@ struct IntegratorSpec {
           .by_default()};
 };
 
+/// Integrator of a MuJoCo model.
+enum class MujocoIntegrator { model, euler, implicit, rk4 };
+constexpr std::array<std::string_view, 4> names(MujocoIntegrator /*type*/) {
+  return {"model", "euler", "implicit", "rk4"};
+}
+
+/// MuJoCo in the place of the emulator's mechanics.
+struct MujocoSpec {
+  std::string model;     ///< as written; empty: the emulator's own mechanics
+  std::string keyframe;  ///< empty: the model's initial state
+  MujocoIntegrator integrator = MujocoIntegrator::model;
+  double step_s = 0;  ///< 0: the model's
+  bool may_differ = false;
+
+  static constexpr std::tuple keys{
+      base::Key{"model", &MujocoSpec::model, "",
+                "MuJoCo model (MJCF or URDF) whose mechanics move the robot, contacts included; "
+                "absolute or relative to the scenario's file. Needs the module mujoco.so"}
+          .by_default("none"),
+      base::Key{"keyframe", &MujocoSpec::keyframe, "",
+                "Keyframe that everything but the scenario's joints begins in"}
+          .by_default("the model's initial state"),
+      base::Key{"integrator", &MujocoSpec::integrator, "",
+                "MuJoCo's integrator; `model`: the one that the model names"}
+          .by_default(),
+      base::Key{"step_s", &MujocoSpec::step_s, "s",
+                "Longest step; steps of equal length fill each tick"}
+          .in(base::positive)
+          .by_default("the model's timestep"),
+      base::Key{"may_differ", &MujocoSpec::may_differ, "",
+                "Go on where the inertia matrix or gravity torque of the model is not that of "
+                "`robot.urdf`: the law's robot is then not the plant's"}
+          .by_default()};
+};
+
 /// Side of the springs on which a flexible robot has encoders.
 enum class EncoderSide { link, motor, both };
 constexpr std::array<std::string_view, 3> names(EncoderSide /*type*/) {
@@ -340,6 +375,7 @@ struct Spec {
   InitialState initial;
   Mechanics mechanics = Mechanics::simbody;
   IntegratorSpec integrator;
+  MujocoSpec mujoco;
   EncoderSpec encoder;
   DriveSpec drive;
   PayloadSpec payload;
@@ -356,6 +392,7 @@ struct Spec {
                 "which are some ten times as fast"}
           .by_default(),
       base::Key{"integrator", &Spec::integrator},
+      base::Key{"mujoco", &Spec::mujoco},
       base::Key{"encoder", &Spec::encoder},
       base::Key{"drive", &Spec::drive},
       base::Key{"payload", &Spec::payload},

@@ -34,12 +34,12 @@ using robot::Model;
 
 Model read_robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides,
                  double gravity) {
-  const auto [text, options] = scenario::robot_file(urdf, overrides);
+  const scenario::RobotFile file = scenario::robot_file(urdf, overrides);
   if (urdf.extension() == ".yaml" || urdf.extension() == ".yml") {
     throw base::bad_usage("{}: a scenario; give the file of its robot.urdf", urdf.string());
   }
   try {
-    Model model = robot::model_from_urdf(text, urdf.string(), options);
+    Model model = robot::model_from_urdf(file.urdf, urdf.string(), file.options);
     if (!std::isfinite(gravity)) {
       throw base::bad_usage("gravity: {}; allowed: a finite number [m/s²]", gravity);
     }
@@ -100,7 +100,8 @@ void declare_robot(py::module_& module) {
           [=](Robot robot, Given q) -> Eigen::MatrixXd {
             return robot::mass_matrix<double>(robot, vector(robot, q, "q"));
           },
-          "q"_a, "Inertia matrix (n, n), kg m²; without motors' rotors.")
+          "q"_a,
+          "Inertia matrix (n, n), kg m²; with the armature of an MJCF, without other rotors.")
       .def(
           "C",
           [=](Robot robot, Given q, Given v) -> Eigen::MatrixXd {

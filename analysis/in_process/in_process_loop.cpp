@@ -1,14 +1,15 @@
 #include "in_process/in_process_loop.h"
 
+#include <utility>
+
 #include "plant/guarded_robot.h"
 #include "reference/make_trajectory.h"
 
 namespace tachless::in_process {
+namespace {
 
-void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
-                    const std::function<bool(const TickRecord&)>& on_tick,
-                    plant::RobotDriver* driver) {
-  plant::GuardedRobot robot(scenario, driver);
+void step_loop(plant::GuardedRobot& robot, const scenario::Scenario& scenario,
+               controller::ScenarioLaw law, const std::function<bool(const TickRecord&)>& on_tick) {
   robot.feed(law->measurement());
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   robot.start();
@@ -32,6 +33,22 @@ void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw 
     robot.end_tick();
     if (!on_tick(record)) break;
   }
+}
+
+}  // namespace
+
+void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
+                    const std::function<bool(const TickRecord&)>& on_tick,
+                    plant::RobotDriver* driver) {
+  plant::GuardedRobot robot(scenario, driver);
+  step_loop(robot, scenario, std::move(law), on_tick);
+}
+
+void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
+                    const std::function<bool(const TickRecord&)>& on_tick,
+                    plant::Simulator& simulator) {
+  plant::GuardedRobot robot(scenario, nullptr, &simulator);
+  step_loop(robot, scenario, std::move(law), on_tick);
 }
 
 void run_in_process(const scenario::Scenario& scenario,

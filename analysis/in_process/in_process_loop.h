@@ -9,6 +9,7 @@
 #include "plant/arm_state.h"
 #include "plant/drive.h"
 #include "plant/robot_driver.h"
+#include "plant/simulator.h"
 #include "scenario/scenario.h"
 
 namespace tachless::in_process {
@@ -43,6 +44,10 @@ struct TickRecord {
 void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
                     const std::function<bool(const TickRecord&)>& on_tick,
                     plant::RobotDriver* driver = nullptr);
+/// Calls `run_in_process` with a simulator in the place of the emulator's mechanics.
+void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
+                    const std::function<bool(const TickRecord&)>& on_tick,
+                    plant::Simulator& simulator);
 /// Calls `run_in_process` with the law that `controller::scenario_law` makes; throws its errors
 /// too.
 void run_in_process(const scenario::Scenario& scenario,

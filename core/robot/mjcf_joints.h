@@ -3,6 +3,8 @@
 #include <map>
 #include <string>
 
+#include "robot/mjcf.h"
+
 namespace tachless::robot {
 
 /// Numbers of a joint that a URDF seldom has.
@@ -13,11 +15,12 @@ struct JointNumbers {
 };
 
 /// Reads `armature`, `damping` and `frictionloss` of the named joints of a MuJoCo model, by name.
-/// Applies the defaults of its classes. Reads nothing else of the file.
+/// Follows includes and applies the defaults of classes. Reads nothing else of the file.
 /// @param source the file's name, for messages
-/// @throw std::invalid_argument, one line, for a text that is no MJCF, an <include>, an armature of
-/// an actuator, an unknown class or attribute, and a value that is no finite number from 0 on
+/// @throw std::invalid_argument, one line, for a text that is no MJCF, an armature of an actuator,
+/// an unknown class, element or attribute, and a value that is no finite number from 0 on
 std::map<std::string, JointNumbers> read_mjcf_joints(const std::string& text,
-                                                     const std::string& source);
+                                                     const std::string& source,
+                                                     const IncludedText& included);
 
 }  // namespace tachless::robot

@@ -253,10 +253,11 @@ class Loader {
       body.multiplier = drive.multiplier;
       body.offset = drive.offset;
       // The joint has velocity m v. Its damping d has the power d m^2 v^2, its friction f the power
-      // f |m| |v|.
+      // f |m| |v|, its rotor a the energy a m^2 v^2 / 2.
       const double m = drive.multiplier;
       model_.damping[j] += m * m * loss(joint, "damping", joint.damping);
       model_.friction[j] += std::abs(m) * loss(joint, "friction", joint.friction);
+      model_.rotor_inertia[j] += m * m * loss(joint, "armature", joint.armature);
       if (!independent(joint)) continue;
       model_.joint_names[j] = joint.name;
       model_.joint_types[j] = body.type;

@@ -28,17 +28,17 @@ const ElementRule* rule_of(std::string_view element) {
         {},
         {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk",
          "drake:acceleration"}}},
-      {"dynamics", {{}, {}, {"damping", "friction"}}},
+      {"dynamics", {{}, {}, {"damping", "friction", "armature"}}},
       {"mimic", {{}, {}, {"joint", "multiplier", "offset"}}}};
   const auto found = rules.find(element);
   return found == rules.end() ? nullptr : &found->second;
 }
 
 bool is_mechanics(std::string_view attribute) {
-  static constexpr std::array<std::string_view, 17> names{
+  static constexpr std::array<std::string_view, 18> names{
       "xyz",      "rpy",     "quat_xyzw", "lower",      "upper",  "effort",
       "velocity", "damping", "friction",  "multiplier", "offset", "ixx",
-      "ixy",      "ixz",     "iyy",       "iyz",        "izz"};
+      "ixy",      "ixz",     "iyy",       "iyz",        "izz",    "armature"};
   return std::ranges::find(names, attribute) != names.end();
 }
 

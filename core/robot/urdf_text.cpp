@@ -120,7 +120,12 @@ bool is_urdf_name(std::string_view text) {
 
 std::string xml_kind(std::string_view text, const std::string& source) {
   const auto has = [&](std::string_view mark) { return text.find(mark) != std::string_view::npos; };
-  if (has("<mujoco")) return "a model of MuJoCo (the URDF that it was made from would do)";
+  if (has("<mujoco")) {
+    return fmt::format(
+        "a model of MuJoCo; tachless design {} --write SCENARIO.yaml makes a "
+        "scenario of it",
+        base::shell_word(source));
+  }
   if (has("<sdf")) return "an SDF file (the URDF that it was made from would do)";
   if (!has("<robot")) return "not a robot's description";
   if (!has("xmlns:xacro") || !source.ends_with(".xacro")) {

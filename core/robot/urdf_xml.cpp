@@ -421,9 +421,12 @@ class Reader {
                                  number(mimic, "offset", 0)};
     }
     if (const TiXmlElement* dynamics = e.FirstChildElement("dynamics")) {
-      if (!gives(dynamics, "friction")) (void)attribute(*dynamics, "damping");
+      if (!gives(dynamics, "friction") && !gives(dynamics, "armature")) {
+        (void)attribute(*dynamics, "damping");
+      }
       made.damping = number(dynamics, "damping", 0);
       made.friction = number(dynamics, "friction", 0);
+      made.armature = number(dynamics, "armature", 0);
     }
     const bool warns = !made.fixed && !made.mimic && locked.count(name) == 0;
     set_limits(e.FirstChildElement("limit"), warns, made);

@@ -11,6 +11,7 @@
 
 #include "base/file_text.h"
 #include "base/text.h"
+#include "scenario/description.h"
 #include "scenario/reader.h"
 
 namespace tachless::scenario {
@@ -85,8 +86,8 @@ JointParameters take_joint_parameters(YamlNode& root, const Scenario& scenario,
     const std::string text = base::given_text(path, base::max_text_bytes);
     const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
     const bool xml = first != std::string::npos && text[first] == '<';
-    parameters =
-        xml ? robot::read_mjcf_joints(text, path.string()) : read_yaml(text, path.string());
+    parameters = xml ? robot::read_mjcf_joints(text, path.string(), files_beside(path))
+                     : read_yaml(text, path.string());
   } catch (const std::invalid_argument& refused) {
     throw scenario.complaint(std::string(key), refused.what());
   } catch (const base::Failure& refused) {

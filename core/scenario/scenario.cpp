@@ -1,4 +1,5 @@
 #include "scenario/scenario.h"
+#include "scenario/description.h"
 
 #include <algorithm>
 #include <bit>
@@ -74,9 +75,11 @@ YamlNode located_tree(std::string_view text, const std::vector<std::string>& ove
   return root;
 }
 
-/// A URDF's text and what its messages call it; both empty where none is given.
+/// A robot's URDF text with the name that messages have for it. Both are empty if none is given.
 struct Description {
   std::string text, source;
+  std::vector<std::string> warnings;  ///< of the file that the text was made of
+  bool adds_gravity = false;          ///< an MJCF's bodies have gravcomp="1"
 };
 
 robot::UrdfOptions urdf_options(const RobotSpec& spec) {
@@ -96,13 +99,14 @@ robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   return urdf_options(spec);
 }
 
-/// Reads the URDF that is the value `written` of `key`. Returns nothing for an empty value.
-Description read_description(const Scenario& scenario, const std::string& key,
-                             const std::string& written, const fs::path& directory) {
+/// Reads the robot's file that is the value `written` of `key`. Returns nothing for an empty value.
+Description read_robot_file(const Scenario& scenario, const std::string& key,
+                            const std::string& written, const fs::path& directory) {
   if (written.empty()) return {};
   const fs::path path = directory / written;
   try {
-    return {urdf_text(path, scenario.robot.xacro), path.string()};
+    robot::Description read = read_description(path, scenario.robot.xacro);
+    return {std::move(read.urdf), path.string(), std::move(read.warnings), read.adds_gravity};
   } catch (const base::Failure& failure) {
     throw scenario.complaint(key, failure.what());
   }
@@ -117,6 +121,8 @@ robot::Model described_robot(const Scenario& scenario, const std::string& key,
     robot::UrdfTree tree =
         robot::read_urdf_xml(description.text, description.source, options.locked);
     mechanics += tree.mechanics;
+    tree.warnings.insert(tree.warnings.begin(), description.warnings.begin(),
+                         description.warnings.end());
     return robot::model_of(std::move(tree), description.source, options);
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint(key, error.what());
@@ -186,6 +192,17 @@ void require_mechanics_for(robot::Model& model, Scenario& scenario) {
   if (!chosen) model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
 }
 
+/// Takes the rotor inertia of the URDF (<dynamics armature>) for rigid joints unless the scenario
+/// gives it. The models themselves have none.
+void take_rotors(Scenario& scenario, robot::Model& model, std::optional<robot::Model>& believed) {
+  if (!scenario.robot.flexible && !scenario.gives("robot.joints.rigid.rotor_inertia_kgm2") &&
+      model.rotor_inertia.any()) {
+    scenario.robot.rigid_rotor_inertia_kgm2 = model.rotor_inertia;
+  }
+  model.rotor_inertia.setZero();
+  if (believed) believed->rotor_inertia.setZero();
+}
+
 Scenario read_scenario(YamlNode root, const Description& plant, const Description& believed,
                        const JointParameters& parameters, Scenario scenario) {
   robot::Model model = read_robot(root, "robot.urdf", plant, scenario);
@@ -207,6 +224,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
   }
   scenario.num_joints = model.num_joints;
   read(Place{scenario, &root, ""}, scenario);
+  take_rotors(scenario, model, believed_model);
 
   model.gravity = {0, 0, -scenario.robot.gravity_m_per_s2};
   if (!scenario.gives("plant.drive.torque_limit_Nm") &&
@@ -362,11 +380,18 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   read_key(place.child("controller").child("urdf"), controller::Spec::urdf_key,
            scenario.controller);
   const Description plant =
-      read_description(scenario, "robot.urdf", scenario.robot.urdf_path, directory);
+      read_robot_file(scenario, "robot.urdf", scenario.robot.urdf_path, directory);
   const Description believed =
-      read_description(scenario, "controller.urdf", scenario.controller.urdf_path, directory);
+      read_robot_file(scenario, "controller.urdf", scenario.controller.urdf_path, directory);
   Scenario read = read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
   read_motion(read, directory);
+  if (plant.adds_gravity && !read.gives("robot.compensates.gravity")) {
+    throw read.complaint("robot.urdf",
+                         "{}: each body that moves has gravcomp=\"1\", an arm that carries its own "
+                         "weight; give robot.compensates: {{gravity: true}}, or {{gravity: false}} "
+                         "for an arm that does not",
+                         plant.source);
+  }
   return read;
 }
 
@@ -409,7 +434,7 @@ robot::Model own_model(const Scenario& scenario) {
     std::string mechanics;
     model = described_robot(
         scenario, key,
-        read_description(scenario, key, arm.urdf_path, fs::path(scenario.source).parent_path()),
+        read_robot_file(scenario, key, arm.urdf_path, fs::path(scenario.source).parent_path()),
         mechanics);
     require_same_joints(scenario, key, *scenario.model, model);
     model.gravity = scenario.model->gravity;
@@ -431,7 +456,9 @@ RobotFile robot_file(const fs::path& file, const std::vector<std::string>& overr
   const YamlNode root = located_tree("robot: {}", of_robot, scenario);
   const Place place = Place{scenario, &root, ""}.child("robot");
   read_key(place.child("xacro"), RobotSpec::xacro_key, scenario.robot);
-  return {urdf_text(file, scenario.robot.xacro), read_urdf_options(place, scenario.robot)};
+  RobotFile read{read_description(file, scenario.robot.xacro), {}};
+  read.options = read_urdf_options(place, scenario.robot);
+  return read;
 }
 
 }  // namespace tachless::scenario

@@ -21,6 +21,7 @@
 #include "controller/spec.h"
 #include "plant/spec.h"
 #include "reference/spec.h"
+#include "robot/mjcf.h"
 #include "robot/model.h"
 
 namespace tachless::messages {
@@ -108,8 +109,10 @@ struct RobotSpec {
   void set_joints(Joints given);
   [[nodiscard]] std::optional<base::Refusal> refusal() const;
 
-  static constexpr base::Key urdf_key{"urdf", &RobotSpec::urdf_path, "",
-                                      "URDF file, absolute or relative to the scenario's file"};
+  static constexpr base::Key urdf_key{
+      "urdf", &RobotSpec::urdf_path, "",
+      "URDF or MJCF (MuJoCo) file, absolute or relative to the scenario's "
+      "file"};
   static constexpr base::Key xacro_key =
       base::Key{"xacro", &RobotSpec::xacro, "",
                 "Argument of the program `xacro`, which makes a URDF of `robot.urdf` where that "
@@ -275,8 +278,13 @@ struct UrdfScenario {
   std::string name;
   std::string urdf;  ///< path of the URDF for the file
   double period_s = 1e-3;
-  Vector from{};  ///< beginning of the motion [rad; m]; empty: see below
+  Vector from{};              ///< beginning of the motion [rad; m]; empty: see below
+  bool adds_gravity = false;  ///< the arm's own controller carries its weight
 };
+
+/// Returns the posture of a description's keyframe in the order of the model's joints. Returns
+/// nothing without a keyframe, or if a joint is outside its range there.
+Vector start_posture(const robot::Description& description, const robot::Model& model);
 
 /// Returns a scenario for a bare URDF as text. Only a design makes its gains useful. The motion
 /// begins in the middle of the joints' ranges, or near it with no link below the base's plane. It
@@ -295,10 +303,9 @@ robot::Model with_payload(const Scenario& scenario, robot::Model model);
 /// @throw Failure(bad_usage) when the file cannot be read or has other joints
 robot::Model own_model(const Scenario& scenario);
 
-/// A robot's file (a URDF or an .xacro) with the options that overrides of `robot` give. A command
-/// without a scenario uses it.
-struct RobotFile {
-  std::string urdf;
+/// A robot's file (a URDF, an .xacro or an MJCF) with the options that overrides of `robot` give. A
+/// command without a scenario uses it.
+struct RobotFile : robot::Description {
   robot::UrdfOptions options;
 };
 RobotFile robot_file(const std::filesystem::path& file, const std::vector<std::string>& overrides);

@@ -74,6 +74,17 @@ std::string list(const Vector& values) {
 
 }  // namespace
 
+Vector start_posture(const robot::Description& description, const robot::Model& model) {
+  Vector posture = Vector::Zero(model.num_joints);
+  for (int i = 0; i < model.num_joints; ++i) {
+    const auto at = description.start.find(model.joint_names[static_cast<std::size_t>(i)]);
+    if (at == description.start.end()) return {};
+    posture[i] = at->second;
+    if (posture[i] < model.lower[i] || posture[i] > model.upper[i]) return {};
+  }
+  return posture;
+}
+
 std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   const Vector from = of.from.size() > 0 ? of.from : start_of(model);
   const Vector to = end_of(model, from);
@@ -95,15 +106,16 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
   }
   return fmt::format(
       "name: {}\n"
-      "robot:\n  name: arm\n  urdf: {}  joints: rigid\n"
+      "robot:\n  name: arm\n  urdf: {}  joints: rigid\n{}"
       "plant:\n  initial: {{position_rad: {}, torque: hold}}\n  encoder: {{resolution_bits: {}}}\n"
       "reference:\n  point_to_point:\n    from_rad: {}\n    to_rad: {}\n"
       "    start_s: 0.2\n    duration_s: {:g}\n"
       "controller:\n  law: loria_ortega_rigid\n  gains: {{kp: 1, kd: 1, a: 1, b: 1}}\n"
       "  filter: tustin\n  feedforward_lead: half_tick_plus_delay\n{}"
       "loop: {{mode: lockstep, period_s: {:g}, duration_s: {:.12g}, command_delay: 1}}\n",
-      of.name, emit_yaml({YamlNode::Kind::scalar, of.urdf}), start, bits, start, list(to), duration,
-      friction, of.period_s, static_cast<double>(ticks) * of.period_s);
+      of.name, emit_yaml({YamlNode::Kind::scalar, of.urdf}),
+      of.adds_gravity ? "  compensates: {gravity: true}\n" : "", start, bits, start, list(to),
+      duration, friction, of.period_s, static_cast<double>(ticks) * of.period_s);
 }
 
 }  // namespace tachless::scenario

@@ -184,9 +184,10 @@ struct Outcome {
   session::Statistics statistics;
 };
 
-/// Runs the plant. A `driver` replaces the emulator.
+/// Runs the plant. A `driver` replaces the emulator, a `simulator` its mechanics.
 inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
-                   const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
+                   const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr,
+                   Simulator* simulator = nullptr) {
   session::Session session(scenario, peers,
                            {.role = messages::Role::plant,
                             .run_id = 7,
@@ -198,6 +199,8 @@ inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
     session.guard([&] {
       if (driver != nullptr) {
         run_driver(scenario, session, *driver);
+      } else if (simulator != nullptr) {
+        run_simulator(scenario, session, *simulator);
       } else {
         run_node(scenario, session);
       }

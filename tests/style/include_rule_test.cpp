@@ -48,6 +48,7 @@ const std::map<std::string, Names> users = {
     {"SimTKsimbody.h", {"plant/simbody_multibody.cpp"}},
     {"coin/", {"analysis/numerics"}},
     {"lcm/", {}},
+    {"mujoco/", {"plant/mujoco/module.cpp"}},
     {"nlopt.h", {"analysis/numerics/postures.cpp"}},
     {"pybind11/", {"python"}},
     {"sodium.h", {"core/bus", "tools/report"}},

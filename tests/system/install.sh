@@ -17,7 +17,7 @@ find "$prefix" -type d -empty | sed 's/$/: is empty/' | grep . && fail=1
 # They find tachless without the packages that only the build of tachless needs.
 without=()
 for package in CLI11 NLopt urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
-for example in own_law own_driver iiwa simulate_and_read; do
+for example in own_law own_driver own_simulator iiwa simulate_and_read; do
   rm -rf "$prefix/work/$example"
   mkdir -p "$prefix/work"
   cp -r "$prefix/share/tachless/examples/$example" "$prefix/work/$example"

@@ -15,10 +15,19 @@
 #include "robot/urdf_xml.h"
 
 namespace tachless::cli {
+namespace {
+
+/// Returns true for a URDF, an .xacro or an MJCF.
+bool describes_robot(const std::filesystem::path& file) {
+  if (is_yaml(file)) return false;
+  const std::string text = base::given_text(file, base::max_text_bytes);
+  return robot::is_mjcf(text) || text.find("<robot") != std::string::npos;
+}
+
+}  // namespace
 
 DesignInput::DesignInput(Options options) : options_(std::move(options)) {
-  if (!is_yaml(options_.file) &&
-      base::given_text(options_.file, base::max_text_bytes).find("<robot") != std::string::npos) {
+  if (describes_robot(options_.file)) {
     urdf_ = read_urdf();
     return;
   }
@@ -43,18 +52,21 @@ DesignInput::Urdf DesignInput::read_urdf() const {
     throw base::bad_usage(
         "--rotors typical: --set gives the rotors already; leave one of them out");
   }
-  auto [text, options] = scenario::robot_file(options_.file, options_.overrides);
+  const scenario::RobotFile file = scenario::robot_file(options_.file, options_.overrides);
+  for (const std::string& warning : file.warnings) base::log_warning(warning);
   try {
-    const robot::Model model = robot::read_urdf(text, source, options);
-    for (const std::string& doubt : robot::improbable_numbers(text, source, options.locked)) {
+    const robot::Model model = robot::read_urdf(file.urdf, source, file.options);
+    for (const std::string& doubt :
+         robot::improbable_numbers(file.urdf, source, file.options.locked)) {
       base::log_warning(doubt);
     }
     scenario::UrdfScenario of{
         scenario_name(options_.output.empty() ? options_.file : options_.output),
         path_from(options_.output, options_.file),
         options_.period_s > 0 ? options_.period_s : 1e-3};
-    if (!options_.from.empty()) of.from = from_posture(model);
-    Urdf urdf{std::move(text), scenario::urdf_scenario(model, of), {}};
+    of.from = options_.from.empty() ? scenario::start_posture(file, model) : from_posture(model);
+    of.adds_gravity = file.adds_gravity;
+    Urdf urdf{file.urdf, scenario::urdf_scenario(model, of), {}};
     if (options_.typical_rotors) urdf.typical_rotors = robot::typical_rotor_inertia(model);
     return urdf;
   } catch (const std::invalid_argument& problem) {

@@ -206,11 +206,12 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
       return fmt::format("--{} '{}': ended during the run, and without a word; see its code",
                          messages::name(role), program);
     }
-    return fmt::format("--{} '{}': ended without having taken part; has it a main that calls {}?",
-                       messages::name(role), program,
-                       role == messages::Role::plant
-                           ? "session::run_process and plant::run_driver"
-                           : "tachless::run_controller (Python: tachless.run_controller)");
+    return fmt::format(
+        "--{} '{}': ended without having taken part; has it a main that calls {}?",
+        messages::name(role), program,
+        role == messages::Role::plant
+            ? "session::run_process and plant::run_driver (a simulator: plant::run_simulator)"
+            : "tachless::run_controller (Python: tachless.run_controller)");
   }
   return {};
 }

@@ -20,7 +20,7 @@
 #include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
-#include "scenario/xacro.h"
+#include "scenario/description.h"
 #include "session/options.h"
 
 namespace tachless::cli {
@@ -206,7 +206,7 @@ std::string RunOptions::named(std::string_view line) const {
 report::Visuals PlannedRun::visuals() const {
   const fs::path file = options.scenario.parent_path() / scenario.robot.urdf_path;
   try {
-    return report::read_visuals(scenario::urdf_text(file, scenario.robot.xacro),
+    return report::read_visuals(scenario::read_description(file, scenario.robot.xacro).urdf,
                                 file.parent_path());
   } catch (const base::Failure& problem) {
     base::log_warning("the robot is drawn without its visuals: {}", problem.what());

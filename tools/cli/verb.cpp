@@ -92,6 +92,9 @@ std::string text_for(const std::filesystem::path& output, const scenario::Scenar
   };
   move("robot.urdf", scenario.robot.urdf_path);
   if (scenario.believed_model) move("controller.urdf", scenario.controller.urdf_path);
+  if (const std::string& model = scenario.plant.mujoco.model; !model.empty()) {
+    move("plant.mujoco.model", model);
+  }
   using reference::trajectory::MotionFile;
   if (const auto* const motion = std::get_if<MotionFile>(&scenario.reference)) {
     move("reference.file.path", motion->path);

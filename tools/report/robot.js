@@ -90,6 +90,7 @@ var report_robot = (() => {
       const at = new THREE.Group();
       at.position.set(...numbers(origin, 'xyz', [0, 0, 0]));
       at.rotation.set(...numbers(origin, 'rpy', [0, 0, 0]), 'ZYX');
+      if (origin && origin.hasAttribute('quat_xyzw')) at.quaternion.set(...numbers(origin, 'quat_xyzw'));
       group_of(frame.body).add(placed(frame).add(at.add(shape)));
       dressed.add(frame.body);
     }

@@ -209,9 +209,11 @@ struct Robot {
         {"effort", source("plant.drive.torque_limit_Nm", "<limit effort> of " + urdf)},
         {"damping", friction("viscous_friction_Nms_per_rad", "damping")},
         {"friction", friction("coulomb_friction_Nm", "friction")},
-        {"rotor", source(fmt::format("robot.joints.{}.rotor_inertia_kgm2",
-                                     robot.flexible ? "flexible" : "rigid"),
-                         "none is given: 0")},
+        {"rotor",
+         source(fmt::format("robot.joints.{}.rotor_inertia_kgm2",
+                            robot.flexible ? "flexible" : "rigid"),
+                robot.rigid_rotor_inertia_kgm2.isZero(0) ? "none is given: 0"
+                                                         : "<dynamics armature> of " + urdf)},
         {"inertia, gravity torque",
          urdf + (robot.flexible ? ", without the rotors behind the springs" : ", with rotor")}};
     if (scenario.plant.payload.mass_kg > 0) {
@@ -237,9 +239,12 @@ struct Robot {
           "robot.base, robot.check_inertia, or a scenario as FILE",
           each);
     }
-    const auto [text, options] = scenario::robot_file(file, overrides);
+    const scenario::RobotFile given = scenario::robot_file(file, overrides);
+    const std::string& text = given.urdf;
+    const robot::UrdfOptions& options = given.options;
     try {
       doubts = robot::improbable_numbers(text, file.string(), options.locked);
+      doubts.insert(doubts.begin(), given.warnings.begin(), given.warnings.end());
       try {
         return robot::model_from_urdf(text, file.string(), options);
       } catch (const std::invalid_argument& problem) {

@@ -1,0 +1,541 @@
+#include "robot/mjcf.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "base/text.h"
+#include "robot/mjcf_document.h"
+#include "robot/mjcf_drives.h"
+#include "robot/mjcf_inertia.h"
+#include "robot/urdf_xml.h"
+
+namespace tachless::robot {
+namespace {
+
+std::string text_of(const Eigen::Vector3d& v) {
+  return fmt::format("{} {} {}", v.x(), v.y(), v.z());
+}
+
+TiXmlElement origin_of(const MjcfPose& pose) {
+  TiXmlElement origin("origin");
+  origin.SetAttribute("xyz", text_of(pose.p));
+  const Eigen::Quaterniond& q = pose.q;
+  if (!q.vec().isZero(0)) {
+    origin.SetAttribute("quat_xyzw", fmt::format("{} {} {} {}", q.x(), q.y(), q.z(), q.w()));
+  }
+  return origin;
+}
+
+TiXmlElement& add_to(TiXmlElement& parent, const TiXmlElement& child) {
+  return *parent.InsertEndChild(child)->ToElement();
+}
+
+/// Returns an element with one attribute.
+TiXmlElement with(const char* element, const char* attribute, const std::string& value) {
+  TiXmlElement made(element);
+  made.SetAttribute(attribute, value);
+  return made;
+}
+
+class Converter {
+ public:
+  Converter(const std::string& text, const std::string& source, const IncludedText& included)
+      : document_(text, source, included), drives_(document_) {}
+
+  Description description() {
+    check_compiler();
+    check_options();
+    read_assets();
+    const std::string name = document_.root().Attribute("model") == nullptr
+                                 ? "robot"
+                                 : document_.root().Attribute("model");
+    robot_.SetAttribute("name", base::printable(name));
+    add_to(robot_, with("link", "name", world));
+    for (const TiXmlElement* each : document_.sections("worldbody")) {
+      const MjcfAttributes a = document_.attributes(*each, "main");
+      for (const TiXmlElement* child : document_.children(*each)) {
+        read_child(*child, {world, {}, a.text("childclass", "main"), {}, false});
+      }
+    }
+    drives_.require_joints(joints_);
+    for (const auto& [joint, mimic] : drives_.mimics()) add_mimic(joint, mimic);
+    read_keyframe();
+    compare_gravcomp();
+    TiXmlPrinter printer;
+    printer.SetIndent(" ");
+    robot_.Accept(&printer);
+    made_.urdf = printer.CStr();
+    for (const std::string& each : drives_.warnings()) made_.warnings.push_back(each);
+    return std::move(made_);
+  }
+
+ private:
+  static constexpr const char* world = "world";
+
+  /// Surroundings of an element in the tree of bodies.
+  struct Place {
+    std::string link;        ///< the link that carries the body around the element
+    MjcfPose frame;          ///< the frame around the element, in the link
+    std::string childclass;  ///< class of elements without one
+    MjcfPose in_body;        ///< the <frame>s around the element, in the body
+    bool moves = false;      ///< a joint is between world and the body
+  };
+
+  /// Children of a body that describe the body itself.
+  struct BodyContent {
+    std::vector<std::pair<MjcfAttributes, MjcfPose>> joints, geoms;  ///< each with its <frame>s
+    std::optional<MjcfAttributes> inertial;
+  };
+
+  struct Moving {
+    TiXmlElement* element = nullptr;
+    double ref = 0;  ///< position at which the bodies are as written [rad; m]
+  };
+
+  void warn(const TiXmlElement& at, const std::string& problem) {
+    made_.warnings.push_back(base::one_line(document_.where(at) + ": " + problem));
+  }
+
+  void check_compiler() const {
+    const MjcfAttributes& compiler = document_.compiler();
+    for (const auto& [name, allowed] :
+         {std::pair{"coordinate", "local"}, {"inertiafromgeom", ""}}) {
+      const std::string given = compiler.text(name, allowed);
+      if (*allowed != '\0' && given != allowed) {
+        compiler.refuse(fmt::format("{}=\"{:.60}\"; allowed: {}", name, given, allowed));
+      }
+    }
+    (void)compiler.flag("inertiafromgeom", false);
+    if (compiler.number("settotalmass", -1) > 0) {
+      compiler.refuse("settotalmass is not read; give the masses themselves");
+    }
+  }
+
+  /// Warns of options that a scenario has instead. Refuses those that switch mechanics off.
+  void check_options() {
+    for (const TiXmlElement* each : document_.sections("option")) {
+      const MjcfAttributes option(document_, *each, values_of(*each));
+      const Eigen::Vector3d usual(0, 0, -9.81);
+      if (option.vector("gravity", usual) != usual) {
+        warn(*each, fmt::format("gravity=\"{}\" is not read; robot.gravity_m_per_s2 and robot.base "
+                                "of the scenario count",
+                                option.text("gravity")));
+      }
+      for (const char* name : {"density", "viscosity"}) {
+        if (option.number(name, 0) != 0) warn(*each, fmt::format("{} is not read", name));
+      }
+      for (const TiXmlElement* flag : document_.children(*each)) {
+        if (flag->ValueStr() != "flag") continue;
+        const MjcfAttributes flags(document_, *flag, values_of(*flag));
+        for (const char* name : {"equality", "frictionloss", "passive", "spring", "damper"}) {
+          if (flags.text(name, "enable") == "enable") continue;
+          flags.refuse(fmt::format("{}=\"{:.60}\" is not read; remove it, and what it switches off",
+                                   name, flags.text(name)));
+        }
+      }
+    }
+  }
+
+  static MjcfAttributes::Values values_of(const TiXmlElement& element) {
+    MjcfAttributes::Values values;
+    for (const auto* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
+      values[a->Name()] = a->ValueStr();
+    }
+    return values;
+  }
+
+  /// Remembers the files of meshes and the colours of materials, by name.
+  void read_assets() {
+    namespace fs = std::filesystem;
+    const MjcfAttributes& compiler = document_.compiler();
+    const fs::path folder = compiler.text("meshdir", compiler.text("assetdir"));
+    for (const TiXmlElement* each : document_.in_sections("asset")) {
+      const bool mesh = each->ValueStr() == "mesh";
+      if (!mesh && each->ValueStr() != "material") continue;
+      const MjcfAttributes asset = document_.attributes(*each, "main");
+      if (!mesh) {
+        colours_[asset.text("name")] = asset.text("rgba");
+        continue;
+      }
+      fs::path file = asset.text("file");
+      const std::string stem = file.stem().string();
+      if (compiler.flag("strippath", false)) file = file.filename();
+      TiXmlElement drawn = with("mesh", "filename", (folder / file).string());
+      if (asset.has("scale")) {
+        drawn.SetAttribute("scale", text_of(asset.vector("scale", Eigen::Vector3d::Ones())));
+      }
+      if (!file.empty()) meshes_.emplace(asset.text("name", stem), std::move(drawn));
+    }
+  }
+
+  /// Reads a child of <worldbody>, of a body, or of a <frame>, that is a body, a frame or, in the
+  /// world, a geom.
+  void read_child(const TiXmlElement& child, const Place& place) {
+    const std::string& kind = child.ValueStr();
+    if (kind == "body") {
+      read_body(child, place);
+    } else if (kind == "frame") {
+      const Place inner = inside(child, place);
+      for (const TiXmlElement* each : document_.children(child)) read_child(*each, inner);
+    } else if (kind == "geom" && place.link == world && !place.moves) {
+      TiXmlElement& link = *robot_.FirstChildElement("link");
+      add_visuals(link, document_.attributes(child, place.childclass), place.frame);
+    }
+  }
+
+  /// Returns the surroundings of the elements in a <frame>.
+  [[nodiscard]] Place inside(const TiXmlElement& frame, Place place) const {
+    const MjcfAttributes a = document_.attributes(frame, "main");
+    const MjcfPose pose = document_.pose(a);
+    place.frame = place.frame * pose;
+    place.in_body = place.in_body * pose;
+    place.childclass = a.text("childclass", place.childclass);
+    return place;
+  }
+
+  void read_content(const TiXmlElement& of, const Place& place, BodyContent& content) const {
+    for (const TiXmlElement* each : document_.children(of)) {
+      const std::string& kind = each->ValueStr();
+      if (kind == "frame") {
+        read_content(*each, inside(*each, place), content);
+      } else if (kind == "joint" || kind == "freejoint") {
+        content.joints.emplace_back(document_.attributes(*each, place.childclass), place.in_body);
+      } else if (kind == "geom") {
+        content.geoms.emplace_back(document_.attributes(*each, place.childclass), place.in_body);
+      } else if (kind == "inertial") {
+        const MjcfAttributes inertial = document_.attributes(*each, "main");
+        if (content.inertial) inertial.refuse("the body has two; remove one");
+        if (of.ValueStr() == "frame") inertial.refuse("it is in a <frame>; put it into the body");
+        content.inertial = inertial;
+      }
+    }
+  }
+
+  static std::string type_of(const MjcfAttributes& joint) {
+    if (joint.element().ValueStr() == "freejoint") return "free";
+    const std::string type = joint.text("type", "hinge");
+    if (type == "hinge" || type == "slide" || type == "free" || type == "ball") return type;
+    joint.refuse(fmt::format("type=\"{:.60}\"; allowed: hinge, slide", type));
+  }
+
+  /// Returns whether a hinge or slide joint is in this body or below it.
+  [[nodiscard]] bool carries_an_arm(const TiXmlElement& of, const std::string& around) const {
+    for (const TiXmlElement* each : document_.children(of)) {
+      const std::string& kind = each->ValueStr();
+      if (kind == "joint") {
+        const std::string type = type_of(document_.attributes(*each, around));
+        if (type == "hinge" || type == "slide") return true;
+      } else if (kind == "body" || kind == "frame") {
+        const char* const inner = each->Attribute("childclass");
+        if (carries_an_arm(*each, inner == nullptr ? around : inner)) return true;
+      }
+    }
+    return false;
+  }
+
+  void read_body(const TiXmlElement& body, const Place& around) {
+    const MjcfAttributes a = document_.attributes(body, "main");
+    Place place = around;
+    place.childclass = a.text("childclass", around.childclass);
+    place.in_body = {};
+    BodyContent content;
+    read_content(body, place, content);
+    const bool free = std::ranges::any_of(content.joints, [](const auto& joint) {
+      return type_of(joint.first) == "free" || type_of(joint.first) == "ball";
+    });
+    if (free && !carries_an_arm(body, place.childclass)) return leave_out(body, a);
+    const std::string link =
+        checked_name(a.text("name", fmt::format("body{}", ++num_bodies_)), links_, body);
+    place.moves = place.moves || !content.joints.empty();
+    MjcfPose at = around.frame * document_.pose(a);
+    place.frame = add_joints(body, link, content, around.link, at);
+    place.link = link;
+    TiXmlElement& made = add_to(robot_, with("link", "name", link));
+    if (place.moves) add_inertial(made, a, content);
+    for (const auto& [geom, frame] : content.geoms) add_visuals(made, geom, frame);
+    for (const TiXmlElement* each : document_.children(body)) read_child(*each, place);
+  }
+
+  /// Leaves a free body out of the robot. Its coordinates stay in the keyframe's.
+  void leave_out(const TiXmlElement& body, const MjcfAttributes& a) {
+    warn(body, fmt::format("body '{}' is free and carries no joint of the robot; it is left out",
+                           a.text("name")));
+    count_coordinates(body);
+  }
+  void count_coordinates(const TiXmlElement& of) {
+    for (const TiXmlElement* each : document_.children(of)) {
+      const std::string& kind = each->ValueStr();
+      if (kind == "freejoint") num_coordinates_ += 7;
+      if (kind == "joint") {
+        num_coordinates_ += type_of(document_.attributes(*each, "main")) == "ball" ? 4 : 7;
+      }
+      if (kind == "body" || kind == "frame") count_coordinates(*each);
+    }
+  }
+
+  /// Returns a name after a check that no other link or joint has it, and that a URDF may have it.
+  std::string checked_name(std::string name, std::set<std::string>& taken, const TiXmlElement& at) {
+    if (!is_urdf_name(name)) {
+      document_.refuse(at, fmt::format("'{:.60}' is not a name; allowed: up to 200 printable "
+                                       "characters, a letter, digit, _ . or / first, no quotes and "
+                                       "none of `\\<>&$;|{{}}[],*?!~^%=",
+                                       base::printable(name)));
+    }
+    if (name == world || taken.contains(name)) {
+      document_.refuse(at, fmt::format("'{}' is there twice; rename one", name));
+    }
+    taken.insert(name);
+    return name;
+  }
+
+  /// Adds the joints of a body, or one that fixes it, with a link between each two of them.
+  /// @param at the body's frame in the link `parent`  @return the body's frame in its link
+  MjcfPose add_joints(const TiXmlElement& body, const std::string& link, const BodyContent& content,
+                      std::string parent, MjcfPose at) {
+    if (content.joints.empty()) {
+      add_joint(checked_name(link + "_mount", joints_, body), "fixed", parent, link, at);
+      return {};
+    }
+    Eigen::Vector3d shift = Eigen::Vector3d::Zero();  // of the link's frame in the body's axes
+    std::size_t k = 0;
+    for (const auto& [joint, frame] : content.joints) {
+      const bool last = ++k == content.joints.size();
+      const Eigen::Vector3d anchor =
+          frame.p + frame.q * joint.vector("pos", Eigen::Vector3d::Zero());
+      const bool ends = last && anchor.isZero(0);
+      const std::string child =
+          ends ? link : checked_name(fmt::format("{}_{}", link, k), links_, body);
+      at.p += at.q * (anchor - shift);
+      read_joint(joint, frame.q, parent, child, at);
+      if (!ends) add_to(robot_, with("link", "name", child));
+      parent = child;
+      shift = anchor;
+      at = {};
+    }
+    if (parent == link) return {};
+    add_joint(checked_name(link + "_mount", joints_, body), "fixed", parent, link,
+              {Eigen::Quaterniond::Identity(), -shift});
+    return {};
+  }
+
+  TiXmlElement& add_joint(const std::string& name, const char* type, const std::string& parent,
+                          const std::string& child, const MjcfPose& at) {
+    TiXmlElement joint = with("joint", "name", name);
+    joint.SetAttribute("type", type);
+    joint.InsertEndChild(with("parent", "link", parent));
+    joint.InsertEndChild(with("child", "link", child));
+    joint.InsertEndChild(origin_of(at));
+    return add_to(robot_, joint);
+  }
+
+  /// Adds a joint between two links. @param at the joint's frame where the joint is at `ref`
+  void read_joint(const MjcfAttributes& joint, const Eigen::Quaterniond& turned,
+                  const std::string& parent, const std::string& child, MjcfPose at) {
+    const std::string type = type_of(joint);
+    const std::string name =
+        checked_name(joint.text("name", child + "_joint"), joints_, joint.element());
+    start_at_.emplace_back(name, num_coordinates_);
+    num_coordinates_ += type == "free" ? 7 : type == "ball" ? 4 : 1;
+    if (type == "free" || type == "ball") {
+      add_joint(name, type == "free" ? "floating" : "ball", parent, child, at);
+      return;
+    }
+    const bool hinge = type == "hinge";
+    const Eigen::Vector3d axis = turned * joint.vector("axis", Eigen::Vector3d::UnitZ());
+    if (axis.norm() < 1e-10) joint.refuse("an axis of length 0; give axis=\"...\"");
+    for (const char* spring : {"stiffness", "springdamper"}) {
+      const auto given = joint.numbers(spring, 1, 3);
+      if (std::ranges::any_of(given, [](double x) { return x != 0; })) {
+        joint.refuse(
+            fmt::format("{}=\"{}\": a spring is not read; remove it", spring, joint.text(spring)));
+      }
+    }
+    const double unit = hinge ? document_.angle_unit() : 1;
+    const double ref = unit * joint.number("ref", 0);
+    if (ref != 0) {
+      const MjcfPose back =
+          hinge ? MjcfPose{rotation_about(axis.normalized(), -ref), {}}
+                : MjcfPose{Eigen::Quaterniond::Identity(), -ref * axis.normalized()};
+      at = at * back;
+    }
+    const auto range = joint.range("range", "limited");
+    TiXmlElement& made = add_joint(name,
+                                   !hinge  ? "prismatic"
+                                   : range ? "revolute"
+                                           : "continuous",
+                                   parent, child, at);
+    made.InsertEndChild(with("axis", "xyz", text_of(axis)));
+    TiXmlElement limit("limit");
+    if (range) {
+      limit.SetAttribute("lower", fmt::format("{}", unit * range->first));
+      limit.SetAttribute("upper", fmt::format("{}", unit * range->second));
+    }
+    if (const auto effort = drives_.effort_of(joint, name)) {
+      limit.SetAttribute("effort", fmt::format("{}", *effort));
+    }
+    made.InsertEndChild(limit);
+    TiXmlElement dynamics("dynamics");
+    for (const auto& [ours, theirs] : {std::pair{"damping", "damping"},
+                                       {"friction", "frictionloss"},
+                                       {"armature", "armature"}}) {
+      dynamics.SetAttribute(ours, fmt::format("{}", joint.coefficient(theirs)));
+    }
+    made.InsertEndChild(dynamics);
+    moving_[name] = {&made, ref};
+  }
+
+  /// Adds the relation q - ref = multiplier (q_other - ref_other) + offset.
+  void add_mimic(const std::string& joint, const MjcfMimic& mimic) {
+    const auto found = moving_.find(joint), other = moving_.find(mimic.joint);
+    if (found == moving_.end() || other == moving_.end()) {
+      document_.refuse(*mimic.equality, "a joint that is no hinge or slide; remove the equality");
+    }
+    TiXmlElement made = with("mimic", "joint", mimic.joint);
+    made.SetAttribute("multiplier", fmt::format("{}", mimic.multiplier));
+    made.SetAttribute("offset", fmt::format("{}", found->second.ref + mimic.offset -
+                                                      mimic.multiplier * other->second.ref));
+    found->second.element->InsertEndChild(made);
+  }
+
+  /// Adds the mass of a body that moves: its <inertial>, or its geoms where <compiler> takes these.
+  void add_inertial(TiXmlElement& link, const MjcfAttributes& body, const BodyContent& content) {
+    const std::string from_geom = document_.compiler().text("inertiafromgeom", "auto");
+    MassProperties mass;
+    if (content.inertial && from_geom != "true") {
+      mass = mass_of_inertial(document_, *content.inertial);
+    } else if (from_geom != "false") {
+      for (const auto& [geom, frame] : content.geoms) {
+        if (!has_mass(document_, geom)) continue;
+        MassProperties each = mass_of_geom(document_, geom);
+        each.p_Bcm = frame.p + frame.q * each.p_Bcm;
+        each.I_Bcm = rotated(each.I_Bcm, frame.q.toRotationMatrix());
+        mass = combine(mass, each);
+      }
+    }
+    mass = corrected(document_, mass);
+    if (mass.mass == 0 && mass.I_Bcm.isZero(0)) return;
+    gravcomp_.emplace_back(document_.where(body.element()), body.number("gravcomp", 0));
+    TiXmlElement inertial("inertial");
+    inertial.InsertEndChild(with("origin", "xyz", text_of(mass.p_Bcm)));
+    inertial.InsertEndChild(with("mass", "value", fmt::format("{}", mass.mass)));
+    TiXmlElement inertia("inertia");
+    for (const auto& [name, i, j] : {std::tuple{"ixx", 0, 0},
+                                     {"iyy", 1, 1},
+                                     {"izz", 2, 2},
+                                     {"ixy", 0, 1},
+                                     {"ixz", 0, 2},
+                                     {"iyz", 1, 2}}) {
+      inertia.SetAttribute(name, fmt::format("{}", mass.I_Bcm(i, j)));
+    }
+    inertial.InsertEndChild(inertia);
+    link.InsertEndChild(inertial);
+  }
+
+  /// Adds the pictures of a geom in the groups that MuJoCo shows at first.
+  void add_visuals(TiXmlElement& link, const MjcfAttributes& geom, const MjcfPose& frame) {
+    constexpr double last_shown = 2;
+    if (geom.number("group", 0) > last_shown) return;
+    const MjcfShape shape = shape_of(document_, geom);
+    const MjcfPose at = frame * shape.pose;
+    const Eigen::Vector3d& size = shape.size;
+    const auto add = [&](const TiXmlElement& drawn, const MjcfPose& where) {
+      TiXmlElement visual("visual"), geometry("geometry");
+      visual.InsertEndChild(origin_of(where));
+      geometry.InsertEndChild(drawn);
+      visual.InsertEndChild(geometry);
+      const auto colour = colours_.find(geom.text("material"));
+      const std::string rgba = geom.text("rgba", colour == colours_.end() ? "" : colour->second);
+      if (!rgba.empty()) {
+        TiXmlElement material = with("material", "name", "");
+        material.InsertEndChild(with("color", "rgba", rgba));
+        visual.InsertEndChild(material);
+      }
+      link.InsertEndChild(visual);
+    };
+    if (geom.has("mesh")) {
+      const auto mesh = meshes_.find(geom.text("mesh"));
+      if (mesh != meshes_.end()) add(mesh->second, at);
+    } else if (shape.type == "box") {
+      add(with("box", "size", text_of(2 * size)), at);
+    } else if (shape.type == "sphere") {
+      add(with("sphere", "radius", fmt::format("{}", size[0])), at);
+    } else if (shape.type == "cylinder" || shape.type == "capsule") {
+      TiXmlElement cylinder = with("cylinder", "radius", fmt::format("{}", size[0]));
+      cylinder.SetAttribute("length", fmt::format("{}", 2 * size[1]));
+      add(cylinder, at);
+      if (shape.type == "cylinder") return;
+      for (const double end : {-size[1], size[1]}) {
+        add(with("sphere", "radius", fmt::format("{}", size[0])),
+            at * MjcfPose{Eigen::Quaterniond::Identity(), {0, 0, end}});
+      }
+    }
+  }
+
+  /// Reads the posture of the keyframe "home", or else of the first.
+  void read_keyframe() {
+    std::optional<MjcfAttributes> chosen;
+    for (const TiXmlElement* each : document_.in_sections("keyframe")) {
+      if (each->ValueStr() != "key") document_.refuse(*each, "<keyframe> has <key> alone");
+      const MjcfAttributes key = document_.attributes(*each, "main");
+      if (key.has("qpos") && (!chosen || key.text("name") == "home")) chosen = key;
+    }
+    if (!chosen) return;
+    const auto qpos = chosen->numbers("qpos", num_coordinates_, num_coordinates_);
+    for (const auto& [joint, at] : start_at_) made_.start[joint] = qpos[at];
+  }
+
+  /// Notes whether the simulator carries the whole weight. Warns where it carries a part of it.
+  void compare_gravcomp() {
+    const auto full = [](const auto& each) { return each.second == 1; };
+    const auto none = [](const auto& each) { return each.second == 0; };
+    made_.adds_gravity = !gravcomp_.empty() && std::ranges::all_of(gravcomp_, full);
+    if (made_.adds_gravity || std::ranges::all_of(gravcomp_, none)) return;
+    const auto part = std::ranges::find_if_not(gravcomp_, none);
+    made_.warnings.push_back(
+        fmt::format("{}: gravcomp=\"{}\" is not read: not all bodies that move have 1", part->first,
+                    part->second));
+  }
+
+  MjcfDocument document_;
+  MjcfDrives drives_;
+  TiXmlElement robot_{"robot"};
+  Description made_;
+  std::map<std::string, TiXmlElement> meshes_;  ///< by asset's name, as URDF draws them
+  std::map<std::string, std::string> colours_;  ///< rgba by material
+  std::set<std::string> links_, joints_;
+  std::map<std::string, Moving> moving_;                       ///< hinges and slides
+  std::vector<std::pair<std::string, std::size_t>> start_at_;  ///< place of joints in qpos
+  std::vector<std::pair<std::string, double>> gravcomp_;       ///< place and value of each body
+  std::size_t num_coordinates_ = 0;                            ///< of qpos
+  int num_bodies_ = 0;
+};
+
+}  // namespace
+
+bool is_mjcf(std::string_view text) {
+  for (std::size_t at = text.find('<'); at != std::string_view::npos; at = text.find('<', at + 1)) {
+    std::string_view rest = text.substr(at);
+    if (rest.starts_with("<!--")) {
+      at = text.find("-->", at);
+      if (at == std::string_view::npos) return false;
+    } else if (!rest.starts_with("<?") && !rest.starts_with("<!")) {
+      constexpr std::string_view root = "<mujoco";
+      return rest.starts_with(root) && rest.size() > root.size() &&
+             std::string_view(" \t\r\n/>").find(rest[root.size()]) != std::string_view::npos;
+    }
+  }
+  return false;
+}
+
+Description description_of_mjcf(const std::string& text, const std::string& source,
+                                const IncludedText& included) {
+  return Converter(text, source, included).description();
+}
+
+}  // namespace tachless::robot

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "base/quantities.h"
+#include "plant/arm_state.h"
+
+namespace tachless::plant {
+
+/// Mechanics of a robot that a program steps, in the place of the emulator's own. The encoders,
+/// drives, delays, noise, limits and the protective stop of the scenario stay around them. Time is
+/// the run's: the mechanics move when `advance` asks, in lock-step and in realtime. Joints are in
+/// the order and units of the scenario's robot. All calls come from one thread.
+class Simulator {
+ public:
+  virtual ~Simulator() = default;
+
+  /// Sets the time to 0 and the joints to this state, everything else to its own start. Called once
+  /// at the beginning of each run.
+  virtual void reset(const ArmState& initial) = 0;
+
+  /// Returns positions and velocities of the joints now. `disturbance` may have torques that no
+  /// drive gives, such as those of contacts; only the log uses it.
+  [[nodiscard]] virtual ArmState state() = 0;
+
+  /// Holds `tau` [N m; N] on the joints until the time `until_s` of the run. A tick is one call, or
+  /// two with plant.drive.delay_fraction. The same calls have to give the same bits: a log is then
+  /// the same each time.
+  /// @throw std::runtime_error when the mechanics cannot go on; the run ends by a protective stop
+  virtual void advance(const Vector& tau, double until_s) = 0;
+
+  /// Adds viscous braking [N m s/rad; N s/m] to the joints from now on: the protective stop. `tau`
+  /// is 0 then.
+  virtual void brake(const Vector& damping) = 0;
+};
+
+}  // namespace tachless::plant

@@ -1,0 +1,174 @@
+// MuJoCo in the place of the emulator's mechanics, against these mechanics.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "controller/registry.h"
+#include "in_process/in_process_loop.h"
+#include "scenario/scenario.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::plant {
+namespace {
+
+using in_process::TickRecord;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+/// An arm of three joints with armature and damping; `more` is beside its bodies.
+std::string arm(const std::string& more = "", const std::string& mass = "2") {
+  return R"(<mujoco model="arm">
+  <compiler angle="radian" autolimits="true"/>
+  <option timestep="0.001"/>
+  <default><joint armature="0.05" damping="0.2"/></default>
+  <worldbody>)" +
+         more + R"(
+    <body name="base" pos="0 0 0.6">
+      <joint name="yaw" axis="0 0 1"/>
+      <inertial pos="0 0 0.05" mass="1" diaginertia="0.01 0.01 0.01"/>
+      <body name="upper" pos="0 0 0.1">
+        <joint name="shoulder" axis="0 1 0"/>
+        <inertial pos="0.01 0 0.15" mass=")" +
+         mass + R"(" diaginertia="0.02 0.02 0.005"/>
+        <body name="lower" pos="0 0 0.3">
+          <joint name="elbow" axis="0 1 0"/>
+          <inertial pos="0 0.01 0.1" mass="1" diaginertia="0.01 0.01 0.003"/>
+          <geom name="tip" type="sphere" size="0.03" pos="0 0 0.25"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>)";
+}
+
+constexpr const char* scenario_text = R"(name: mujoco
+robot: {name: arm, urdf: arm.xml, joints: rigid}
+plant: {initial: {position_rad: [0, 0.3, 0.5], torque: hold}}
+reference:
+  point_to_point: {from_rad: [0, 0.3, 0.5], to_rad: [0.4, 0.6, 0.9], start_s: 0.05, duration_s: 0.4}
+controller:
+  law: loria_ortega_rigid
+  gains: {kp: [200, 200, 80], kd: [20, 20, 8], a: [100, 100, 100], b: [100, 100, 100]}
+  filter: tustin
+  feedforward_lead: half_tick_plus_delay
+loop: {mode: lockstep, period_s: 0.001, duration_s: 0.5, command_delay: 1}
+)";
+
+class MujocoPlant : public testing::Test {
+ protected:
+  MujocoPlant() {
+    setenv("TACHLESS_MUJOCO", TACHLESS_BINARY_DIR "/lib/tachless/mujoco.so", 1);
+    write("arm.xml", arm());
+    write("arm.yaml", scenario_text);
+  }
+  void write(const char* name, const std::string& text) const {
+    std::ofstream(directory_ / name) << text;
+  }
+  std::vector<TickRecord> records(const std::vector<std::string>& settings) const {
+    std::vector<TickRecord> all;
+    in_process::run_in_process(scenario::load_scenario(directory_ / "arm.yaml", settings),
+                               [&](const TickRecord& record) {
+                                 all.push_back(record);
+                                 return true;
+                               });
+    return all;
+  }
+  std::string refusal(const std::vector<std::string>& settings) const {
+    try {
+      records(settings);
+    } catch (const base::Failure& failure) {
+      return failure.what();
+    }
+    return "accepted";
+  }
+  /// Returns the largest difference of positions from those of this library's mechanics.
+  double error(const std::vector<std::string>& settings) const {
+    const auto ours = records({"plant.mechanics=native", "plant.integrator.accuracy=1e-13"});
+    std::vector<std::string> all = {"plant.mujoco.model=arm.xml"};
+    all.insert(all.end(), settings.begin(), settings.end());
+    const auto theirs = records(all);
+    double worst = 0;
+    for (std::size_t k = 0; k < ours.size(); ++k) {
+      worst = std::max(worst, (ours[k].truth.q - theirs[k].truth.q).cwiseAbs().maxCoeff());
+    }
+    return worst;
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(MujocoPlant, ByRungeKuttaMovesAsTheEmulatorToTenDigits) {
+  EXPECT_LT(error({"plant.mujoco.integrator=rk4"}), 1e-10);
+}
+
+TEST_F(MujocoPlant, ByEulerHasAnErrorThatHalvesWithTheStep) {
+  const std::string euler = "plant.mujoco.integrator=euler";
+  const double one = error({euler, "plant.mujoco.step_s=0.001"}),
+               half = error({euler, "plant.mujoco.step_s=0.0005"});
+  EXPECT_NEAR(one / half, 2, 0.02);
+}
+
+TEST_F(MujocoPlant, GivesTheSameBitsEachTime) {
+  const std::vector<std::string> settings = {"plant.mujoco.model=arm.xml",
+                                             "plant.encoder.noise_std_rad=1e-5"};
+  const auto once = records(settings), again = records(settings);
+  ASSERT_EQ(once.size(), 500U);
+  for (std::size_t k = 0; k < once.size(); ++k) {
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_EQ(std::memcmp(&once[k].truth.q[i], &again[k].truth.q[i], sizeof(double)), 0) << k;
+    }
+  }
+}
+
+TEST_F(MujocoPlant, FeelsAWallThatIsInTheLog) {
+  write("scene.xml", arm(R"(<geom name="wall" type="box" size="0.02 1 1" pos="0.55 0 1"/>)"));
+  const auto free = records({"plant.mujoco.model=arm.xml"}),
+             stopped = records({"plant.mujoco.model=scene.xml"});
+  EXPECT_EQ(free.back().truth.disturbance.cwiseAbs().maxCoeff(), 0);
+  double pushed = 0;
+  for (const TickRecord& each : stopped) {
+    pushed = std::max(pushed, each.truth.disturbance.cwiseAbs().maxCoeff());
+  }
+  EXPECT_GT(pushed, 1);
+  EXPECT_GT((free.back().truth.q - stopped.back().truth.q).norm(), 0.01);
+}
+
+TEST_F(MujocoPlant, RefusesAnotherRobotWithItsNumbers) {
+  write("heavy.xml", arm("", "2.2"));
+  EXPECT_THAT(refusal({"plant.mujoco.model=heavy.xml"}),
+              AllOf(HasSubstr("another robot than arm.xml"), HasSubstr("in the model"),
+                    HasSubstr("plant.mujoco.may_differ")));
+  EXPECT_EQ(refusal({"plant.mujoco.model=heavy.xml", "plant.mujoco.may_differ=true"}), "accepted");
+}
+
+TEST_F(MujocoPlant, RefusesWhatDoesNotFit) {
+  write("other.xml",
+        "<mujoco><worldbody><body><joint name='a'/><geom size='1'/></body></worldbody>"
+        "</mujoco>");
+  EXPECT_THAT(refusal({"plant.mujoco.model=other.xml"}), HasSubstr("no joint \"yaw\""));
+  EXPECT_THAT(refusal({"plant.mujoco.model=none.xml"}), HasSubstr("none.xml"));
+  EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml", "plant.mujoco.keyframe=home"}),
+              HasSubstr("no keyframe \"home\""));
+  EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml", "plant.payload.mass_kg=1"}),
+              HasSubstr("a simulator has its own mechanics"));
+  setenv("TACHLESS_MUJOCO", "/none/mujoco.so", 1);
+  EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml"}), HasSubstr("no module for MuJoCo"));
+}
+
+TEST_F(MujocoPlant, ThatRunsAwayEndsTheRun) {
+  EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml", "controller.gains.kp=1e9",
+                       "controller.gains.kd=1e7", "plant.on_limit=warn"}),
+              HasSubstr("at tick"));
+}
+
+}  // namespace
+}  // namespace tachless::plant
