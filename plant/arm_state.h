@@ -18,6 +18,9 @@ struct ArmState {
   Vector torque{};
   /// The robot's own time since an arbitrary instant [s]; NaN: the robot tells none.
   double time_s = std::numeric_limits<double>::quiet_NaN();
+  /// True: the robot did not answer in time, and nothing else of the state counts. The tick is a
+  /// missed one.
+  bool missing = false;
 };
 
 }  // namespace tachless::plant

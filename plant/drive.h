@@ -87,11 +87,18 @@ class Drive {
   [[nodiscard]] const AppliedTorque& applied() const { return applied_; }
 
   void end_tick() {
-    const std::size_t last = now_;
-    now_ = (now_ + 1) % num_slots_;
-    accepted_[now_] = accepted_[last];
+    shift();
     before_ = sent();
     ++tick_;
+    act();
+  }
+
+  /// Lets ticks pass in which nothing was sent and the robot held the last torque. Call it between
+  /// `end_tick` and `applied`.
+  void skip(std::int64_t ticks) {
+    const auto shifts = std::min(ticks, static_cast<std::int64_t>(num_slots_));
+    for (std::int64_t i = 0; i < shifts; ++i) shift();
+    tick_ += ticks;
     act();
   }
 
@@ -106,6 +113,13 @@ class Drive {
   }
 
  private:
+  /// Begins the next slot with the last command.
+  void shift() {
+    const std::size_t last = now_;
+    now_ = (now_ + 1) % num_slots_;
+    accepted_[now_] = accepted_[last];
+  }
+
   void act() {
     // The oldest slot was accepted command_delay + jitter ticks ago.
     const auto younger =

@@ -191,25 +191,50 @@ void GuardedRobot::require_period() {
                             base::shortest(period_s), actual_s);
 }
 
+ArmState GuardedRobot::ask_driver(std::int64_t tick) {
+  if (emulated()) return driver_.read();
+  for (int missed = 0; missed <= scenario_.loop.max_missed; ++missed) {
+    ArmState state = base::call_users(driver_name, [&] { return driver_.read(); });
+    if (!state.missing || tick >= 0) return state;
+  }
+  throw Failure(ExitCode::bad_usage,
+                "the driver had no reading of the robot {} times in a row before the start; see "
+                "whether the robot is on and connected",
+                scenario_.loop.max_missed + 1);
+}
+
+std::int64_t GuardedRobot::own_tick(std::int64_t tick) {
+  if (emulated() || !is_clock() || tick < 0) return tick;
+  if (tick == 0) origin_s_ = state_.time_s;
+  // Counted from the origin, so that a time with jitter does not add ticks again and again.
+  const double periods = (state_.time_s - origin_s_) / scenario_.loop.period_s;
+  if (!std::isfinite(periods)) return tick;
+  constexpr double most = 1e12;  // the clock's rate is watched elsewhere
+  return std::max<std::int64_t>(tick, std::llround(std::clamp(periods, 0.0, most)));
+}
+
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   const auto asked = emulated() ? Clock::time_point() : Clock::now();
-  const ArmState before = std::exchange(
-      state_,
-      emulated() ? driver_.read() : base::call_users(driver_name, [&] { return driver_.read(); }));
+  const ArmState now = ask_driver(tick);
+  tick_ = tick;
+  missing_ = now.missing;
+  if (missing_) return state_;
+  const ArmState before = std::exchange(state_, now);
   if (!emulated()) {
     require_sound(tick);
     apply_conventions();
     if (!stopped_) require_time(before, tick);
   }
+  tick_ = tick = own_tick(tick);
   if (driver_.measures_velocity()) {
     speed_ = state_.v;
   } else {
     measure_speed(asked);
   }
   if (own_torque_) drive_.set_added(own_torque_->at(state_.q, speed_));
-  const std::int64_t now = std::max<std::int64_t>(tick, 0);
-  past_[now] = state_;
-  sensed_ = std::max<std::int64_t>(now - past_.size() + 1, 0);
+  const std::int64_t newest = std::max<std::int64_t>(tick, 0);
+  past_[newest] = state_;
+  sensed_ = std::max<std::int64_t>(newest - past_.size() + 1, 0);
   watch_limits(tick);
   if (trajectory_ && tick >= 0 && !stopped_) watch_following(tick);
   return state_;
@@ -358,6 +383,10 @@ void GuardedRobot::try_to_stop() noexcept {
     driver_.stop();
     driver_stopped_ = true;
     if (!emulated()) base::give_notice(base::Notice::robot_stopped);
+  } catch (const StopsByItself& problem) {
+    driver_stopped_ = true;
+    unconfirmed_ = problem.what();
+    base::give_notice(base::Notice::robot_stopped);
   } catch (...) {
     ++failed_stops_;
     try {
@@ -367,7 +396,17 @@ void GuardedRobot::try_to_stop() noexcept {
   }
 }
 
+std::vector<DriverFigure> GuardedRobot::figures() const {
+  if (emulated()) return {};
+  return base::call_users(driver_name, [&] { return driver_.figures(); });
+}
+
 void GuardedRobot::require_stopped(const Failure* cause) const {
+  if (!unconfirmed_.empty()) {
+    throw Failure(cause != nullptr ? cause->code() : ExitCode::protective_stop,
+                  "{}the robot's stop is not confirmed, but the robot stops by itself: {}",
+                  cause != nullptr ? cause->what() + std::string("; ") : "", unconfirmed_);
+  }
   if (failed_stops_ == 0) return;
   const std::string problem =
       fmt::format("the driver's stop failed, attempts: {}, {}", failed_stops_, stop_problem_);
@@ -379,7 +418,7 @@ void GuardedRobot::require_stopped(const Failure* cause) const {
 
 bool GuardedRobot::at_rest() const {
   constexpr double standstill = 1e-3;  // [rad/s; m/s]
-  return (state_.v.array().abs() < standstill).all() &&
+  return !missing_ && (state_.v.array().abs() < standstill).all() &&
          (state_.thetadot.array().abs() < standstill).all();
 }
 

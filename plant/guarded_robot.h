@@ -53,6 +53,9 @@ class GuardedRobot {
 
   [[nodiscard]] bool is_clock() const { return driver_.is_clock(); }
 
+  /// Returns true from `start` on, unless in a dry run.
+  [[nodiscard]] bool has_started() const { return started_; }
+
   /// Chooses the measurement with that channel suffix for the law.
   /// @throw base::Failure(bad_usage) when the robot does not measure it,
   /// (protocol_violated) when there is no such measurement.
@@ -65,14 +68,20 @@ class GuardedRobot {
   void start();
   static constexpr double start_tolerance = 0.01;  ///< [rad; m]
 
-  /// Reads the state at the beginning of `tick`. With plant.on_limit: warn, an emulated joint
-  /// beyond its range or speed causes one warning and no failure. A robot that does not measure
-  /// velocity has its speed averaged over at least 20 ms.
+  /// Reads the state at the beginning of `tick`. A robot that is the clock and tells its time may
+  /// be further: `tick()` is then the tick that it is at. A driver may have no reading; `state()`
+  /// is then the last one. Before the start such a reading is repeated, loop.max_missed times. With
+  /// plant.on_limit: warn, an emulated joint beyond its range or speed causes one warning and no
+  /// failure. A robot that does not measure velocity has its speed averaged over at least 20 ms.
   /// @throw base::Failure(protective_stop) when a real robot's state is not finite, or has another
   /// number of joints than the scenario. Unless the robot has stopped, also when a joint is outside
   /// of its range, too fast, or too far from its reference (plant.following_error_rad).
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< last state read
+  /// Returns false if the robot gave no state at the last `read`.
+  [[nodiscard]] bool has_reading() const { return !missing_; }
+  /// Returns the tick of the last `read`: the given one, or a later one by the robot's own time.
+  [[nodiscard]] std::int64_t tick() const { return tick_; }
   /// Returns the encoders' readings of the measurement that `feed` chose. An emulated robot's
   /// readings are plant.encoder.latency_ticks old. The result is valid until the next call.
   /// @throw base::Failure(protective_stop) when a reading is not finite.
@@ -90,6 +99,8 @@ class GuardedRobot {
   std::chrono::nanoseconds advance(std::int64_t tick);
   /// Ends the tick of the drives.
   void end_tick() { drive_.end_tick(); }
+  /// Lets ticks pass that the robot held the last torque without an answer.
+  void skip(std::int64_t ticks) { drive_.skip(ticks); }
 
   /// Stops the robot, which then gets no torque and brakes. The call makes up to `stop_attempts`
   /// attempts while the driver's stop throws. Each later `advance` makes one more.
@@ -98,12 +109,21 @@ class GuardedRobot {
   /// Writes a warning when the driver's stop has thrown before it succeeded.
   /// @param cause the reason for the stop; null at the end of the run
   /// @throw base::Failure when the stop has not succeeded, with the words and exit code of `cause`,
-  /// or else protective_stop.
+  /// or else protective_stop; also when nobody could confirm the stop.
   void require_stopped(const base::Failure* cause = nullptr) const;
-  /// Returns true if every joint and motor was slower than 1 mrad/s (mm/s) at the last reading.
+  /// Returns the driver's own figures; none of the emulator.
+  [[nodiscard]] std::vector<DriverFigure> figures() const;
+  /// Returns true if there was a reading, and every joint and motor was slower than 1 mrad/s
+  /// (mm/s).
   [[nodiscard]] bool at_rest() const;
 
  private:
+  /// Asks the driver for a state. @throw base::Failure(bad_usage) when there is none before the
+  /// start
+  ArmState ask_driver(std::int64_t tick);
+  /// Returns the tick at which the robot measured `state_`, by its own time since tick 0.
+  /// @param tick the tick that follows the last one
+  std::int64_t own_tick(std::int64_t tick);
   void require_start() const;
   void require_period();
   /// Converts `state_` from the driver's coordinates to the scenario's.
@@ -142,12 +162,16 @@ class GuardedRobot {
   SpeedMeter meter_;
   base::TickRing<ArmState> past_;  ///< states of the last ticks
   std::int64_t sensed_ = 0;        ///< tick of the state that the encoders read
+  std::int64_t tick_ = -1;         ///< of the last `read`
+  double origin_s_ = 0;            ///< the robot's own time at tick 0
+  bool missing_ = false;           ///< the last `read` had no state
   std::array<bool, max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;
   bool driver_stopped_ = false;  ///< the driver's stop has returned
   int failed_stops_ = 0;
   std::string stop_problem_;  ///< message of the last stop that failed
+  std::string unconfirmed_;   ///< the robot stops by itself for this reason; else empty
 };
 
 }  // namespace tachless::plant

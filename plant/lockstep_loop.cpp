@@ -61,6 +61,7 @@ class LockstepLoop : PlantLoop {
  private:
   void begin_tick() {
     const std::int64_t k = tick_master_.next_tick();
+    robot_.read(k);
     const Request request = publish_request(stamp(k));
     tick_master_.on_asked(request.sent);
     sent_->put(k, measurement_kind, request.measurement);

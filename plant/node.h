@@ -1,6 +1,8 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
+#include <memory>
 
 #include "plant/robot_driver.h"
 #include "plant/simulator.h"
@@ -30,5 +32,13 @@ void run_simulator(const scenario::Scenario& scenario, session::Session& session
 /// the scenario begins, or does not measure what the law needs) and protective_stop (a joint
 /// outside of its range, or whatever the driver says).
 void run_driver(const scenario::Scenario& scenario, session::Session& session, RobotDriver& driver);
+
+/// Makes the driver of a scenario's robot.
+using MakeDriver = std::function<std::unique_ptr<RobotDriver>(const scenario::Scenario&)>;
+
+/// Implements `main` of a driver's program. It makes the driver once, before it waits for the other
+/// processes, and ends it last: the driver's `rest` is called until then. An exception of `make` is
+/// the driver's failure: its text and exit code 2, or its own code if it is a base::Failure.
+int driver_program(int argc, const char* const* argv, const MakeDriver& make);
 
 }  // namespace tachless::plant

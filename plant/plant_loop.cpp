@@ -1,12 +1,15 @@
 #include "plant/plant_loop.h"
 
 #include <cmath>
+#include <exception>
 
 #include "base/failure.h"
 #include "base/logging.h"
 #include "plant/node.h"
 #include "plant/truth_of.h"
+#include "session/options.h"
 #include "session/run_info.h"
+#include "session/run_role.h"
 
 namespace tachless::plant {
 namespace {
@@ -20,6 +23,27 @@ void run_emulated(const scenario::Scenario& scenario, session::Session& session,
     run_realtime(scenario, session, nullptr, simulator);
   } else {
     run_lockstep(scenario, session, simulator);
+  }
+}
+
+/// @throw Failure(bad_usage) in lock-step
+void require_realtime(const scenario::Scenario& scenario) {
+  if (scenario.loop.mode == scenario::Mode::realtime) return;
+  throw scenario.complaint("loop.mode",
+                           "lockstep; a real robot does not wait, so only realtime is allowed");
+}
+
+/// Returns what `make` makes. Nothing has moved yet: whatever it throws is bad usage.
+std::unique_ptr<RobotDriver> made_driver(const scenario::Scenario& scenario,
+                                         const MakeDriver& make) {
+  try {
+    return make(scenario);
+  } catch (const Failure&) {
+    throw;
+  } catch (const std::exception& thrown) {
+    throw base::bad_usage("the driver threw: {}", thrown.what());
+  } catch (...) {
+    throw base::bad_usage("the driver threw an exception that is no std::exception");
   }
 }
 
@@ -59,12 +83,14 @@ messages::Stamp PlantLoop::stamp(std::int64_t tick) const {
 
 PlantLoop::Request PlantLoop::publish_request(const messages::Stamp& tick_stamp) {
   const std::int64_t k = tick_stamp.tick;
-  robot_.read(k);
   Request request;
-  const messages::AnyMeasurement& measurement = robot_.measure(k);
   request.sent = base::Clock::now();
-  // The command waits for the measurement, which is published first.
-  request.measurement = session_.publish(*measurement_port_, stamp(k), measurement);
+  if (robot_.has_reading()) {
+    const messages::AnyMeasurement& measurement = robot_.measure(k);
+    request.sent = base::Clock::now();
+    // The command waits for the measurement, which is published first.
+    request.measurement = session_.publish(*measurement_port_, stamp(k), measurement);
+  }
   request.tick = session_.publish(tick_port_, tick_stamp,
                                   messages::Tick{.last = k + 1 == scenario_.loop.num_ticks});
   return request;
@@ -79,6 +105,7 @@ PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::Dr
     statistics.saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
     statistics.beyond_limit_ticks[joint] += robot_.beyond_limit()[joint] ? 1 : 0;
   }
+  if (!robot_.has_reading()) return {};
   if (!messages::all_finite(truth)) throw not_finite(tick);
   return session_.publish(truth_port_, stamp(tick), truth);
 }
@@ -111,11 +138,26 @@ void run_simulator(const scenario::Scenario& scenario, session::Session& session
 
 void run_driver(const scenario::Scenario& scenario, session::Session& session,
                 RobotDriver& driver) {
-  if (scenario.loop.mode != scenario::Mode::realtime) {
-    throw scenario.complaint("loop.mode",
-                             "lockstep; a real robot does not wait, so only realtime is allowed");
-  }
+  require_realtime(scenario);
+  // The caller's driver may end before the session.
+  const struct EndOfRest {
+    session::Session& session;
+    ~EndOfRest() { session.while_attending({}, {}); }
+  } end_of_rest{session};
   run_realtime(scenario, session, &driver, nullptr);
+}
+
+int driver_program(int argc, const char* const* argv, const MakeDriver& make) {
+  constexpr auto role = messages::Role::plant;
+  return session::run_process(role, argc, argv, [&](const session::ProcessOptions& options) {
+    std::unique_ptr<RobotDriver> driver;  // outlives the session, which lets it rest
+    return session::run_role(role, options,
+                             [&](const scenario::Scenario& scenario, session::Session& session) {
+                               require_realtime(scenario);
+                               driver = made_driver(scenario, make);
+                               run_realtime(scenario, session, driver.get(), nullptr);
+                             });
+  });
 }
 
 }  // namespace tachless::plant

@@ -42,12 +42,13 @@ class PlantLoop {
     Time sent;
     Bytes measurement, tick;
   };
-  /// Reads the robot and publishes its measurement and TICK with that stamp. The bytes are valid
-  /// until the next call.
+  /// Publishes TICK with that stamp and the measurement of the robot's last reading. A tick without
+  /// a reading has TICK alone. The bytes are valid until the next call.
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Request publish_request(const messages::Stamp& tick_stamp);
   /// Publishes the robot's state at the beginning of the tick and the torque over it. Counts
-  /// saturation, so once a tick. @return the bytes, valid until the next call
+  /// saturation, so once a tick. A tick without a reading has no state and no TRUTH.
+  /// @return the bytes, valid until the next call
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Bytes publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
   /// Announces and counts the tick as over.

@@ -8,6 +8,7 @@
 
 #include "base/clock.h"
 #include "base/failure.h"
+#include "base/logging.h"
 #include "base/text.h"
 #include "messages/wire.h"
 #include "plant/clock_rate.h"
@@ -41,6 +42,7 @@ class RealtimeLoop : PlantLoop {
   RealtimeLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver,
                Simulator* simulator)
       : PlantLoop(scenario, session, driver, simulator),
+        driver_(driver),
         commands_(scenario.loop.max_missed),
         clock_rate_(scenario.loop.period_s, base::seconds_of(longest_hold())) {
     session_.on(
@@ -62,7 +64,7 @@ class RealtimeLoop : PlantLoop {
       robot_.start();
       start();
       for (tick_ = 0; tick_ < scenario_.loop.num_ticks; ++tick_) {
-        begin_tick();
+        if (!begin_tick()) break;
         receive_until(end_of_tick());
         end_tick();
       }
@@ -70,10 +72,12 @@ class RealtimeLoop : PlantLoop {
       robot_.stop();  // the robot stops before anything else
       const Failure failure = base::current_failure();
       come_to_rest(failure);
+      end_driver();
       robot_.require_stopped(&failure);
       throw;
     }
     robot_.stop();
+    end_driver();
     robot_.require_stopped();
     session_.leave();
     judge_deadlines();
@@ -90,6 +94,31 @@ class RealtimeLoop : PlantLoop {
     }
     // Late ticks in immediate succession would all miss their commands.
     return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds_of(scenario_.loop.period_s / 2));
+  }
+
+  /// Notes the driver's figures, and lets its robot rest until the process ends.
+  void end_driver() {
+    if (driver_ == nullptr) return;
+    try {
+      for (const DriverFigure& figure : robot_.figures()) {
+        session_.statistics().plant().driver[figure.name] = figure.value;
+      }
+    } catch (const Failure& problem) {
+      base::log_warning("the driver's figures are missing: {}", problem.what());
+    }
+    if (!robot_.has_started()) return;
+    const double end_s = static_cast<double>(tick_ + 1) * scenario_.loop.period_s;
+    session_.while_attending(nanoseconds_of(scenario_.loop.period_s),
+                             [driver = driver_, end_s, failed = false]() mutable {
+                               if (failed) return;
+                               try {
+                                 driver->rest(end_s);
+                               } catch (...) {
+                                 failed = true;
+                                 base::log_warning("the driver's rest failed after the run: {}",
+                                                   base::current_failure().what());
+                               }
+                             });
   }
 
   /// Judges the share of missed deadlines. The run and its log are complete in either case.
@@ -149,14 +178,22 @@ class RealtimeLoop : PlantLoop {
   }
 
   /// @throw Failure(protective_stop) when the driver's time runs at another speed than the clock
-  void watch_time() {
-    if (robot_.emulated()) return;
-    const auto window = clock_rate_.add(robot_.state().time_s, tick_began_, asked_);
-    if (!window || window->sound) return;
+  /// @param skipped ticks that passed by the driver's time since the last reading
+  void watch_time(std::int64_t skipped) {
+    if (robot_.emulated() || !robot_.has_reading()) return;
+    const Time now = Clock::now();
+    const auto window = clock_rate_.add(robot_.state().time_s, tick_began_, now);
+    double rate = window && !window->sound ? window->rate : 0;
+    // A time that jumps ahead must not end the run before a window has ended.
+    const double own_s = static_cast<double>(tick_) * scenario_.loop.period_s;
+    const double passed_s = base::seconds_of(now - start_);
+    const double late_s = ClockRate::window_s + base::seconds_of(longest_hold());
+    if (skipped > 0 && own_s > ClockRate::factor * passed_s + late_s) rate = own_s / passed_s;
+    if (rate == 0) return;
     throw protective_stop(fmt::format(
         "the driver's time ran {:.3g} times as fast as this computer's clock: speeds cannot be "
         "watched; give ArmState::time_s in seconds, or leave it out",
-        window->rate));
+        rate));
   }
 
   void start() {
@@ -165,39 +202,62 @@ class RealtimeLoop : PlantLoop {
     while (Clock::now() < start_) session_.receive(start_);
   }
 
-  void begin_tick() {
+  /// @return false if the run's last tick has passed, by the robot's own time
+  bool begin_tick() {
     tick_began_ = Clock::now();
+    const std::int64_t skipped = read();
+    watch_time(skipped);
+    note_wake_up(tick_began_, skipped);
+    require_commands();
+    if (tick_ >= scenario_.loop.num_ticks) return false;
     ask(tick_began_);
-    watch_time();
-    note_wake_up(tick_began_);
     if (scenario_.loop.command_delay > 0) {
       act(held_ ? DriveFault::command_missed : DriveFault::none);
     }
+    return true;
   }
 
-  void note_wake_up(Time now) {
+  /// Reads the robot, and lets the ticks pass that it had by its own time without an answer.
+  /// @return their number
+  std::int64_t read() {
+    robot_.read(tick_);
+    const std::int64_t skipped = robot_.tick() - tick_;
+    if (skipped > 0) {
+      commands_.skip(skipped);
+      robot_.skip(skipped);
+      held_ = true;
+      tick_ += skipped;
+    }
+    const std::int64_t unread = skipped + (robot_.has_reading() ? 0 : 1);
+    if (std::exchange(was_read_, robot_.has_reading()) || unread == 0) unread_in_a_row_ = 0;
+    unread_in_a_row_ += unread;
+    session::PlantStatistics& statistics = session_.statistics().plant();
+    statistics.missed_readings += unread;
+    statistics.longest_reading_miss = std::max(statistics.longest_reading_miss, unread_in_a_row_);
+    return skipped;
+  }
+
+  void note_wake_up(Time now, std::int64_t skipped) {
     const double period_s = scenario_.loop.period_s;
     std::chrono::nanoseconds late = now - deadline(tick_);
-    bool missed = late > nanoseconds_of(period_s);
+    std::int64_t missed = late > nanoseconds_of(period_s) ? 1 : 0;
     if (robot_.is_clock()) {
-      const double of_robot_s =
-          robot_.state().time_s - std::exchange(time_s_, robot_.state().time_s);
       const auto passed = now - std::exchange(last_began_, now);
-      late = tick_ == 0 ? 0ns : std::chrono::abs(passed - nanoseconds_of(period_s));
-      const double gap_s =
-          std::isfinite(of_robot_s) ? of_robot_s : std::chrono::duration<double>(passed).count();
-      missed = tick_ > 0 && gap_s > 1.5 * period_s;
+      const auto planned = nanoseconds_of(static_cast<double>(skipped + 1) * period_s);
+      late = tick_ == 0 ? 0ns : std::chrono::abs(passed - planned);
+      // Without the robot's time nobody knows how many ticks were lost.
+      const bool timed = std::isfinite(robot_.state().time_s);
+      const bool long_tick = tick_ > 0 && passed > nanoseconds_of(1.5 * period_s);
+      missed = timed ? skipped : std::int64_t{long_tick};
+      late_in_a_row_ = timed ? 0 : late_in_a_row_;
     }
     session::PlantStatistics& statistics = session_.statistics().plant();
     statistics.wake_up_jitter_us.add(late);
     if (commands_.missed_in_a_row() == 0) longest_delay_ = 0ns;
     longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
-    if (missed) {
-      ++statistics.missed_deadlines;
-      statistics.longest_miss = std::max(statistics.longest_miss, ++late_in_a_row_);
-    } else {
-      late_in_a_row_ = 0;
-    }
+    statistics.missed_deadlines += missed;
+    late_in_a_row_ = missed > 0 ? late_in_a_row_ + missed : 0;
+    statistics.longest_miss = std::max(statistics.longest_miss, late_in_a_row_);
   }
 
   void ask(Time now) {
@@ -270,6 +330,11 @@ class RealtimeLoop : PlantLoop {
     statistics.missed_commands = commands_.missed();
     statistics.longest_command_miss = commands_.longest_miss();
     note_completed(tick_);
+    require_commands();
+  }
+
+  /// @throw Failure(protective_stop) when more than loop.max_missed commands in a row are missing
+  void require_commands() const {
     if (!commands_.has_missed_too_many()) return;
     // The others are not to blame if the plant itself was late.
     const std::string remedy =
@@ -288,6 +353,12 @@ class RealtimeLoop : PlantLoop {
   }
 
   [[nodiscard]] std::string what_is_missing() const {
+    if (unread_in_a_row_ > 0) {
+      return fmt::format(
+          "{} commands in a row are missing, since the driver had no reading of the robot in the "
+          "last {} ticks",
+          commands_.missed_in_a_row(), unread_in_a_row_);
+    }
     return fmt::format("{} commands in a row did not come in time from {}",
                        commands_.missed_in_a_row(),
                        session_.silent_among({Role::controller, Role::reference}));
@@ -309,6 +380,8 @@ class RealtimeLoop : PlantLoop {
           session_.announce_if_due(Clock::now());
         }
         session_.announce_if_due(Clock::now());  // a late loop announces too
+        read();
+        if (tick_ >= end) break;
         ask(Clock::now());
         act(DriveFault::protective_stop);
         note_completed(tick_);
@@ -319,12 +392,12 @@ class RealtimeLoop : PlantLoop {
     }
   }
 
+  RobotDriver* driver_;  ///< null with the emulator
   session::MissedCommandMonitor commands_;
   ClockRate clock_rate_;  ///< of a robot that tells its time
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
   Time last_began_;    ///< of a robot that is the clock: when the tick before did
-  double time_s_ = 0;  ///< and its own time then
   Time asked_;         ///< when the measurement of tick_ was published
   Time commanded_at_;  ///< when the drives last got a torque that had come
   std::int64_t tick_ = -1;
@@ -332,6 +405,8 @@ class RealtimeLoop : PlantLoop {
   bool acted_ = false;  ///< the torque over tick_ is decided, and its TRUTH published
   bool held_ = false;   ///< the command of the last tick is missing
   std::int64_t late_in_a_row_ = 0;
+  std::int64_t unread_in_a_row_ = 0;          ///< ticks without a reading
+  bool was_read_ = true;                      ///< the last tick had a reading
   std::chrono::nanoseconds longest_delay_{};  ///< of own wake-ups since the last command
 };
 

@@ -1,13 +1,31 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "base/failure.h"
 #include "base/quantities.h"
 #include "plant/arm_state.h"
 
 namespace tachless::plant {
 
+/// Thrown by a driver's `stop` where nobody can confirm the stop, for example with a lost link, and
+/// the robot stops by itself. The text names what makes it stop. `stop` is not called again.
+class StopsByItself : public base::Failure {
+ public:
+  explicit StopsByItself(std::string_view what) : Failure(base::ExitCode::protective_stop, what) {}
+};
+
+/// A number that a driver counted or measured in a run, for summary.json and the closing table.
+struct DriverFigure {
+  std::string name;  ///< with its unit: "temperature_joint_3_C"
+  double value = 0;
+};
+
 /// A robot as the loop needs it: the emulator, or the driver of a real one (docs/real_robot.md).
 /// Called from one thread, in this order: `start` once; then, tick by tick, `read` and `hold`;
-/// `stop` once, at the end of every run, good or bad, that came as far as `start`.
+/// `stop` once, at the end of every run, good or bad, that came as far as `start`; then `rest`
+/// about once a tick until the process ends, and `figures` once.
 ///
 /// A driver reports a fault by throwing base::Failure(protective_stop), whose text the user
 /// reads; anything it throws stops the robot. No call but `start` may take long: it is the loop's
@@ -28,7 +46,9 @@ class RobotDriver {
   virtual void start() = 0;
 
   /// Positions now, the beginning of a tick, and velocities (measured, or as well as the driver
-  /// knows them). May be called before `start`.
+  /// knows them). May be called before `start`. A robot that does not answer in time gives a state
+  /// that is `missing`: the last torque is held over the tick, and no law steps. More than
+  /// loop.max_missed in a row are a protective stop. A driver that knows the cause throws before.
   virtual ArmState read() = 0;
 
   /// Motor torque [N m; N if prismatic] from now on, within the limits; without what the arm adds
@@ -38,16 +58,22 @@ class RobotDriver {
   virtual void hold(const Vector& tau, double until_s) = 0;
 
   /// The protective stop, and the end of the run: no torque any more, brakes closed. Returns at
-  /// once, while the robot still comes to rest. Called again if it throws.
+  /// once, while the robot still comes to rest. Called again if it throws, unless it throws
+  /// `StopsByItself`.
   virtual void stop() = 0;
 
-  /// Nothing is sent for a tick: the robot is stopped, or `commission` looks what it does then. For
-  /// an emulator, whose time goes on to `until_s`.
+  /// Replaces `hold` in a tick of a robot that is stopped, or to which `commission` sends nothing.
+  /// After the run it is called about once a tick until the process ends: a driver whose robot
+  /// holds itself by commands keeps it there. An emulator's time goes on to `until_s`.
   virtual void rest(double until_s) { static_cast<void>(until_s); }
+
+  /// Returns what the driver counted and measured in this run. Called after `stop`.
+  [[nodiscard]] virtual std::vector<DriverFigure> figures() const { return {}; }
 };
 
 /// A robot whose own controller is the clock (KUKA's FRI, libfranka): once in each of its ticks it
-/// tells what it measured and takes a torque. Ticks begin when it says so.
+/// tells what it measured and takes a torque. Ticks begin when it says so. With `time_s` the loop
+/// counts them by the robot's own time. A tick with a lost state is a missed tick.
 class ClockDriver : public RobotDriver {
  public:
   [[nodiscard]] bool is_clock() const final { return true; }

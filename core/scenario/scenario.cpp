@@ -1,5 +1,6 @@
 #include "scenario/scenario.h"
 #include "scenario/description.h"
+#include "scenario/driver_settings.h"
 
 #include <algorithm>
 #include <bit>
@@ -203,6 +204,23 @@ void take_rotors(Scenario& scenario, robot::Model& model, std::optional<robot::M
   if (believed) believed->rotor_inertia.setZero();
 }
 
+/// Takes `plant.driver` out of the tree. The scenario's text keeps it, for the driver that declares
+/// its keys.
+void take_driver_settings(YamlNode& root, const Scenario& scenario) {
+  YamlNode* plant = root.find("plant");
+  if (plant == nullptr || plant->kind != YamlNode::Kind::map) return;
+  const auto key = std::ranges::find(plant->keys, "driver");
+  if (key == plant->keys.end()) return;
+  const auto value = plant->children.begin() + (key - plant->keys.begin());
+  if (value->kind != YamlNode::Kind::map) {
+    throw scenario.complaint("plant.driver", emit_line(*value) +
+                                                 "; allowed: a map of the driver's "
+                                                 "own keys");
+  }
+  plant->children.erase(value);
+  plant->keys.erase(key);
+}
+
 Scenario read_scenario(YamlNode root, const Description& plant, const Description& believed,
                        const JointParameters& parameters, Scenario scenario) {
   robot::Model model = read_robot(root, "robot.urdf", plant, scenario);
@@ -223,6 +241,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
         scenario.text.size(), mechanics.size(), max_message_bytes);
   }
   scenario.num_joints = model.num_joints;
+  take_driver_settings(root, scenario);
   read(Place{scenario, &root, ""}, scenario);
   take_rotors(scenario, model, believed_model);
 
@@ -423,6 +442,13 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
     plant.text.resize(cut + end.size());
   }
   return read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
+}
+
+YamlNode driver_node(const Scenario& scenario) {
+  YamlNode root = parse_yaml(scenario.text, scenario.source);
+  YamlNode* plant = root.find("plant");
+  YamlNode* driver = plant == nullptr ? nullptr : plant->find("driver");
+  return driver == nullptr ? YamlNode() : std::move(*driver);
 }
 
 robot::Model own_model(const Scenario& scenario) {

@@ -123,8 +123,16 @@ Verdict MissedCommandMonitor::on_command(std::int64_t tick, std::span<const std:
 }
 
 void MissedCommandMonitor::end() {
-  in_a_row_ = commanded_ ? 0 : in_a_row_ + 1;
-  missed_ += commanded_ ? 0 : 1;
+  if (commanded_) {
+    in_a_row_ = 0;
+  } else {
+    skip(1);
+  }
+}
+
+void MissedCommandMonitor::skip(std::int64_t ticks) {
+  in_a_row_ += ticks;
+  missed_ += ticks;
   longest_ = std::max(longest_, in_a_row_);
 }
 

@@ -176,6 +176,8 @@ class MissedCommandMonitor {
 
   /// Ends the tick.
   void end();
+  /// Counts ticks that passed before the next `begin` as ones without a command.
+  void skip(std::int64_t ticks);
 
   /// Returns the number of ticks without a command.
   [[nodiscard]] std::int64_t missed() const { return missed_; }

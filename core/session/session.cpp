@@ -312,8 +312,19 @@ void Session::leave() {
 
 void Session::attend(Time deadline, const std::function<bool()>& over) {
   while (!over() && Clock::now() < deadline) {
-    if (const auto datagram = transport_.receive(deadline)) handle(*datagram);
+    if (each_ && Clock::now() >= next_each_) {
+      next_each_ = Clock::now() + each_period_;
+      each_();
+    }
+    const auto datagram = transport_.receive(each_ ? std::min(deadline, next_each_) : deadline);
+    if (datagram) handle(*datagram);
   }
+}
+
+void Session::while_attending(std::chrono::nanoseconds period, std::function<void()> each) {
+  each_ = std::move(each);
+  each_period_ = period;
+  next_each_ = Clock::now();
 }
 
 void Session::name_missing(Time now) {

@@ -136,6 +136,9 @@ class Session {
   /// Handles one datagram if one arrives before the deadline.
   /// @return whether one arrived
   bool receive(Time deadline);
+  /// Makes `attend` call `each` once a `period` from now on, for a process that has to keep
+  /// something going until it ends. An empty function ends that.
+  void while_attending(std::chrono::nanoseconds period, std::function<void()> each);
   /// Handles the announcements that arrive before the deadline, or until it is `over`.
   void attend(
       Time deadline, const std::function<bool()>& over = [] { return false; });
@@ -218,6 +221,9 @@ class Session {
   std::array<std::string, messages::num_roles> other_senders_;
   messages::PerRole entered_{};  ///< roster of the session that the bus has entered
   Time next_notice_;
+  std::function<void()> each_;  ///< of `while_attending`
+  std::chrono::nanoseconds each_period_{};
+  Time next_each_;
 };
 
 }  // namespace tachless::session

@@ -57,7 +57,8 @@ static void from_json(const Json& /*json*/, ReferenceStatistics& /*nothing*/) {}
 
 TACHLESS_JSON_FIELDS(PlantStatistics, round_trip_us, wake_up_jitter_us, command_age_us,
                      missed_deadlines, longest_miss, missed_commands, longest_command_miss,
-                     late_commands, saturated_ticks, beyond_limit_ticks, robot_is_clock)
+                     late_commands, missed_readings, longest_reading_miss, saturated_ticks,
+                     beyond_limit_ticks, robot_is_clock, driver)
 TACHLESS_JSON_FIELDS(ControllerStatistics, gaps, skipped_ticks, restarts)
 TACHLESS_JSON_FIELDS(LoggerStatistics::Log, path, events, ticks, gaps)
 TACHLESS_JSON_FIELDS(LoggerStatistics, log)

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -90,14 +91,18 @@ struct PlantStatistics {
   /// Realtime: delay of a tick's work after its deadline; time from the measurement to its command.
   LatencyHistogram wake_up_jitter_us, command_age_us;
   /// Realtime: ticks whose work began more than a period late; greatest number of consecutive ones.
+  /// With a robot that is the clock and tells its time: ticks that passed unanswered.
   std::int64_t missed_deadlines = 0, longest_miss = 0;
   /// Realtime: ticks that ended without their command; greatest number of consecutive ones;
   /// commands that came after their tick.
   std::int64_t missed_commands = 0, longest_command_miss = 0, late_commands = 0;
+  /// Realtime: ticks in which a real robot gave no state; greatest number of consecutive ones.
+  std::int64_t missed_readings = 0, longest_reading_miss = 0;
   std::vector<std::int64_t> saturated_ticks;  ///< per joint
   /// Per joint: ticks outside its range or above its speed limit, with plant.on_limit: warn.
   std::vector<std::int64_t> beyond_limit_ticks;
-  bool robot_is_clock = false;  ///< the robot begins the ticks
+  bool robot_is_clock = false;           ///< the robot begins the ticks
+  std::map<std::string, double> driver;  ///< a driver's own figures, by their names
 };
 
 struct ReferenceStatistics {};

@@ -2,12 +2,11 @@
 // a specific robot.
 
 #include <chrono>
+#include <memory>
 
 #include <tachless/plant/node.h>
 #include <tachless/plant/plant_model.h>
 #include <tachless/plant/robot_driver.h>
-#include <tachless/session/options.h>
-#include <tachless/session/run_role.h>
 #include "rig.h"
 
 using namespace tachless;
@@ -16,7 +15,7 @@ namespace {
 
 class RigDriver final : public plant::RobotDriver {
  public:
-  explicit RigDriver(own_driver::Rig& rig) : rig_(rig) {}
+  explicit RigDriver(const robot::Model& model) : rig_(model) {}
 
   // The rig has encoders but no tachometers.
   [[nodiscard]] bool measures_velocity() const override { return false; }
@@ -45,7 +44,7 @@ class RigDriver final : public plant::RobotDriver {
   void stop() override { rig_.brake(); }
 
  private:
-  own_driver::Rig& rig_;
+  own_driver::Rig rig_;
   Vector last_q_;
   std::chrono::steady_clock::time_point read_at_;
 };
@@ -53,12 +52,7 @@ class RigDriver final : public plant::RobotDriver {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr auto role = messages::Role::plant;
-  return session::run_process(role, argc, argv, [](const session::ProcessOptions& options) {
-    return session::run_role(role, options, [](const auto& scenario, auto& link) {
-      own_driver::Rig rig(plant::plant_model(scenario));
-      RigDriver driver(rig);
-      plant::run_driver(scenario, link, driver);
-    });
+  return plant::driver_program(argc, argv, [](const scenario::Scenario& scenario) {
+    return std::make_unique<RigDriver>(plant::plant_model(scenario));
   });
 }

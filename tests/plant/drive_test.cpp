@@ -170,5 +170,25 @@ TEST(Drive, RefusesWhatMakesNoSense) {
   EXPECT_THROW(d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
 }
 
+TEST(Drive, ThatSkipsTicksHoldsTheLastCommandAndChangesFromWhatWasSent) {
+  DriveSpec spec;
+  spec.torque_rate_limit_Nm_per_s = Vector::Constant(1, 1000);
+  Drive limited(spec, 1, 1e-3, Vector::Zero(1));
+  limited.accept({Vector::Constant(1, 5)});
+  EXPECT_EQ(limited.sent()[0], 0);
+  limited.end_tick();
+  limited.skip(15);  // nothing was sent
+  EXPECT_EQ(limited.sent()[0], 1) << "one tick's change from what was sent last";
+  limited.end_tick();
+  EXPECT_EQ(limited.sent()[0], 2);
+  Drive late({}, 3, 1e-3, Vector::Zero(1));
+  late.accept({Vector::Constant(1, 5)});
+  late.end_tick();
+  late.skip(1);
+  EXPECT_EQ(late.sent()[0], 0) << "it acts three ticks later";
+  late.skip(1);
+  EXPECT_EQ(late.sent()[0], 5);
+}
+
 }  // namespace
 }  // namespace tachless::plant

@@ -53,13 +53,20 @@ class Recording : public RobotDriver {
     calls += 'h';
     torques.push_back(tau);
     ends.push_back(until_s);
+    on_hold();
   }
+  std::function<void()> on_hold = [] {};  ///< after a torque
   void rest(double /*until_s*/) override { calls += '-'; }
   void stop() override {
     calls += 'x';
+    if (stops_by_itself) throw StopsByItself("the link is gone; its watchdog brakes it");
     if (failing_stops-- > 0) throw std::runtime_error("the brake's line is open");
   }
   int failing_stops = 0;
+  bool stops_by_itself = false;
+  [[nodiscard]] std::vector<DriverFigure> figures() const override {
+    return {{"torques", static_cast<double>(torques.size())}};
+  }
 
   /// Number of torques after which `fault` is called.
   int at = -1;
@@ -89,6 +96,10 @@ Outcome drive(const scenario::Scenario& scenario, Recording& robot) {
   return run(scenario, peers, nullptr, &robot);
 }
 
+std::string until_stop(const Recording& robot) {
+  return robot.calls.substr(0, robot.calls.find('x') + 1);
+}
+
 void expect_stopped(const Recording& robot) {
   const std::size_t stop = robot.calls.find('x');
   ASSERT_NE(stop, std::string::npos);
@@ -105,7 +116,10 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   ASSERT_EQ(outcome.fault, "");
   std::string expected = "rrs";  // the plant reads its position before it may move
   for (int k = 0; k < 30; ++k) expected += "rh";
-  EXPECT_EQ(robot.calls, expected + 'x');
+  EXPECT_EQ(until_stop(robot), expected + 'x');
+  const std::string after = robot.calls.substr(expected.size() + 1);
+  EXPECT_THAT(after, HasSubstr("-")) << "it rests until the end";
+  EXPECT_EQ(after.find_first_not_of('-'), std::string::npos) << after;
   ASSERT_EQ(robot.torques.size(), 30U);
   EXPECT_EQ(robot.torques[0], Vector::Zero(2));
   EXPECT_EQ(robot.torques[5], torque_of(4));
@@ -195,7 +209,7 @@ class Ticking : public ClockDriver {
   void stop() override { stopped = true; }
   ArmState exchange(const Vector& tau) override {
     if (tau.size() > 0) torques.push_back(tau);
-    const double tick_s = torques.size() == 10 ? tenth_s : period_s;
+    const double tick_s = tau.size() > 0 && torques.size() == 10 ? tenth_s : period_s;
     if (std::isfinite(state.time_s)) {
       next_ += base::nanoseconds_of(std::max(tick_s, 0.0));
       std::this_thread::sleep_until(next_);
@@ -222,14 +236,106 @@ TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
     Ticking robot;
     const Outcome outcome = run(s, peers, nullptr, &robot);
     ASSERT_EQ(outcome.fault, "");
+    // The state of tick 10 is lost: nobody sees that tick, and nobody answers it.
     EXPECT_EQ(outcome.statistics.plant().missed_deadlines, 1);
-    ASSERT_EQ(robot.torques.size(), 30U);
+    EXPECT_EQ(outcome.statistics.plant().missed_readings, 1);
+    EXPECT_EQ(outcome.statistics.plant().missed_commands, 1);
+    ASSERT_EQ(robot.torques.size(), 29U);
     EXPECT_EQ(robot.torques[0], delay == 0 ? torque_of(0) : Vector::Zero(2));
-    EXPECT_EQ(robot.torques[20], torque_of(20 - delay));
-    EXPECT_EQ(outcome.statistics.plant().missed_commands, 0);
-    EXPECT_EQ(outcome.statistics.plant().wake_up_jitter_us.count(), 30);
+    EXPECT_EQ(robot.torques[10], torque_of(delay == 0 ? 11 : 9));
+    EXPECT_EQ(robot.torques[20], torque_of(21 - delay));
+    EXPECT_EQ(std::ranges::count(peers.ticks, 10), 0);
+    EXPECT_EQ(peers.ticks.back(), 29);
+    const auto& after = peers.truths.at(10);
+    EXPECT_EQ(peers.truth_ticks.at(10), 11);
+    EXPECT_EQ(after.fault, delay == 0 ? DriveFault::none : DriveFault::command_missed);
+    EXPECT_EQ(outcome.statistics.plant().wake_up_jitter_us.count(), 29);
     EXPECT_TRUE(robot.stopped);
   }
+}
+
+TEST(RobotDriver, ThatIsTheClockMissesAsManyTicksAsItsTimeSays) {
+  const scenario::Scenario s =
+      limited({"plant.drive.torque_limit_Nm=1000", "loop.max_missed=15", "loop.duration_s=0.05"});
+  for (const int lost : {15, 16}) {
+    Peers peers(s);
+    Ticking robot;
+    robot.tenth_s = 1e-3 * (lost + 1);
+    const Outcome outcome = run(s, peers, nullptr, &robot);
+    const session::PlantStatistics& plant = outcome.statistics.plant();
+    EXPECT_EQ(plant.missed_deadlines, lost);
+    EXPECT_EQ(plant.longest_miss, lost);
+    EXPECT_EQ(plant.longest_reading_miss, lost);
+    EXPECT_EQ(plant.longest_command_miss, lost);
+    EXPECT_TRUE(robot.stopped);
+    if (lost == 15) {
+      EXPECT_EQ(outcome.fault, "");
+      EXPECT_EQ(peers.ticks.back(), 49);
+      continue;
+    }
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+    EXPECT_THAT(outcome.fault,
+                HasSubstr("16 commands in a row are missing, since the driver had no reading of "
+                          "the robot in the last 16 ticks, more than loop.max_missed (15)"));
+  }
+}
+
+TEST(RobotDriver, ThatIsTheClockMayLoseTheStatesOfTheLastTicks) {
+  const scenario::Scenario s = limited({"plant.drive.torque_limit_Nm=1000"});
+  Peers peers(s);
+  Ticking robot;
+  robot.tenth_s = 40e-3;  // beyond the last of 30 ticks
+  const Outcome outcome = run(s, peers, nullptr, &robot);
+  EXPECT_EQ(outcome.fault, "");
+  EXPECT_EQ(peers.ticks.back(), 9);
+  EXPECT_TRUE(robot.stopped);
+}
+
+TEST(RobotDriver, WithoutAReadingHoldsTheLastTorqueForAMissedTick) {
+  const scenario::Scenario s = limited({"plant.drive.torque_limit_Nm=1000"});
+  Peers peers(s);
+  Recording robot;
+  robot.at = 10;
+  robot.fault = [&] { robot.state.missing = true; };
+  const int silent = 3;
+  robot.on_hold = [&] {
+    robot.state.missing = robot.state.missing && robot.torques.size() < 10 + silent;
+  };
+  const Outcome outcome = run(s, peers, nullptr, &robot);
+  ASSERT_EQ(outcome.fault, "");
+  const session::PlantStatistics& plant = outcome.statistics.plant();
+  EXPECT_EQ(plant.missed_readings, silent);
+  EXPECT_EQ(plant.longest_reading_miss, silent);
+  EXPECT_EQ(plant.missed_commands, silent);
+  ASSERT_EQ(robot.torques.size(), 30U);
+  EXPECT_EQ(robot.torques[10], torque_of(9));
+  EXPECT_EQ(robot.torques[12], torque_of(9));
+  EXPECT_EQ(robot.torques[13], torque_of(9));
+  EXPECT_EQ(robot.torques[14], torque_of(13));
+  EXPECT_EQ(peers.ticks.size(), 30U) << "the reference goes on";
+  EXPECT_EQ(peers.truths.size(), 27U);
+  EXPECT_EQ(std::ranges::count(peers.truth_ticks, 11), 0) << "no old state is told as a new one";
+}
+
+TEST(RobotDriver, IsStoppedWhenItHasNoReadingForTooLong) {
+  Recording before_the_start;
+  before_the_start.state.missing = true;
+  const scenario::Scenario s = limited({"loop.max_missed=5"});
+  Peers peers(s);
+  Recording robot;
+  robot.at = 10;
+  robot.fault = [&] { robot.state.missing = true; };
+  const Outcome outcome = run(s, peers, nullptr, &robot);
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("6 commands in a row are missing, since the driver had no "
+                                       "reading of the robot in the last 6 ticks"));
+  expect_stopped(robot);
+  Peers others(s);
+  const Outcome refused = run(s, others, nullptr, &before_the_start);
+  EXPECT_EQ(refused.code, ExitCode::bad_usage);
+  EXPECT_THAT(refused.fault, HasSubstr("the driver had no reading of the robot 6 times in a row "
+                                       "before the start"));
+  EXPECT_EQ(before_the_start.calls, "rrrrrr");
 }
 
 TEST(RobotDriver, ThatIsTheClockComesToRestInItsOwnTime) {
@@ -297,7 +403,7 @@ TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
   ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
   std::string expected = "rrs";
   for (int tick = 0; tick < 30; ++tick) expected += tick == 18 || tick == 19 ? "r-" : "rh";
-  EXPECT_EQ(robot.calls, expected + "x");
+  EXPECT_EQ(until_stop(robot), expected + "x");
   EXPECT_THROW(GuardedRobot{s}, base::Failure);  // emulated
 }
 
@@ -533,6 +639,25 @@ TEST_F(AFailingRobot, IsReportedAsNotStoppedWhenItsStopKeepsFailing) {
                 AllOf(HasSubstr(at_the_end ? "" : "too hot; "),
                       HasSubstr("the driver's stop failed, attempts: "),
                       HasSubstr("the brake's line is open: use the emergency stop")));
+  }
+}
+
+TEST_F(AFailingRobot, ThatStopsByItselfIsNotAskedAgainAndNeedsNoEmergencyStop) {
+  for (const bool at_the_end : {false, true}) {
+    const scenario::Scenario s = limited();
+    Recording robot;
+    robot.stops_by_itself = true;
+    robot.at = at_the_end ? -1 : 10;
+    robot.fault = [] { throw base::Failure(ExitCode::peer_lost, "too hot"); };
+    const Outcome outcome = drive(s, robot);
+    EXPECT_EQ(outcome.code, at_the_end ? ExitCode::protective_stop : ExitCode::peer_lost);
+    EXPECT_THAT(outcome.fault,
+                AllOf(HasSubstr(at_the_end ? "" : "too hot; "),
+                      HasSubstr("the robot's stop is not confirmed, but the robot stops by itself: "
+                                "the link is gone; its watchdog brakes it"),
+                      Not(HasSubstr("emergency"))));
+    EXPECT_EQ(std::ranges::count(robot.calls, 'x'), 1);
+    EXPECT_EQ(outcome.statistics.plant().driver.at("torques"), at_the_end ? 30 : 10);
   }
 }
 

@@ -7,6 +7,7 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <deque>
 #include <filesystem>
 #include <fstream>
@@ -127,7 +128,8 @@ class Launched {
           "reference={hold: {position_rad: [0, 0]}}"}) {
       words.insert(words.end(), {"--set", each});
     }
-    words.insert(words.end(), {"--isolate", "--out", (directory_ / "out").string()});
+    setenv("TACHLESS_ISOLATE", "1", 1);
+    words.insert(words.end(), {"--out", (directory_ / "out").string()});
     if (case_.verb == "run") words.insert(words.end(), {"--any-outcome", "--force"});
     words.insert(words.end(), case_.options.begin(), case_.options.end());
     return words;

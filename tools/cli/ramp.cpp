@@ -120,9 +120,7 @@ class Ramp {
     const double h = scenario_.loop.period_s;
     options.overrides.push_back(
         fmt::format("loop.duration_s={:.12g}", std::max(20.0, std::round(seconds / h)) * h));
-    const ExitCode code = cli::run(options, {path_});
-    each_.isolate = false;  // it is, from the first run on
-    return code;
+    return cli::run(options, {path_});
   }
 
   void require_in_range(const Vector& q) const {

@@ -248,6 +248,8 @@ std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path
 }
 
 bool prepare_network(const RunOptions& options) {
+  static bool isolated = false;  // by an earlier run of this process
+  if (isolated) return true;
   const bus::LcmUrl url = session::parse_lcm_url(options.lcm_url);
   const char* variable = std::getenv("TACHLESS_ISOLATE");
   const std::string_view value = variable == nullptr ? "" : variable;
@@ -265,6 +267,7 @@ bool prepare_network(const RunOptions& options) {
   } catch (const std::system_error& error) {
     throw base::bad_usage("cannot isolate the run: {}", error.what());
   }
+  isolated = true;
   return true;
 }
 

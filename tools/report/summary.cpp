@@ -49,6 +49,16 @@ std::string percentile_row(const session::LatencyHistogram& measured, const char
       measured.max_us());
 }
 
+/// Returns a line with a driver's own figures, if it has some.
+std::string driver_rows(const session::PlantStatistics& plant) {
+  if (plant.driver.empty()) return "";
+  std::vector<std::string> figures;
+  for (const auto& [name, value] : plant.driver) {
+    figures.push_back(fmt::format("{} {:.6g}", name, value));
+  }
+  return fmt::format("  driver         {}\n", base::joined(figures));
+}
+
 /// Returns lines on the punctuality of a realtime run.
 std::string realtime_rows(const session::PlantStatistics& plant) {
   return percentile_row(plant.command_age_us, "command age   ") +
@@ -57,7 +67,12 @@ std::string realtime_rows(const session::PlantStatistics& plant) {
              "  missed deadlines {} (longest run of them {}), missed commands {} (longest run of "
              "them {})\n",
              plant.missed_deadlines, plant.longest_miss, plant.missed_commands,
-             plant.longest_command_miss);
+             plant.longest_command_miss) +
+         (plant.missed_readings == 0
+              ? ""
+              : fmt::format("  ticks without a reading of the robot {} (longest run of them {})\n",
+                            plant.missed_readings, plant.longest_reading_miss)) +
+         driver_rows(plant);
 }
 
 /// Returns a value of each joint's errors or torques. A run without a tick has none.
@@ -87,6 +102,8 @@ void add_statistics(Json& json, const RunSummary& summary) {
   json["missed_commands"] = plant.missed_commands;
   json["longest_command_miss"] = plant.longest_command_miss;
   json["late_commands"] = plant.late_commands;
+  json["missed_readings"] = plant.missed_readings;
+  json["longest_reading_miss"] = plant.longest_reading_miss;
   json["skipped_ticks"] =
       own<session::ControllerStatistics>(summary, messages::Role::controller).skipped_ticks;
   json["wake_up_jitter_us"] = durations(plant.wake_up_jitter_us);
@@ -94,6 +111,7 @@ void add_statistics(Json& json, const RunSummary& summary) {
   json["saturated_ticks"] = plant.saturated_ticks;
   json["beyond_limit_ticks"] = plant.beyond_limit_ticks;
   json["robot_is_clock"] = plant.robot_is_clock;
+  json["driver"] = plant.driver;
 }
 
 }  // namespace

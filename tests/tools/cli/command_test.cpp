@@ -324,6 +324,15 @@ TEST_F(Command, RunRefusesADirectoryItCannotUse) {
   EXPECT_EQ(lines(outcome.output), 1);
 }
 
+TEST_F(Command, RunRefusesToIsolateADriver) {
+  const Outcome outcome = tachless("run --isolate --plant true " + scenario);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.output,
+              HasSubstr("--isolate: with --plant the driver would be in the private "
+                        "network too"));
+  EXPECT_EQ(lines(outcome.output), 1);
+}
+
 TEST_F(Command, RobotShowsWhatIsReadOfAUrdf) {
   const std::string urdf = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
   const Outcome text = tachless("robot " + urdf);

@@ -64,6 +64,9 @@ std::vector<session::Statistics> counters() {
   own.missed_commands = 7;
   own.longest_command_miss = 6;
   own.late_commands = 5;
+  own.missed_readings = 11;
+  own.longest_reading_miss = 10;
+  own.driver = {{"frames_lost", 12}};
   own.saturated_ticks = {0, 9};
   own.beyond_limit_ticks = {3, 0};
   session::Statistics controller(messages::Role::controller);
@@ -84,15 +87,15 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
   std::vector<std::string> keys;
   for (const auto& [key, value] : summary.items()) keys.push_back(key);
   EXPECT_THAT(
-      keys,
-      ElementsAre("scenario", "run_id", "mode", "law", "joints", "ticks", "period_s", "duration_s",
-                  "wall_s", "ticks_per_s", "real_time_factor", "placement", "predicted",
-                  "position_error_rad", "torque_Nm", "round_trip_us", "resends", "duplicates",
-                  "rejected", "missed_deadlines", "longest_miss", "missed_commands",
-                  "longest_command_miss", "late_commands", "skipped_ticks", "wake_up_jitter_us",
-                  "command_age_us", "saturated_ticks", "beyond_limit_ticks", "robot_is_clock",
-                  "log", "robot_stopped", "dropped_output_bytes", "hidden_output_lines", "outcome",
-                  "verdict", "fault"));
+      keys, ElementsAre(
+                "scenario", "run_id", "mode", "law", "joints", "ticks", "period_s", "duration_s",
+                "wall_s", "ticks_per_s", "real_time_factor", "placement", "predicted",
+                "position_error_rad", "torque_Nm", "round_trip_us", "resends", "duplicates",
+                "rejected", "missed_deadlines", "longest_miss", "missed_commands",
+                "longest_command_miss", "late_commands", "missed_readings", "longest_reading_miss",
+                "skipped_ticks", "wake_up_jitter_us", "command_age_us", "saturated_ticks",
+                "beyond_limit_ticks", "robot_is_clock", "driver", "log", "robot_stopped",
+                "dropped_output_bytes", "hidden_output_lines", "outcome", "verdict", "fault"));
 }
 
 // In one process what a tick costs is not counted, as it is not where the robot is the clock.
@@ -131,6 +134,9 @@ TEST(Summary, AddsUpTheProcessesCounters) {
   EXPECT_EQ(summary["missed_commands"], 7);
   EXPECT_EQ(summary["longest_command_miss"], 6);
   EXPECT_EQ(summary["late_commands"], 5);
+  EXPECT_EQ(summary["missed_readings"], 11);
+  EXPECT_EQ(summary["longest_reading_miss"], 10);
+  EXPECT_EQ(summary["driver"]["frames_lost"], 12);
   EXPECT_EQ(summary["skipped_ticks"], 8);
   EXPECT_EQ(summary["saturated_ticks"], (std::vector<int>{0, 9}));
   EXPECT_EQ(summary["beyond_limit_ticks"], (std::vector<int>{3, 0}));

@@ -58,7 +58,6 @@ struct Commission {
     command.add_flag("--force", replace, "Replace that file if it exists");
     session::add_lcm_url(command, options.lcm_url);
     session::add_key_file(command, options.key_file);
-    command.add_flag("--isolate", options.isolate, "In a private network namespace")->needs(driver);
     add_json(command, options.json);
     add_quiet(command, options.quiet);
   }
@@ -101,7 +100,6 @@ struct Commission {
       next.out /= std::to_string(++number);
       next.overrides.insert(next.overrides.end(), changes.begin(), changes.end());
       const ExitCode code = cli::run(next, {of.scenario});
-      of.isolate = false;  // it is, from the first run on
       const fs::path log = next.out / "lcmlog";
       if (code != ExitCode::done && (code != ExitCode::protective_stop || !fs::exists(log))) {
         throw base::Failure(code, "{}: commissioning ended with run {}: see the line above",

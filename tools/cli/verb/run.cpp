@@ -89,7 +89,16 @@ struct Run : RunOptions {
     command.add_flag("--json", json, "The summary on stdout, instead of the table");
   }
 
-  [[nodiscard]] base::ExitCode run() const { return cli::run(*this, scenarios); }
+  [[nodiscard]] base::ExitCode run() const {
+    if (isolate && !plant_program.empty()) {
+      throw base::bad_usage(
+          "--isolate: with --plant the driver would be in the private network too, where it "
+          "reaches "
+          "no arm; leave one of the two out (a driver that needs no network: set "
+          "TACHLESS_ISOLATE=1)");
+    }
+    return cli::run(*this, scenarios);
+  }
 };
 
 }  // namespace

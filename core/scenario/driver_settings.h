@@ -1,0 +1,22 @@
+#pragma once
+
+#include "scenario/reader.h"
+
+namespace tachless::scenario {
+
+/// Returns the map `plant.driver`; null without one. The scenario holds it as text: only a driver
+/// knows its keys.
+YamlNode driver_node(const Scenario& scenario);
+
+/// Reads `plant.driver` into a driver's own struct with keys (core/base/schema.h).
+/// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
+template <class Settings>
+Settings driver_settings(const Scenario& scenario) {
+  const YamlNode node = driver_node(scenario);
+  Settings settings;
+  read(Place{scenario, node.kind == YamlNode::Kind::null ? nullptr : &node, "plant.driver"},
+       settings);
+  return settings;
+}
+
+}  // namespace tachless::scenario

@@ -1,0 +1,117 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "plant/drivers/mit_can/can_bus.h"
+
+/// Drives with the "MIT mode": a frame brings position, velocity, two gains and a torque, and the
+/// drive answers with position, velocity and torque. Pure functions between values and frames.
+///
+/// Sources of the layouts and ranges: enactic/openarm_can (dm_motor_control.cpp,
+/// dm_motor_constants.hpp) for Damiao; RobStride/Python_Sample (bus.py, table.py, protocol.py) for
+/// RobStride; project-sternbergia/cybergear_m5 (cybergear_driver.cpp) for CyberGear. No code is
+/// theirs.
+namespace tachless::mit_can {
+
+enum class Family {
+  damiao,     ///< 11-bit identifiers; q 16, v 12, kp 12, kd 12, tau 12 bits
+  robstride,  ///< 29-bit identifiers; all 16 bits; CyberGear too
+};
+
+/// Models whose ranges are known. The first two take their ranges from the scenario.
+enum class Model {
+  damiao,
+  robstride,
+  dm3507,
+  dm4310,
+  dm4310_48v,
+  dm4340,
+  dm6006,
+  dm8006,
+  dm8009,
+  dm10010l,
+  dm10010,
+  rs00,
+  rs01,
+  rs02,
+  rs03,
+  rs04,
+  rs05,
+  rs06,
+  cybergear,
+};
+constexpr std::array<std::string_view, 19> names(Model /*type*/) {
+  return {"damiao", "robstride", "dm3507",   "dm4310",  "dm4310_48v", "dm4340", "dm6006",
+          "dm8006", "dm8009",    "dm10010l", "dm10010", "rs00",       "rs01",   "rs02",
+          "rs03",   "rs04",      "rs05",     "rs06",    "cybergear"};
+}
+
+/// Ends of a drive's ranges: a number of its frames is a share of them.
+struct Ranges {
+  double q = 0;     ///< [rad], both ways
+  double v = 0;     ///< [rad/s], both ways
+  double tau = 0;   ///< [N m], both ways
+  double kp = 500;  ///< [N m/rad], from 0
+  double kd = 5;    ///< [N m s/rad], from 0
+};
+
+Family family_of(Model model);
+/// Returns the model's ranges; zeros where they come from the scenario.
+Ranges ranges_of(Model model);
+
+/// A drive on the bus.
+struct Drive {
+  Family family = Family::damiao;
+  int id = 0;
+  int reply_id = 0;  ///< of its answers; RobStride: the host's
+  Ranges ranges;
+};
+
+struct Setpoint {
+  double q = 0, v = 0, kp = 0, kd = 0, tau = 0;
+};
+
+/// A drive's answer to a command.
+struct Answer {
+  double q = 0, v = 0, tau = 0;
+  bool enabled = false;
+  int fault = 0;           ///< the drive's own code; 0: none
+  double temperature = 0;  ///< hottest that it tells [degrees Celsius]
+};
+
+Frame enable(const Drive& drive);
+Frame disable(const Drive& drive);
+Frame clear_fault(const Drive& drive);
+/// Returns the command of one tick. Values beyond a range become its end.
+Frame command(const Drive& drive, const Setpoint& setpoint);
+/// Returns a question for the position that changes nothing. Only Damiao also answers it with
+/// `Answer::enabled` and fault.
+Frame ask(const Drive& drive);
+/// Returns the drive's answer in `frame`; nothing if the frame is another's.
+std::optional<Answer> answer_in(const Drive& drive, const Frame& frame);
+/// Returns the answer of a drive as a frame, for an emulated drive.
+Frame answer_frame(const Drive& drive, const Answer& answer);
+/// Returns the set point in a frame of `command`; nothing if it is none of this drive's. For an
+/// emulated drive.
+std::optional<Setpoint> setpoint_in(const Drive& drive, const Frame& frame);
+
+/// A drive's fault in words.
+std::string fault_text(Family family, int fault);
+
+/// Registers by their role.
+enum class Register { mode, watchdog, q_range, v_range, tau_range };
+/// Returns the watchdog's time as both families' registers hold it, in units of 50 us. The unit is
+/// documented for RobStride ("20000 is 1 s"); for Damiao it is believed.
+std::uint32_t watchdog_bits(double seconds);
+inline constexpr std::uint32_t mit_mode_damiao = 1, mit_mode_robstride = 0;
+Frame read_register(const Drive& drive, Register which);
+Frame write_register(const Drive& drive, Register which, std::uint32_t bits);
+/// Returns the register's bits in the frame; nothing if it is no answer about this register. A
+/// Damiao drive's answers of both kinds cannot be told apart once it is enabled: ask before that.
+std::optional<std::uint32_t> register_in(const Drive& drive, Register which, const Frame& frame);
+
+}  // namespace tachless::mit_can

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <random>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/file_descriptor.h"
+#include "base/quantities.h"
+#include "plant/drivers/mit_can/drives.h"
+#include "plant/drivers/mit_can/mit_driver.h"
+#include "robot/model.h"
+#include "scenario/scenario.h"
+
+namespace tachless::mit_can {
+
+/// Troubles of an emulated bus.
+struct Trouble {
+  double lost_share = 0;  ///< of all frames, both ways
+  std::uint64_t seed = 1;
+  int motor = -1;                 ///< index of the motor with a trouble of its own; -1: none
+  std::int64_t after = 0;         ///< commands that it takes before
+  bool silent = false;            ///< it answers no more
+  int fault = 0;                  ///< it stops with this code
+  bool bus_closes = false;        ///< the bus ends
+  double torque_range_scale = 1;  ///< of the motor's register, against the scenario
+};
+
+/// Drives and arm of a scenario on an emulated bus, `plant.driver.bus: unix:PATH`. The arm is the
+/// scenario's, without brakes: while no drive is enabled somebody holds it. Frames take their time
+/// on the bus. A drive without a command for the time of its watchdog stops, with its fault.
+class EmulatedDrives {
+ public:
+  /// Listens on the bus's path, which it replaces.
+  /// @throw base::Failure(bad_usage) when the bus is no unix:PATH or the path cannot be used
+  EmulatedDrives(const scenario::Scenario& scenario, const Trouble& trouble = {});
+  ~EmulatedDrives();
+  EmulatedDrives(const EmulatedDrives&) = delete;
+  EmulatedDrives& operator=(const EmulatedDrives&) = delete;
+
+  /// Serves one client after the other until `ends` is requested.
+  void serve(const std::stop_token& ends);
+
+  // Read these once `serve` has returned.
+  [[nodiscard]] std::int64_t frames() const { return frames_; }
+  [[nodiscard]] std::int64_t lost() const { return lost_; }
+  [[nodiscard]] int watchdogs() const { return watchdogs_; }  ///< that have stopped a drive
+  [[nodiscard]] bool any_enabled() const;
+  [[nodiscard]] const Vector& positions() const { return q_; }  ///< in the URDF's axes [rad]
+
+ private:
+  struct Motor {
+    Drive drive;
+    Setpoint set;
+    bool enabled = false, silent = false;
+    int fault = 0;
+    double applied = 0;  ///< [N m]
+    double heard_s = 0, watchdog_s = 0;
+    std::int64_t commands = 0;
+    std::uint32_t mode = 99;
+  };
+  struct Due {
+    double at_s = 0;
+    Frame frame;
+    bool command = false;  ///< on its way to the drives
+  };
+
+  [[nodiscard]] double now_s() const;
+  void serve_client(int client, const std::stop_token& ends);
+  void take_frames(int client, bool& open);
+  void deliver(int client, bool& open);
+  void handle(const Frame& frame, double at_s);
+  void handle_register(Motor& motor, const Frame& frame, double at_s);
+  void begin_trouble(Motor& motor, std::size_t index);
+  void answer(const Frame& frame, double at_s);
+  void move_on(double until_s);
+  [[nodiscard]] bool loses();
+
+  Settings settings_;
+  Trouble trouble_;
+  robot::Model model_;
+  Vector signs_, offsets_;
+  std::string path_;
+  base::FileDescriptor listener_;
+  std::vector<Motor> motors_;
+  Vector q_, v_;
+  base::Clock::time_point begin_ = base::Clock::now();
+  double frame_s_, arm_s_ = 0, bus_s_ = 0;
+  std::deque<Due> line_;
+  std::mt19937_64 random_;
+  std::int64_t frames_ = 0, lost_ = 0;
+  int watchdogs_ = 0;
+  bool closed_ = false;
+};
+
+}  // namespace tachless::mit_can

@@ -1,0 +1,327 @@
+#include "plant/drivers/mit_can/mit_driver.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <exception>
+
+#include "base/failure.h"
+#include "base/text.h"
+#include "plant/plant_model.h"
+#include "robot/dynamics.h"
+#include "scenario/driver_settings.h"
+
+namespace tachless::mit_can {
+namespace {
+
+using namespace std::chrono_literals;
+using base::Clock;
+using base::ExitCode;
+using base::Failure;
+
+// A frame may be lost: what is set up before the motion is asked for so often.
+constexpr int attempts = 5;
+constexpr auto longest_answer = 20ms;
+constexpr double count_tolerance = 1e-3;  ///< of a range, relative: it is a float in the drive
+
+template <class... Args>
+Failure stopped(fmt::format_string<Args...> text, Args&&... args) {
+  return {ExitCode::protective_stop,
+          std::string_view(fmt::format(text, std::forward<Args>(args)...))};
+}
+
+}  // namespace
+
+std::optional<base::Refusal> MotorSettings::refusal() const {
+  const Ranges known = ranges_of(model);
+  const bool all = position_max_rad && velocity_max_rad_per_s && torque_max_Nm;
+  if (known.q == 0 && !all) {
+    return base::Refusal{"position_max_rad",
+                         "missing, or one of the two others is; allowed: the three ranges with "
+                         "model damiao or robstride"};
+  }
+  const bool robstride = family_of(model) == Family::robstride;
+  if (robstride && (id > 255 || reply_id > 255)) {
+    return base::Refusal{id > 255 ? "id" : "reply_id",
+                         "above 255; allowed for a RobStride: 1 to 255"};
+  }
+  return {};
+}
+
+Drive MotorSettings::drive() const {
+  Drive drive{family_of(model), id, reply_id, ranges_of(model)};
+  if (reply_id == 0) drive.reply_id = drive.family == Family::damiao ? id + 16 : 253;
+  drive.ranges.q = position_max_rad.value_or(drive.ranges.q);
+  drive.ranges.v = velocity_max_rad_per_s.value_or(drive.ranges.v);
+  drive.ranges.tau = torque_max_Nm.value_or(drive.ranges.tau);
+  return drive;
+}
+
+MitDriver::MitDriver(const scenario::Scenario& scenario)
+    : scenario_(scenario),
+      settings_(scenario::driver_settings<Settings>(scenario)),
+      model_(plant::plant_model(scenario)),
+      bus_(settings_.bus, settings_.fd),
+      wait_(base::nanoseconds_of(settings_.answer_wait_s > 0 ? settings_.answer_wait_s
+                                                             : 0.1 * scenario.loop.period_s)) {
+  if (static_cast<int>(settings_.motors.size()) != scenario.num_joints) {
+    throw scenario.complaint("plant.driver.motors", "{} motors; the robot has {} joints",
+                             settings_.motors.size(), scenario.num_joints);
+  }
+  const double longest_s = (scenario.loop.max_missed + 2) * scenario.loop.period_s;
+  if (settings_.watchdog_s < longest_s) {
+    throw scenario.complaint(
+        "plant.driver.watchdog_s",
+        "{} s; at least {:.3g} s are needed for loop.max_missed ({}) commands that are missed",
+        base::shortest(settings_.watchdog_s), longest_s, scenario.loop.max_missed);
+  }
+  for (std::size_t i = 0; i < settings_.motors.size(); ++i) {
+    Motor motor;
+    motor.drive = settings_.motors[i].drive();
+    motor.label =
+        fmt::format("motor {} of {}", motor.drive.id, robot::joint_labels(model_).joint(i));
+    motors_.push_back(std::move(motor));
+  }
+  for (const Motor& motor : motors_) set_up(motor);
+}
+
+MitDriver::~MitDriver() {
+  try {
+    for (const Motor& motor : motors_) bus_.send(disable(motor.drive));
+  } catch (const std::exception&) {
+    // The bus is gone. The drives' watchdogs stop them.
+  }
+}
+
+std::uint32_t MitDriver::read_back(const Motor& motor, Register which) {
+  for (int attempt = 0; attempt < attempts; ++attempt) {
+    bus_.send(read_register(motor.drive, which));
+    const auto until = Clock::now() + longest_answer;
+    while (const auto frame = bus_.receive(until)) {
+      if (const auto bits = register_in(motor.drive, which, *frame)) return *bits;
+    }
+  }
+  throw base::bad_usage(
+      "{} does not answer on {} (id {}, answers on {}): see its power, cable and bit rate; type: "
+      "tachless-mit-can scan {}",
+      motor.label, bus_.name(), motor.drive.id, motor.drive.reply_id, bus_.name());
+}
+
+void MitDriver::set_up(const Motor& motor) {
+  const bool damiao = motor.drive.family == Family::damiao;
+  const auto set = [&](Register which, std::uint32_t bits, const char* what) {
+    std::uint32_t got = 0;
+    for (int attempt = 0; attempt < attempts; ++attempt) {
+      bus_.send(write_register(motor.drive, which, bits));
+      got = read_back(motor, which);
+      if (got == bits) return;
+    }
+    throw base::bad_usage(
+        "{}: its {} is {} and stays so, although {} was written; set it with the "
+        "maker's tool",
+        motor.label, what, got, bits);
+  };
+  set(Register::mode, damiao ? mit_mode_damiao : mit_mode_robstride, "mode of control");
+  set(Register::watchdog, watchdog_bits(settings_.watchdog_s), "watchdog (units of 50 us)");
+  if (!damiao) return;  // the others have their ranges in no register
+  require_range(motor, Register::q_range, motor.drive.ranges.q);
+  require_range(motor, Register::v_range, motor.drive.ranges.v);
+  require_range(motor, Register::tau_range, motor.drive.ranges.tau);
+}
+
+void MitDriver::require_range(const Motor& motor, Register which, double expected) {
+  const auto actual = static_cast<double>(std::bit_cast<float>(read_back(motor, which)));
+  if (std::abs(actual - expected) <= count_tolerance * expected) return;
+  const char* key = which == Register::q_range   ? "position_max_rad"
+                    : which == Register::v_range ? "velocity_max_rad_per_s"
+                                                 : "torque_max_Nm";
+  throw scenario_.complaint("plant.driver.motors",
+                            "{} has the range {:.6g} in its register, not {:.6g}: every number "
+                            "would be wrong by that factor; set {} of it to {:.6g}",
+                            motor.label, actual, expected, key, actual);
+}
+
+void MitDriver::start() {
+  for (Motor& motor : motors_) {
+    send(clear_fault(motor.drive));
+    send(disable(motor.drive));
+  }
+  while (bus_.receive(Clock::now() + 2ms)) {
+  }
+  const auto all = [&](auto predicate) { return std::ranges::all_of(motors_, predicate); };
+  for (int attempt = 0; attempt < attempts; ++attempt) {
+    ask_all();
+    collect(longest_answer);
+    if (all([](const Motor& motor) { return motor.answered; })) break;
+  }
+  for (const Motor& motor : motors_) {
+    if (!motor.answered) throw stopped("{} does not answer on {}", motor.label, bus_.name());
+  }
+  set_brake();
+  for (int attempt = 0; attempt < attempts; ++attempt) {
+    for (Motor& motor : motors_) {
+      motor.answered = motor.answer.enabled;
+      if (!motor.answered) send(enable(motor.drive));
+    }
+    collect(longest_answer);
+    send_brake();
+    collect(longest_answer);
+    if (all([](const Motor& motor) { return motor.answer.enabled; })) break;
+  }
+  started_ = true;
+  for (const Motor& motor : motors_) require_sound(motor);
+  send_brake();
+}
+
+void MitDriver::require_sound(const Motor& motor) const {
+  if (motor.answer.fault != 0) {
+    throw stopped("{} has a fault: {}", motor.label,
+                  fault_text(motor.drive.family, motor.answer.fault));
+  }
+  if (started_ && !stopped_ && !motor.answer.enabled) {
+    throw stopped("{} is not enabled: its drive has stopped by itself", motor.label);
+  }
+}
+
+plant::ArmState MitDriver::read() {
+  if (expecting_) {
+    collect(wait_);
+  } else {
+    ask_all();
+    collect(longest_answer);
+  }
+  expecting_ = false;
+  count_silence();
+  plant::ArmState state;
+  const auto n = static_cast<Eigen::Index>(motors_.size());
+  state.q.resize(n);
+  state.v.resize(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Motor& motor = motors_[static_cast<std::size_t>(i)];
+    state.missing = state.missing || !motor.answered;
+    if (motor.answered && !stopped_) require_sound(motor);
+    state.q[i] = motor.answer.q;
+    state.v[i] = motor.answer.v;
+  }
+  return state;
+}
+
+void MitDriver::count_silence() {
+  std::size_t silent = 0;
+  const Motor* longest = nullptr;
+  for (Motor& motor : motors_) {
+    ++expected_;
+    motor.silent = motor.answered ? 0 : motor.silent + 1;
+    motor.lost += motor.answered ? 0 : 1;
+    motor.hottest = std::max(motor.hottest, motor.answer.temperature);
+    if (motor.silent <= scenario_.loop.max_missed) continue;
+    ++silent;
+    if (longest == nullptr || motor.silent > longest->silent) longest = &motor;
+  }
+  if (longest == nullptr || stopped_) return;
+  throw stopped(
+      "{} answered on {} in the last {} ticks: see {}",
+      silent == motors_.size() && silent > 1 ? "no motor" : "all motors but " + longest->label,
+      bus_.name(), longest->silent,
+      silent == motors_.size() ? "the drives' power, the cable and the bit rate"
+                               : "its power and its plug");
+}
+
+void MitDriver::hold(const Vector& tau, double /*until_s*/) {
+  collect(0ns);  // what comes later must not count as an answer to this
+  for (std::size_t i = 0; i < motors_.size(); ++i) {
+    Motor& motor = motors_[i];
+    motor.answered = false;
+    send(command(motor.drive, {.tau = tau[static_cast<Eigen::Index>(i)]}));
+  }
+  expecting_ = true;
+}
+
+void MitDriver::rest(double /*until_s*/) {
+  if (stopped_ && started_) {
+    send_brake();
+  } else {
+    ask_all();
+  }
+}
+
+void MitDriver::stop() {
+  if (!stopped_) set_brake();
+  stopped_ = true;
+  try {
+    send_brake();
+  } catch (const Failure& problem) {
+    throw plant::StopsByItself(fmt::format("{}; the drives' watchdog stops them after {} s",
+                                           problem.what(), base::shortest(settings_.watchdog_s)));
+  }
+}
+
+void MitDriver::set_brake() {
+  const scenario::RobotSpec& robot = scenario_.robot;
+  Vector q(static_cast<Eigen::Index>(motors_.size()));
+  for (Eigen::Index i = 0; i < q.size(); ++i) q[i] = motors_[static_cast<std::size_t>(i)].answer.q;
+  const Vector urdf_q = robot.joint_signs.cwiseProduct(q) + robot.joint_offsets_rad;
+  const Vector gravity = robot.joint_signs.cwiseProduct(robot::gravity_torque(model_, urdf_q));
+  for (Eigen::Index i = 0; i < q.size(); ++i) {
+    motors_[static_cast<std::size_t>(i)].brake = {q[i], 0, settings_.brake_kp_Nm_per_rad[i],
+                                                  settings_.brake_kd_Nms_per_rad[i], gravity[i]};
+  }
+}
+
+void MitDriver::send_brake() {
+  for (Motor& motor : motors_) {
+    motor.answered = false;
+    send(command(motor.drive, motor.brake));
+  }
+  expecting_ = true;
+}
+
+void MitDriver::ask_all() {
+  for (Motor& motor : motors_) {
+    motor.answered = false;
+    send(ask(motor.drive));
+  }
+  expecting_ = true;
+}
+
+void MitDriver::send(const Frame& frame) { unsent_ += bus_.send(frame) ? 0 : 1; }
+
+void MitDriver::collect(std::chrono::nanoseconds longest) {
+  const auto until = Clock::now() + longest;
+  const auto answered = [](const Motor& motor) { return motor.answered; };
+  constexpr int most = 4096;  // a bus that babbles must not hold the loop
+  for (int i = 0; i < most; ++i) {
+    const bool all = std::ranges::all_of(motors_, answered);
+    const auto frame = bus_.receive(all ? Clock::time_point() : until);
+    if (!frame) return;
+    take(*frame);
+  }
+}
+
+void MitDriver::take(const Frame& frame) {
+  for (Motor& motor : motors_) {
+    if (const auto answer = answer_in(motor.drive, frame)) {
+      motor.answer = *answer;
+      motor.answered = true;
+      return;
+    }
+  }
+}
+
+std::vector<plant::DriverFigure> MitDriver::figures() const {
+  std::int64_t lost = 0;
+  for (const Motor& motor : motors_) lost += motor.lost;
+  std::vector<plant::DriverFigure> figures = {
+      {"answers_missing", static_cast<double>(lost)},
+      {"answers_missing_share",
+       expected_ == 0 ? 0 : static_cast<double>(lost) / static_cast<double>(expected_)},
+      {"frames_not_sent", static_cast<double>(unsent_)}};
+  for (std::size_t i = 0; i < motors_.size(); ++i) {
+    figures.push_back({fmt::format("motor_{}_hottest_C", motors_[i].drive.id), motors_[i].hottest});
+  }
+  return figures;
+}
+
+}  // namespace tachless::mit_can
