@@ -134,6 +134,9 @@ class LawWithMemory final : public AnyLaw {
   [[nodiscard]] std::span<const messages::Signal> signals() const override { return L::signals; }
 
  private:
+  /// True for a law that feeds friction forward itself.
+  static constexpr bool feeds_friction = requires { L::feeds_friction; };
+
   void compute(std::int64_t /*tick*/, const messages::AnyMeasurement& any,
                const messages::ReferencePoint& reference, int ticks) override {
     const auto& measurement = std::get<typename L::Measurement>(any);
@@ -148,7 +151,7 @@ class LawWithMemory final : public AnyLaw {
     memory_ = step.memory;
     command_ = step.command;
     signals_of_step_ = step.signals;
-    if (friction_.given()) {
+    if (friction_.given() && !feeds_friction) {
       command_.tau += friction_.torque(law::feedforward_ahead(reference, lead_s_).v_ref);
     }
     measurement_ = measurement;

@@ -3,6 +3,10 @@
 #include <string_view>
 #include <type_traits>
 
+#include "controller/law/flexible_motor.h"
+#include "controller/law/flexible_position.h"
+#include "controller/law/loria_ortega_adaptive.h"
+#include "controller/law/loria_ortega_bounded.h"
 #include "controller/law/loria_ortega_flexible.h"
 #include "controller/law/loria_ortega_integral.h"
 #include "controller/law/loria_ortega_matrix.h"
@@ -32,12 +36,14 @@ template <class... L>
 struct LawList {};
 
 /// The laws in the order of their names.
-using Laws = LawList<law::BerghuisNijmeijer, law::ComputedTorque, law::DifferenceOfError,
-                     law::KalmanVelocity, law::KellyFlexible, law::KellyRegulation, law::LanariWen,
-                     law::LoriaOrtegaFlexible, law::LoriaOrtegaIntegral, law::LoriaOrtegaMatrix,
-                     law::LoriaOrtegaRigid, law::LoriaOrtegaScheduled, law::NicosiaTomei,
-                     law::NumericalDifference, law::PdGravity, law::RobustDifferentiator,
-                     law::SlotineLi, law::SlotineLiFlexible, law::WenBayard, law::ZhangDawson>;
+using Laws =
+    LawList<law::BerghuisNijmeijer, law::ComputedTorque, law::DifferenceOfError, law::FlexibleMotor,
+            law::FlexiblePosition, law::KalmanVelocity, law::KellyFlexible, law::KellyRegulation,
+            law::LanariWen, law::LoriaOrtegaAdaptive, law::LoriaOrtegaBounded,
+            law::LoriaOrtegaFlexible, law::LoriaOrtegaIntegral, law::LoriaOrtegaMatrix,
+            law::LoriaOrtegaRigid, law::LoriaOrtegaScheduled, law::NicosiaTomei,
+            law::NumericalDifference, law::PdGravity, law::RobustDifferentiator, law::SlotineLi,
+            law::SlotineLiFlexible, law::WenBayard, law::ZhangDawson>;
 
 /// Calls `action(std::type_identity<L>())` for the law of that name.
 /// @return whether there is such a law

@@ -129,7 +129,8 @@ law::Settings law_settings(const scenario::Scenario& scenario) {
   settings.filter = scenario.controller.filter;
   settings.command_delay = scenario.loop.command_delay + scenario.plant.encoder.latency_ticks;
   settings.filter_start = scenario.controller.filter_start;
-  settings.viscous = scenario.controller.friction.viscous;
+  settings.friction = scenario.controller.friction;
+  settings.torque_limit = scenario.plant.drive.torque_limit_Nm.value_or(Vector());
   if (scenario.controller.feedforward_lead == controller::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
@@ -139,6 +140,11 @@ law::Settings law_settings(const scenario::Scenario& scenario) {
   const Vector count = scenario::encoder_count(scenario, *scenario.model);
   settings.position_std = (count.array().square() / 12 + noise * noise).sqrt();
   return settings;
+}
+
+bool has_torque_limits(const scenario::Scenario& scenario) {
+  const auto& limit = scenario.plant.drive.torque_limit_Nm;
+  return limit && limit->allFinite();
 }
 
 void require_compatible(const scenario::Scenario& scenario, const LawFacts& law) {
@@ -152,6 +158,13 @@ void require_compatible(const scenario::Scenario& scenario, const LawFacts& law)
   }
   if (scenario.controller.law != controller::external_law_name) {
     scenario.require_law({std::string(law.name), std::string(law.measurement), {}});
+  }
+  if (law.needs_torque_limit && !has_torque_limits(scenario)) {
+    throw scenario.complaint(
+        "plant.drive.torque_limit_Nm",
+        fmt::format("not given for each joint, and {} keeps the torques within "
+                    "these limits; allowed: a torque of each joint",
+                    law.name));
   }
   if (law.regulation_only &&
       !std::holds_alternative<reference::trajectory::Hold>(scenario.reference)) {

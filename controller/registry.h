@@ -45,7 +45,8 @@ struct LawFacts {
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< the reference must be constant
   bool has_feedforward_lead = false;
-  bool reads_links = false;  ///< needs encoders on the links' side of a flexible robot
+  bool needs_torque_limit = false;  ///< of each drive
+  bool reads_links = false;         ///< needs encoders on the links' side of a flexible robot
   /// Rule of thumb: parameters by name, in the form of a scenario. Empty if the law declares none.
   std::function<std::map<std::string, Vector>(const law::Tuning&)> tuned{};
 };
@@ -57,7 +58,8 @@ std::map<std::string, Vector> tuned_by_name(const law::Tuning& tuning) {
   std::map<std::string, Vector> all;
   base::for_each_key<Gains>([&]<class Member>(const base::Key<Gains, Member>& key) {
     if constexpr (std::is_same_v<Member, Vector>) {
-      all[std::string(key.name)] = gains.*key.member;
+      // A parameter that the rule leaves to its default is absent.
+      if ((gains.*key.member).size() > 0) all[std::string(key.name)] = gains.*key.member;
     } else if constexpr (std::is_same_v<Member, Matrix>) {
       all[std::string(key.name)] = (gains.*key.member).diagonal();
     } else {
@@ -87,6 +89,7 @@ LawFacts facts_of() {
                                 base::allowed_text(key), key.fallback == base::Default::required,
                                 key.described_default});
   });
+  facts.needs_torque_limit = requires { L::needs_torque_limit; };
   if constexpr (law::HasLyapunovFunction<L>) facts.lyapunov_formula = L::lyapunov_formula;
   if constexpr (!law::MadeOfVectors<typename L::Memory>) {
     facts.no_linearisation = L::Memory::no_linearisation;
@@ -125,6 +128,9 @@ law::FlexibleRobot flexible_robot(const scenario::Scenario& scenario);
 /// Returns sampling, filter, lead and encoder noise of the scenario.
 /// @throw base::Failure(bad_usage) as `scenario::encoder_count`.
 law::Settings law_settings(const scenario::Scenario& scenario);
+
+/// Returns whether each drive has a torque limit.
+bool has_torque_limits(const scenario::Scenario& scenario);
 
 /// Checks that the law fits the scenario's joints, encoders, reference, feed-forward lead and
 /// parameters.

@@ -110,7 +110,7 @@ struct Spec {
                 "of yours computes it (`run --controller`)"},
       base::Key{"measurement", &Spec::measurement, "",
                 "What the law measures, and nothing else; an external one needs it: `POSITION`, "
-                "`MOTOR_POSITION`, `LINK_STATE`, `STATE`"}
+                "`MOTOR_POSITION`, `BOTH_POSITIONS`, `LINK_STATE`, `STATE`"}
           .by_default("the law's own"),
       urdf_key,
       base::Key{"gains", &Spec::gains, "",

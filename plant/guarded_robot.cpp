@@ -143,9 +143,8 @@ void GuardedRobot::feed(std::string_view measurement) {
   const auto empty = messages::measurement_of(measurement);
   if (!empty) {
     throw Failure(ExitCode::protocol_violated,
-                  "the controller asks for the measurement '{}'; the plant has POSITION, "
-                  "MOTOR_POSITION, LINK_STATE and STATE",
-                  measurement);
+                  "the controller asks for the measurement '{}'; the plant has {}", measurement,
+                  base::joined(messages::measurement_suffixes));
   }
   measurement_ = *empty;
   scenario::require_encoders(scenario_, measurement);

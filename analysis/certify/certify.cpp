@@ -129,9 +129,16 @@ Group reference_group(const Feasibility& f) {
                       {"speed", joint.speed},
                       {"speed_limit", json_of(joint.speed_limit)},
                       {"cycles_per_tick", joint.cycles_per_tick}});
-    group.add("", joint.name, Json(),
-              fmt::format("torque {}, speed {}", of(joint.moving, joint.torque_limit),
-                          of(joint.speed, joint.speed_limit)));
+    std::string text = fmt::format("torque {}, speed {}", of(joint.moving, joint.torque_limit),
+                                   of(joint.speed, joint.speed_limit));
+    if (joint.feedforward_max) {
+      joints.back()["feedforward_max"] = *joint.feedforward_max;
+      joints.back()["feedforward_anywhere"] = *joint.feedforward_anywhere;
+      text += fmt::format(", feed-forward {} at any posture, {:.0f} % of the limit",
+                          of(*joint.feedforward_anywhere, joint.feedforward_max),
+                          100 * *joint.feedforward_max / joint.torque_limit.value_or(infinity));
+    }
+    group.add("", joint.name, Json(), std::move(text));
   }
   group.add("joints", "", std::move(joints), "");
   for (const std::string& problem : f.impossible) group.add("", "IMPOSSIBLE", Json(), problem);
@@ -187,26 +194,32 @@ std::string torque_text(const lyapunov::CertifiedRegion& c, const Eigen::VectorX
                      reach_text(c.torque->e_at_rest, range), c.torque->joint + 1);
 }
 
+std::string integral_text(double share) {
+  return fmt::format("costs at most {:.2g} % of the level, whatever wound it up before",
+                     100 * share);
+}
+
 void add(Group& group, std::string_view key, std::string_view name,
          const std::optional<lyapunov::CertifiedRegion>& c, const Eigen::VectorXd& range) {
   if (!c) return group.add(key, name, Json(), "nothing certified: no weights were found");
   const lyapunov::Region& region = c->region;
+  Json values = {{"epsilon_1", json_of(c->weights.eps_1)},
+                 {"epsilon_2", json_of(c->weights.eps_2)},
+                 {"rate_per_s", c->rate > 0 ? json_of(c->rate) : Json()},
+                 {"error_rate_per_s", c->rate > 0 ? json_of(c->rate / 2) : Json()},
+                 {"level", json_of(region.level)},
+                 {"ball", json_of(region.ball)},
+                 {"e_at_rest", json_of(within(region.e_at_rest, range))},
+                 {"edot", json_of(region.edot)},
+                 {"unknown_torque_Nm", json_of(c->unknown_torque)},
+                 {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
+                 {"tube", c->tube.size() > 0 ? json_of(c->tube) : Json()},
+                 {"torque_level", c->torque ? json_of(c->torque->level) : Json()},
+                 {"torque_share", c->torque ? json_of(c->torque->share) : Json()},
+                 {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}};
+  if (c->integral_share) values["integral_share"] = json_of(c->integral_share);
   group.add(
-      key, name,
-      {{"epsilon_1", json_of(c->weights.eps_1)},
-       {"epsilon_2", json_of(c->weights.eps_2)},
-       {"rate_per_s", c->rate > 0 ? json_of(c->rate) : Json()},
-       {"error_rate_per_s", c->rate > 0 ? json_of(c->rate / 2) : Json()},
-       {"level", json_of(region.level)},
-       {"ball", json_of(region.ball)},
-       {"e_at_rest", json_of(within(region.e_at_rest, range))},
-       {"edot", json_of(region.edot)},
-       {"unknown_torque_Nm", json_of(c->unknown_torque)},
-       {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
-       {"tube", c->tube.size() > 0 ? json_of(c->tube) : Json()},
-       {"torque_level", c->torque ? json_of(c->torque->level) : Json()},
-       {"torque_share", c->torque ? json_of(c->torque->share) : Json()},
-       {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}},
+      key, name, std::move(values),
       fmt::format("this start: {} (V = {:.4g} J of {:.4g} J)",
                   c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
   group.add("", "  one error alone, from rest", Json(), reach_text(region.e_at_rest, range));
@@ -219,10 +232,16 @@ void add(Group& group, std::string_view key, std::string_view name,
   if (c->unknown_torque.size() > 0)
     group.add("", "  unknown torque at one joint, up to", Json(),
               list_text(c->unknown_torque) + " N m, constant; errors then end at 0");
+  if (c->integral_share) group.add("", "  integral", Json(), integral_text(*c->integral_share));
   if (c->friction_error) {
     group.add("", "  with friction errors end within", Json(),
               c->friction_error->size() > 0 ? list_text(*c->friction_error) : "no certified bound");
   }
+}
+
+/// Returns whether every start converges, and why.
+std::string global_text(const lyapunov::GlobalConvergence& global) {
+  return (global.shown ? "yes: " : "not shown: ") + global.why;
 }
 
 Group region_group(const Certificate& all) {
@@ -245,6 +264,12 @@ Group region_group(const Certificate& all) {
       all.start_range);
   if (!s.constant && !s.own_weights) {
     add(group, "largest", "largest region", s.largest, all.start_range);
+  }
+  if (all.global) {
+    const lyapunov::GlobalConvergence& global = *all.global;
+    group.add("global", "globally",
+              {{"shown", global.shown}, {"why", global.why}, {"g0", json_of(global.g0)}},
+              global_text(global));
   }
   for (const std::string& proviso : s.provisos) group.add("", "proviso", Json(), proviso);
   group.add("provisos", "", s.provisos, "");
@@ -348,6 +373,8 @@ std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::Ve
   std::string rest = share_text(s.start, "; torque: this start ");
   if (region && region->torque)
     rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region, range);
+  if (region && region->integral_share)
+    rest += "; the integral " + integral_text(*region->integral_share);
   for (const std::string& proviso : s.provisos) rest += "; " + proviso;
   if (!region)
     return (s.constant && s.start.certified ? "this start is certified, but without a rate"
@@ -373,7 +400,7 @@ std::string no_margins(const Prediction& loop) {
 }
 
 /// Returns the most important results in four lines. Missed commands in realtime, dry friction and
-/// uncounted parts of the arm add one line each.
+/// uncounted parts of the arm add one line each, and so does the statement on every start.
 std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const auto line = [](std::string_view label, std::string_view text) {
     return fmt::format("  {:<17} {}\n", label, text);
@@ -401,9 +428,10 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
     reference = fmt::format("{}", fmt::join(problems, "; "));
   }
   text += line("reference", reference);
-  return text + line("certified region", all.stability
-                                             ? region_text(*all.stability, all.start_range)
-                                             : "none: " + all.no_stability);
+  text += line("certified region", all.stability ? region_text(*all.stability, all.start_range)
+                                                 : "none: " + all.no_stability);
+  if (all.global) text += line("globally", global_text(*all.global));
+  return text;
 }
 
 }  // namespace
@@ -420,6 +448,7 @@ Certificate certify(const scenario::Scenario& scenario, bool paper, const linear
   if (result.no_stability.empty()) {
     result.stability =
         lyapunov::stability_certificate(scenario, linear::Effort::full, result.no_stability, tell);
+    if (result.stability) result.global = lyapunov::global_convergence(scenario);
   }
   if (full) result.nonlinear = lyapunov::sampled_region(scenario, result.no_nonlinear, tell);
   if (paper) {

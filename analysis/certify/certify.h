@@ -7,6 +7,7 @@
 
 #include "certify/feasibility.h"
 #include "certify/prediction.h"
+#include "lyapunov/global_convergence.h"
 #include "lyapunov/sampled_region.h"
 #include "lyapunov/stability_certificate.h"
 
@@ -22,6 +23,8 @@ struct Certificate {
   /// Largest error of each joint that its range allows at the start [rad; m], half a turn where it
   /// has no limits: no region is shown beyond. Empty: not known.
   Eigen::VectorXd start_range;
+  /// The answer whether every start converges; nothing: not known of this law, or not examined.
+  std::optional<lyapunov::GlobalConvergence> global;
   std::optional<lyapunov::SampledRegion> nonlinear;  ///< where it was asked for
   std::string no_nonlinear;                          ///< why there is none; empty: not asked for
 };

@@ -19,6 +19,9 @@ struct JointDemand {
   /// sup|a_ref| / sup|v_ref| over 2 pi, times h.
   double cycles_per_tick = 0;
   std::optional<double> torque_limit{}, speed_limit{};  ///< nothing: none is given
+  /// The bound of a law that bounds its feed-forward, and the largest feed-forward of the motion
+  /// at sampled postures [N m; N].
+  std::optional<double> feedforward_max{}, feedforward_anywhere{};
 };
 
 struct Feasibility {

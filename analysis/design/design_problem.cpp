@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "base/failure.h"
@@ -69,6 +70,9 @@ const controller::LawFacts& tuned_law(const std::string& name) {
   if (law.tuned) return law;
   throw Failure(ExitCode::check_said_no, "{} has no rule for its gains: tune it by hand", name);
 }
+
+/// Returns whether the gain is the b of a filter b p / (p + a), of which only kd b counts.
+bool is_filter_gain(std::string_view name) { return name.front() == 'b' && name != "beta"; }
 
 /// Returns the derivative by differences. Returns 0 when the number of states changes, which
 /// happens at a gain where a pole vanishes.
@@ -160,6 +164,11 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
   tuning.damping = damping;
   tuning.filter = std::min(r * w, rate());
   Gains all = law_.tuned(tuning);
+  for (const controller::Parameter& each : law_.parameters) {
+    const auto given = scenario_.controller.gains.find(std::string(each.name));
+    const bool ruled = each.required || all.contains(std::string(each.name));
+    if (!ruled && given != scenario_.controller.gains.end()) all.insert(*given);
+  }
   const Vector& friction = scenario_.plant.drive.viscous_friction_Nms_per_rad;
   for (const controller::Parameter& each : law_.parameters) {
     if (each.shape != base::Shape::matrix || mean_matrix_.size() == 0) continue;
@@ -243,7 +252,7 @@ std::optional<VectorXd> DesignProblem::own_theta() const {
   }
   for (const auto& [name, value] : own) {  // only the product kd b counts
     const auto kd = own.find("kd" + name.substr(1));
-    if (name.front() == 'b' && kd != own.end()) {
+    if (is_filter_gain(name) && kd != own.end()) {
       kd->second.array() *= value.array() / start_.at(name).array();
     }
   }
@@ -307,8 +316,7 @@ void DesignProblem::choose_variables() {
     return each.shape == base::Shape::joints;
   });
   for (const controller::Parameter& each : law_.parameters) {
-    const bool redundant =
-        each.name.front() == 'b' || each.name == "ki" || each.name == "measurement_noise";
+    const bool redundant = is_filter_gain(each.name) || each.name == "ki" || !each.required;
     const bool varies =
         has_own_gains_ ? each.shape == base::Shape::joints
                        : each.shape == base::Shape::number || each.shape == base::Shape::matrix;
@@ -353,6 +361,12 @@ void DesignProblem::set_bounds() {
   if (!entries_.empty()) return bound_poles();
   design::Gains most = start_;
   for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    if (kinds_[kind] == "beta") {  // a torque loop that is much slower or faster is none
+      problem_.lower.segment(static_cast<Index>(kind) * per_kind(), per_kind())
+          .setConstant(std::log(0.5));
+      problem_.upper.segment(static_cast<Index>(kind) * per_kind(), per_kind())
+          .setConstant(std::log(3));
+    }
     if (kinds_[kind].front() != 'a') continue;
     most.at(kinds_[kind]) = start_.at(kinds_[kind]).cwiseMax(rate());
     const auto first = static_cast<Index>(kind) * per_kind();

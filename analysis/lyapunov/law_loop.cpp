@@ -39,6 +39,13 @@ VectorXd joined(std::initializer_list<Vector> parts) {
   return Eigen::Map<const VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
 }
 
+/// True for a law whose error system `rigid_loop` can make.
+template <class L>
+inline constexpr bool has_rigid_loop = requires(const L& law) {
+  law.filter_pole();
+}
+&&!requires { L::no_certificate; };
+
 LawLoop flexible_loop(const scenario::Scenario& scenario) {
   const auto& given = scenario.plant.initial;
   const messages::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
@@ -57,6 +64,8 @@ LawLoop flexible_loop(const scenario::Scenario& scenario) {
                                  {g.kp2, g.kd2, g.a2, g.b2})},
           joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
                   v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)}),
+          {},
+          {},
           {},
           {}};
 }
@@ -182,10 +191,14 @@ LawLoop rigid_loop(const scenario::Scenario& scenario) {
     result.systems[0].kp_dot = result.systems[0].kd_dot = {};
     result.systems[0].v_ref = {};
   }
+  if constexpr (requires { law.linear_feedback(); }) {
+    result.linear_feedback = law.linear_feedback();
+  }
   if constexpr (requires { law.weights(); }) {
     result.weights = law.weights();
     result.ki =
         controller::gains_of<typename L::Gains>(scenario, controller::law_facts(L::name)).ki;
+    result.d_max = law.d_max();
   }
   return result;
 }
@@ -196,7 +209,7 @@ std::optional<LawLoop> law_loop(const scenario::Scenario& scenario) {
   std::optional<LawLoop> result;
   controller::with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*law*/) {
     if constexpr (std::is_same_v<L, LoriaOrtegaFlexible>) result = flexible_loop(scenario);
-    if constexpr (requires(const L& law) { law.filter_pole(); }) result = rigid_loop<L>(scenario);
+    if constexpr (has_rigid_loop<L>) result = rigid_loop<L>(scenario);
   });
   return result;
 }
@@ -204,12 +217,13 @@ std::optional<LawLoop> law_loop(const scenario::Scenario& scenario) {
 std::string no_certificate(const scenario::Scenario& scenario) {
   const std::string& law = scenario.controller.law;
   bool certifiable = false;
+  std::string reason;
   controller::with_law(law, [&]<class L>(std::type_identity<L> /*law*/) {
-    certifiable = std::is_same_v<L, LoriaOrtegaFlexible> || requires(const L& made) {
-      made.filter_pole();
-    };
+    certifiable = std::is_same_v<L, LoriaOrtegaFlexible> || has_rigid_loop<L>;
+    if constexpr (requires { L::no_certificate; }) reason = fmt::format(": {}", L::no_certificate);
   });
-  if (!certifiable) return fmt::format("no stability certificate is available for {}", law);
+  if (!certifiable)
+    return fmt::format("no stability certificate is available for {}{}", law, reason);
   const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
   if (file != nullptr && file->motion == nullptr) {
     return fmt::format("the table {} of the reference was not loaded", file->path);

@@ -20,6 +20,9 @@ struct LawLoop {
   Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
   std::optional<Weights> weights;  ///< those of a law with an integral, which has no others
   Eigen::VectorXd ki;              ///< of its integral [N m/rad]
+  Eigen::VectorXd d_max;           ///< largest torque of its integral [N m]; infinite: no bound
+  /// Feedback torque up to which the law is what the systems say [N m]; empty: any.
+  Eigen::VectorXd linear_feedback;
 };
 
 /// The loop of a law with filtered errors at a point of the reference: its gains and their rates by

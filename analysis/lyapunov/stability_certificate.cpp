@@ -220,11 +220,18 @@ class ErrorLoop {
     }
     // The level from which no error reaches the tube's end.
     if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
+    region = of_linear_feedback(*region, weights);
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
     static_cast<Certified&>(result) = {weights, *region, loop_.weights ? 0 : rate};
     result.V0 = V0(weights);
     const double room = region->level - result.V0;
-    if (loop_.weights) result.unknown_torque = (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt();
+    if (loop_.weights) {
+      result.unknown_torque =
+          (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt().cwiseMin(loop_.d_max);
+      // 1/2 z' Ki^-1 z with |z| <= d_max + |d| <= 2 d_max, whatever happened before
+      const double most = 2 * loop_.d_max.cwiseAbs2().cwiseQuotient(loop_.ki).sum();
+      if (std::isfinite(most)) result.integral_share = most / region->level;
+    }
     // From V0 on, |delta| stays below sqrt(2 w V).
     if (result.holds_initial_state()) {
       result.rate_from_start =
@@ -233,6 +240,17 @@ class ErrorLoop {
     result.torque = torque(result);
     if (friction_.any() && std::isfinite(region->level)) result.friction_error = ultimate(result);
     return result;
+  }
+
+  /// Returns the region within the level up to which the law's feedback is linear.
+  [[nodiscard]] Region of_linear_feedback(Region region, const Weights& weights) const {
+    const VectorXd& linear = loop_.linear_feedback;
+    if (linear.size() == 0) return region;
+    const bool endless = !std::isfinite(region.level);
+    if (endless) region = of_1_J(region, weights);
+    const double beyond =
+        std::sqrt(2 * region.level) * region.feedback.cwiseQuotient(linear).maxCoeff();
+    return endless || beyond >= 1 ? scaled(region, (1 - 1e-9) / beyond) : region;
   }
 
   /// The region of a level that is the square of `part` of its own.
@@ -287,7 +305,9 @@ class ErrorLoop {
     VectorXd feedback = region.feedback;
     if (loop_.ki.size() > 0) feedback = (feedback.cwiseAbs2() + loop_.ki).cwiseSqrt();
     torque += std::sqrt(2 * level) * feedback;
-    return torque.cwiseQuotient(VectorXd(*scenario_.plant.drive.torque_limit_Nm));
+    const VectorXd share = torque.cwiseQuotient(VectorXd(*scenario_.plant.drive.torque_limit_Nm));
+    const bool bounded = loop_.linear_feedback.size() > 0;  // the law itself keeps the limits
+    return bounded ? VectorXd(share.cwiseMin(1)) : share;
   }
   [[nodiscard]] bool torque_limited() const {
     const auto& limit = scenario_.plant.drive.torque_limit_Nm;

@@ -36,6 +36,9 @@ struct CertifiedRegion : Certified {
   /// The largest constant torque, unknown to a law with an integral, from the scenario's start
   /// [N m]. It acts at one joint alone. Empty: the law has no integral.
   Eigen::VectorXd unknown_torque;
+  /// The largest share of the level that the integral's part of V takes, for unknown torques up to
+  /// `d_max` of each joint. Nothing: the law has no integral, or d_max has no bound.
+  std::optional<double> integral_share;
   /// The bound of |e_i| at the end from V <= level / 4 on, with the friction that Mm does not have
   /// [rad; m]. Nothing: there is no such friction. Empty: no bound is certified.
   std::optional<Eigen::VectorXd> friction_error;

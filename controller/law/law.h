@@ -39,7 +39,9 @@ struct Settings {
   /// Standard deviation of a measured position by the encoder's data sheet [rad]; zero or empty:
   /// ideal.
   Vector position_std{};
-  Vector viscous{};  ///< friction that the law feeds forward [N m s/rad]; empty: none
+  FrictionSpec friction{};  ///< friction that is fed forward, beside or by the law
+  /// Largest torque of the drives [N m; N]; empty or infinite: no limit.
+  Vector torque_limit{};
   /// Ticks from the measured state to the tick over which the answering command acts, at most
   /// most_delay. The encoder's latency is included.
   int command_delay = 0;
@@ -131,7 +133,8 @@ concept Law = Declared<L> && DeclaredMemory<typename L::Memory> &&
 /// A measurement without velocity: exactly a type that holds positions and nothing else.
 template <class Measurement>
 concept PositionOnly = std::same_as<Measurement, messages::PositionMeasurement> ||
-    std::same_as<Measurement, messages::MotorPositionMeasurement>;
+    std::same_as<Measurement, messages::MotorPositionMeasurement> ||
+    std::same_as<Measurement, messages::BothPositionsMeasurement>;
 
 template <class L>
 concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;

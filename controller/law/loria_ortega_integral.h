@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string_view>
 #include <tuple>
+#include <utility>
 
 #include "controller/law/filtered_error.h"
 
@@ -11,6 +13,7 @@ namespace tachless::controller::law {
 struct IntegralGains {
   Vector kp, kd, a, b, ki;
   double eps_1 = 0, eps_2 = 0;
+  Vector d_max = {};
 
   static constexpr std::tuple keys{
       gain("kp", &IntegralGains::kp, "N m/rad", "Weight of the position error"),
@@ -19,7 +22,9 @@ struct IntegralGains {
       gain("b", &IntegralGains::b, "1/s", "Filter gain"),
       gain("ki", &IntegralGains::ki, "N m/rad", "Weight of the integral"),
       gain("eps_1", &IntegralGains::eps_1, "1/s", "Weight of e in what is integrated"),
-      gain("eps_2", &IntegralGains::eps_2, "1", "Weight of nu in what is integrated")};
+      gain("eps_2", &IntegralGains::eps_2, "1", "Weight of nu in what is integrated"),
+      gain("d_max", &IntegralGains::d_max, "N m", "Largest torque of the integral")
+          .by_default("the drive's limit")};
 };
 
 /// `LoriaOrtegaRigid` with an integral that compensates constant torques unknown to the model, from
@@ -30,6 +35,10 @@ struct IntegralGains {
 /// ydot = edot + eps_1 e - eps_2 nu is the passive output for eq. 15 with these weights. The
 /// filter's own equation gives the integral of nu: A^-1 (B (e - e(0)) - (nu - nu(0))). The law
 /// takes e to be linear between samples.
+///
+/// Two rules keep y from winding up. |Ki y| is at most `d_max`, the largest unknown torque. A
+/// component of y does not move on where the command exceeds the drive's limit and the move would
+/// command more.
 class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_integral";
@@ -52,7 +61,10 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
 
     static constexpr std::tuple members{&Memory::filter, &Memory::y};
   };
-  using FilteredError::FilteredError;
+  LoriaOrtegaIntegral(robot::Model robot, IntegralGains gains, const Settings& settings)
+      : FilteredError(std::move(robot), std::move(gains), settings),
+        limit_(settings.torque_limit.size() > 0 ? settings.torque_limit : each(infinity)),
+        d_max_(gains_.d_max.size() > 0 ? gains_.d_max : limit_) {}
 
   static Gains tuned(const Tuning& t) {
     const double eps_1 = t.w / 3;
@@ -69,7 +81,9 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
                                   const ReferencePoint& reference) const {
     auto [filter, command, logged] = FilteredError::step(memory.filter, measured, reference);
-    const Vector y = memory.y + increment(memory.filter, filter);
+    Vector outside = command.tau;  // of the integral
+    if (settings_.friction.given()) outside += settings_.friction.torque(ahead(reference).v_ref);
+    const Vector y = without_windup(memory.y, memory.y + increment(memory.filter, filter), outside);
     const Vector integral = -gains_.ki.cwiseProduct(y);
     command.tau += integral;
     return {{filter, y}, command, {signals.size(), {logged.value[0], filter.nu, integral}}};
@@ -77,6 +91,8 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
 
   /// Returns the weights of V for which ydot is the passive output.
   [[nodiscard]] LyapunovWeights weights() const { return {gains_.eps_1, gains_.eps_2}; }
+  /// Returns the largest torque of the integral [N m]; infinite: no bound.
+  [[nodiscard]] const Vector& d_max() const { return d_max_; }
 
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė + ½ τ′Ki⁻¹τ of the integral";
@@ -88,12 +104,29 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
   }
 
  private:
+  /// Returns the next y after `before`. Without the two rules it is `free`.
+  /// @param outside the command without the integral [N m]
+  [[nodiscard]] Vector without_windup(const Vector& before, const Vector& free,
+                                      const Vector& outside) const {
+    const Vector most = d_max_.cwiseQuotient(gains_.ki);
+    Vector y = free.cwiseMax(-most).cwiseMin(most);
+    for (Eigen::Index i = 0; i < y.size(); ++i) {
+      const double command = outside[i] - gains_.ki[i] * y[i];
+      const bool outwards =
+          command > limit_[i] ? y[i] < before[i] : command < -limit_[i] && y[i] > before[i];
+      if (outwards) y[i] = std::clamp(before[i], -most[i], most[i]);
+    }
+    return y;
+  }
   [[nodiscard]] Vector increment(const Filter::Memory& from, const Filter::Memory& to) const {
     const Vector de = to.e_previous - from.e_previous;
     const Vector nu_dt = (gains_.b.cwiseProduct(de) - to.nu + from.nu).cwiseQuotient(gains_.a);
     return de + 0.5 * settings_.period_s * gains_.eps_1 * (from.e_previous + to.e_previous) -
            gains_.eps_2 * nu_dt;
   }
+
+  Vector limit_;  ///< [N m]
+  Vector d_max_;  ///< [N m]
 };
 
 static_assert(OutputFeedbackLaw<LoriaOrtegaIntegral>);

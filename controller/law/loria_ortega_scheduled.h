@@ -44,8 +44,8 @@ class LoriaOrtegaScheduled : public FilteredError<LoriaOrtegaScheduled, Schedule
                                 const ReferencePoint& reference) const {
     const Matrix M = robot::mass_matrix(robot_, reference.q_ref);
     const Vector inertial = tau - M.lazyProduct(weighted_sum(e, nu));
-    return settings_.viscous.size() == 0 ? inertial
-                                         : inertial - gains_.w * settings_.viscous.cwiseProduct(e);
+    const Vector& viscous = settings_.friction.viscous;
+    return viscous.size() == 0 ? inertial : inertial - gains_.w * viscous.cwiseProduct(e);
   }
   [[nodiscard]] Vector feedback_rate(const Vector& e, const Vector& nu,
                                      const ReferencePoint& reference) const {

@@ -13,8 +13,8 @@
 namespace tachless::messages {
 
 /// The types of measurements.
-using Measurements =
-    TypeList<PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement, StateMeasurement>;
+using Measurements = TypeList<PositionMeasurement, MotorPositionMeasurement,
+                              BothPositionsMeasurement, LinkStateMeasurement, StateMeasurement>;
 
 namespace detail {
 

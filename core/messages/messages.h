@@ -181,9 +181,10 @@ struct GainAck {
 /// Types of messages; messages/truth adds one.
 template <class... Value>
 struct TypeList {};
-using Messages = TypeList<Tick, PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement,
-                          StateMeasurement, ReferencePoint, TorqueCommand, LawSignals, Participant,
-                          RunInfo, LogAck, GainChange, GainAck>;
+using Messages =
+    TypeList<Tick, PositionMeasurement, MotorPositionMeasurement, BothPositionsMeasurement,
+             LinkStateMeasurement, StateMeasurement, ReferencePoint, TorqueCommand, LawSignals,
+             Participant, RunInfo, LogAck, GainChange, GainAck>;
 
 /// Calls `f(std::type_identity<Value>())` for each type of the list, in order.
 template <class... Value, class F>

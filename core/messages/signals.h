@@ -35,6 +35,19 @@ struct MotorPositionMeasurement {
       "motor_position", "theta", "rad", &MotorPositionMeasurement::theta, "motor position")};
 };
 
+/// Measurement of an output-feedback law of a flexible-joint robot with encoders on both sides.
+struct BothPositionsMeasurement {
+  Vector q;      ///< link position [rad; m]
+  Vector theta;  ///< motor position, on the link side of the gear [rad]
+
+  using Value = BothPositionsMeasurement;
+  static constexpr std::string_view type = "tachless.both_positions_measurement_t",
+                                    suffix = "BOTH_POSITIONS";
+  static constexpr auto fields =
+      std::tuple{per_joint("position", "q", "rad", &Value::q, "link position"),
+                 per_joint("motor_position", "theta", "rad", &Value::theta, "motor position")};
+};
+
 /// Measurement of the flexible-joint law of Loria and Ortega (eq. 9-12), without motor velocity.
 struct LinkStateMeasurement {
   Vector q;      ///< link position [rad; m]

@@ -1,6 +1,7 @@
 #include "messages/wire.h"
 
 #include <array>
+#include <tachless/both_positions_measurement_t.hpp>
 #include <tachless/controller_state_t.hpp>
 #include <tachless/gains_ack_t.hpp>
 #include <tachless/gains_t.hpp>
@@ -92,6 +93,7 @@ Rejection Codec<messages::AnyMeasurement>::decode(std::span<const std::byte> pay
 TACHLESS_MESSAGE(Tick, tick_t)
 TACHLESS_MESSAGE(PositionMeasurement, position_measurement_t)
 TACHLESS_MESSAGE(MotorPositionMeasurement, motor_position_measurement_t)
+TACHLESS_MESSAGE(BothPositionsMeasurement, both_positions_measurement_t)
 TACHLESS_MESSAGE(LinkStateMeasurement, link_state_measurement_t)
 TACHLESS_MESSAGE(StateMeasurement, state_measurement_t)
 TACHLESS_MESSAGE(ReferencePoint, reference_t)

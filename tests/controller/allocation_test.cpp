@@ -34,11 +34,14 @@ L example() {
           gains.*key.member = 2;
         }
       });
-  return L(arm<L>(), gains, Settings{});
+  Settings settings;
+  settings.torque_limit = vector(100, 100);
+  return L(arm<L>(), gains, settings);
 }
 
 void measure(messages::PositionMeasurement& m) { m.q = vector(0.1, 0.2); }
 void measure(messages::MotorPositionMeasurement& m) { m.theta = vector(0.1, 0.2); }
+void measure(messages::BothPositionsMeasurement& m) { m.q = m.theta = vector(0.1, 0.2); }
 void measure(messages::LinkStateMeasurement& m) {
   m.q = m.theta = vector(0.1, 0.2);
   m.v = vector(1, 2);

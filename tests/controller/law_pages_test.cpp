@@ -79,6 +79,7 @@ TEST(LawPages, HeadersEndWithTheLockThatTheirMeasurementAsksFor) {
   const std::map<std::string_view, std::string> locks = {
       {"POSITION", "static_assert(OutputFeedbackLaw<"},
       {"MOTOR_POSITION", "static_assert(OutputFeedbackLaw<"},
+      {"BOTH_POSITIONS", "static_assert(OutputFeedbackLaw<"},
       {"LINK_STATE", "::Measurement, messages::LinkStateMeasurement>);"},
       {"STATE", "static_assert(!OutputFeedbackLaw<"}};
   for (const LawFacts& law : laws()) {

@@ -52,6 +52,9 @@ TEST(Encoder, IsExactByDefault) {
   const ArmState s = state(1.234567890123, -0.2);
   EXPECT_EQ(encoder.measure<messages::PositionMeasurement>(s, 5).q, s.q);
   EXPECT_EQ(encoder.measure<messages::MotorPositionMeasurement>(s, 5).theta, s.theta);
+  const auto both = encoder.measure<messages::BothPositionsMeasurement>(s, 5);
+  EXPECT_EQ(both.q, s.q);
+  EXPECT_EQ(both.theta, s.theta);
   const auto link = encoder.measure<messages::LinkStateMeasurement>(s, 5);
   EXPECT_EQ(link.q, s.q);
   EXPECT_EQ(link.v, s.v);
@@ -189,8 +192,8 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   }
 }
 
-/// Returns a digit each for POSITION, MOTOR_POSITION, LINK_STATE and STATE. A 1 means that the
-/// robot has the encoders.
+/// Returns a digit each for POSITION, MOTOR_POSITION, BOTH_POSITIONS, LINK_STATE and STATE. A 1
+/// means that the robot has the encoders.
 std::string measurable(bool flexible, EncoderSide side) {
   scenario::Scenario s = scenario(flexible);
   s.plant.encoder.side = side;
@@ -205,17 +208,18 @@ std::string measurable(bool flexible, EncoderSide side) {
   };
   note(messages::PositionMeasurement());
   note(messages::MotorPositionMeasurement());
+  note(messages::BothPositionsMeasurement());
   note(messages::LinkStateMeasurement());
   note(messages::StateMeasurement());
   return result;
 }
 
 TEST(Encoder, RefusesAMeasurementWhoseSideTheRobotLacks) {
-  EXPECT_EQ(measurable(true, EncoderSide::motor), "0100");
-  EXPECT_EQ(measurable(true, EncoderSide::link), "1000");
-  EXPECT_EQ(measurable(true, EncoderSide::both), "1111");
+  EXPECT_EQ(measurable(true, EncoderSide::motor), "01000");
+  EXPECT_EQ(measurable(true, EncoderSide::link), "10000");
+  EXPECT_EQ(measurable(true, EncoderSide::both), "11111");
   for (const auto side : {EncoderSide::link, EncoderSide::motor, EncoderSide::both}) {
-    EXPECT_EQ(measurable(false, side), "1001");  // a rigid robot has one position per joint
+    EXPECT_EQ(measurable(false, side), "10001");  // a rigid robot has one position per joint
   }
 }
 

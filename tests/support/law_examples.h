@@ -38,7 +38,9 @@ inline std::string ruled_gains(const controller::LawFacts& law) {
   const auto gains = law.tuned(tuning);
   std::string all;
   for (const controller::Parameter& each : law.parameters) {
-    const Vector& of = gains.at(std::string(each.name));
+    const auto found = gains.find(std::string(each.name));
+    if (found == gains.end()) continue;  // left to its default
+    const Vector& of = found->second;
     const bool one = each.shape != base::Shape::joints;
     all += fmt::format("{}{}: {}", all.empty() ? "" : ", ", each.name,
                        one ? fmt::format("{}", of[0]) : fmt::format("[{}, {}]", of[0], of[1]));
@@ -58,6 +60,14 @@ inline const std::vector<LawExample>& law_examples() {
          "practical_rigid",
          {"controller.gains={kp: [[40000, 2000], [2000, 2400]], kd: [[1000, 50], [50, 60]], "
           "a: 1000, b: 1000}"}},
+        {"loria_ortega_adaptive",
+         "practical_rigid",
+         {"controller.gains={kp: [40000, 2400], kd: [1000, 60], a: 1000, b: 1000, eps_1: 6, "
+          "eps_2: 0.03, gamma_mass: 5, mass_max: 3}"}},
+        {"loria_ortega_bounded",
+         "practical_rigid",
+         {"controller.gains={kp: [40000, 2400], kd: [1000, 60], a: 1000, b: 1000}",
+          "plant.drive.torque_limit_Nm=[2000, 200]"}},
         {"zhang_dawson", "practical_rigid", {"controller.gains={k: 150}"}},
         {"lanari_wen", "practical_flexible", {"controller.gains={kp: [4000, 1000], kv: [80, 40]}"}},
         {"robust_differentiator",

@@ -81,6 +81,8 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
       measure(messages::PositionMeasurement{vector(n)});
     } else if (measurement == "MOTOR_POSITION") {
       measure(messages::MotorPositionMeasurement{vector(n)});
+    } else if (measurement == "BOTH_POSITIONS") {
+      measure(messages::BothPositionsMeasurement{vector(n), vector(n)});
     } else if (measurement == "LINK_STATE") {
       measure(messages::LinkStateMeasurement{vector(n), vector(n), vector(n)});
     } else {

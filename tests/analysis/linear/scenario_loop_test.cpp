@@ -96,6 +96,7 @@ TEST(ScenarioLoop, LinearisesEveryLawButThoseThatSayWhyNot) {
     EXPECT_GT(at_one_kilohertz, 0.9) << example.law;
     EXPECT_GT(radius_at(loop.at(loop.rest_points(1)[0]), 0.2), 1) << example.law;
   }
+  linear.push_back("loria_ortega_adaptive");
   linear.push_back("robust_differentiator");
   EXPECT_THAT(linear, ::testing::UnorderedElementsAreArray(controller::law_names()));
 }

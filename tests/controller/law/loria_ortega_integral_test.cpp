@@ -1,9 +1,13 @@
 #include "controller/law/loria_ortega_integral.h"
 
+#include <atomic>
 #include <numbers>
 
+#include "base/parallel.h"
 #include "controller/law/loria_ortega_rigid.h"
+#include "reference/trajectory/point_to_point.h"
 #include "tests/controller/law/first_order.h"
+#include "tests/support/sanitizer.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -71,6 +75,118 @@ TEST(LoriaOrtegaIntegral, BeginsWithoutTorqueWhereverTheFilterBegins) {
     const auto step = law.step(law.start(measured, goal), measured, goal);
     // Rounding of 1500 N m/rad times terms of up to b / a |e|.
     EXPECT_LT(step.signals.value[2].norm(), 1e-10);
+  }
+}
+
+/// A motion of 0.25 to 0.8 s between random postures, with random limits, gains and unknown
+/// torques.
+struct HiddenMotion {
+  reference::trajectory::PointToPoint reference;
+  Pair limit, torque, start;
+  IntegralGains gains;
+
+  explicit HiddenMotion(unsigned seed) {
+    Random random(seed);
+    reference = {random.pair(3), {}, 0.05, random.between(0.25, 0.8)};
+    reference.to_rad = reference.from_rad + random.pair(2);
+    limit = vector(random.between(150, 500), random.between(25, 100));
+    const bool pushed = random.between(0, 1) < 0.7, beside = random.between(0, 1) < 0.5;
+    torque = (pushed ? 1.0 : 0.0) * limit.cwiseProduct(Pair(random.pair(0.25)));
+    start = reference.from_rad + (beside ? 1.0 : 0.0) * random.pair(0.3);
+    const double scale = std::exp(random.between(-0.7, 0.7));
+    gains = {scale * scale * vector(4000, 400),
+             scale * vector(300, 30),
+             vector(300, 300),
+             vector(300, 300),
+             scale * scale * random.between(0.3, 2) * vector(2000, 200),
+             10 * scale,
+             0.15 * scale,
+             0.4 * Vector(limit)};
+  }
+
+  /// Returns whether the loop at 1 kHz with one tick of delay is at rest on the goal at its end.
+  [[nodiscard]] bool ends_at_rest(const LoriaOrtegaIntegral& law, int ticks) const {
+    const RigidArm arm;
+    State<4> x = rigid_state(start, Pair::Zero());
+    auto memory = law.start(arm.position(x), reference.at(0));
+    Pair applied = Pair::Zero();
+    for (int k = 0; k < ticks; ++k) {
+      const auto step = law.step(memory, arm.position(x), reference.at(k * 1e-3));
+      memory = step.memory;
+      const auto pushed = [&](double /*t*/, const State<4>& y) -> State<4> {
+        return arm(y, applied + torque);
+      };
+      for (int i = 0; i < 2; ++i) x = runge_kutta_4(pushed, 0, x, 0.5e-3);
+      if (!x.allFinite() || x.norm() > 1e3) return false;
+      applied = Pair(step.command.tau).cwiseMax(-limit).cwiseMin(limit);
+    }
+    return (x.head<2>() - Pair(reference.to_rad)).norm() < 1e-3;
+  }
+};
+
+/// The law of 0.3.0 had neither rule: about a quarter of these motions never came to rest.
+TEST(LoriaOrtegaIntegral, ComesBackFromMotionsBeyondTheTorqueLimits) {
+#ifdef __SANITIZE_ADDRESS__
+  constexpr unsigned motions = 50;
+#else
+  constexpr unsigned motions = 1000;
+#endif
+  std::atomic<int> stayed_away = 0, stayed_away_without = 0;
+  base::parallel_for(motions, [&](std::size_t i) {
+    const HiddenMotion motion(static_cast<unsigned>(i));
+    Settings settings{1e-3, Discretisation::tustin, FilterStart::at_error, 1.5e-3};
+    const auto law = [&](const IntegralGains& gains) {
+      return LoriaOrtegaIntegral(two_link_model(), gains, settings);
+    };
+    IntegralGains unlimited = motion.gains;
+    unlimited.d_max = vector(infinity, infinity);
+    if (i % 10 == 0 && !motion.ends_at_rest(law(unlimited), 6000)) ++stayed_away_without;
+    settings.torque_limit = motion.limit;
+    const bool soon = motion.ends_at_rest(law(motion.gains), 6000);
+    if (!soon && !motion.ends_at_rest(law(motion.gains), 30000)) ++stayed_away;
+  });
+  EXPECT_EQ(stayed_away, 0);
+  EXPECT_GT(stayed_away_without * 10, motions / 6) << "the motions are hard without the rules";
+}
+
+TEST(LoriaOrtegaIntegral, NeverAsksForMoreThanTheLargestUnknownTorque) {
+  Random random(3);
+  const Vector limit = vector(320, 60);
+  Settings settings{1e-3, Discretisation::tustin};
+  settings.torque_limit = limit;
+  IntegralGains limited = gains;
+  for (const bool given : {false, true}) {
+    if (given) limited.d_max = vector(30, 5);
+    const LoriaOrtegaIntegral law(two_link_model(), limited, settings);
+    const Vector most = given ? limited.d_max : limit;
+    EXPECT_EQ(law.d_max(), most);
+    messages::PositionMeasurement measured{random.pair(3)};
+    auto memory = law.start(measured, random.reference());
+    for (int k = 0; k < 1000; ++k) {
+      measured.q = random.pair(k % 3 == 0 ? 300 : 1);
+      const auto step = law.step(memory, measured, random.reference());
+      memory = step.memory;
+      // The torque is Ki (d_max / Ki), up to rounding.
+      ASSERT_TRUE((step.signals.value[2].array().abs() <= most.array() * (1 + 1e-15)).all());
+    }
+  }
+}
+
+TEST(LoriaOrtegaIntegral, HoldsItsIntegralWhereItWouldCommandBeyondALimit) {
+  const Vector limit = vector(100, 50);
+  Settings settings{1e-3, Discretisation::tustin};
+  settings.torque_limit = limit;
+  const LoriaOrtegaIntegral law(two_link_model(), gains, settings);
+  const messages::ReferencePoint goal = Sine{{0, 0}}.at(0);
+  const messages::PositionMeasurement away{vector(-0.5, 0)};
+  auto memory = law.start(away, goal);
+  memory = law.step(memory, away, goal).memory;
+  for (int k = 0; k < 100; ++k) {
+    const auto step = law.step(memory, away, goal);
+    ASSERT_GT(step.command.tau[0], limit[0]);
+    ASSERT_GE(step.memory.y[0], memory.y[0]) << "the integral of joint 1 adds to what saturates";
+    ASSERT_LE(std::abs(step.command.tau[1]), limit[1]);
+    memory = step.memory;
   }
 }
 

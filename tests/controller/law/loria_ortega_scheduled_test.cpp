@@ -27,7 +27,7 @@ TEST(LoriaOrtegaScheduled, IsTheContinuousLawAsThePeriodShrinks) {
   expect_first_order(
       [&](double h) {
         Settings settings{h};
-        settings.viscous = D;
+        settings.friction.viscous = D;
         return LoriaOrtegaScheduled(two_link_model(), gains, settings);
       },
       RigidArm::position, rate, x0, reference, 2e-3);

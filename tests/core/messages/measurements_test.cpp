@@ -6,14 +6,17 @@ namespace tachless::messages {
 namespace {
 
 TEST(Measurements, HoldWhatTheirFieldsSay) {
-  EXPECT_THAT(measurement_suffixes,
-              testing::ElementsAre("POSITION", "MOTOR_POSITION", "LINK_STATE", "STATE"));
+  EXPECT_THAT(measurement_suffixes, testing::ElementsAre("POSITION", "MOTOR_POSITION",
+                                                         "BOTH_POSITIONS", "LINK_STATE", "STATE"));
   EXPECT_TRUE(holds_links<PositionMeasurement>);
   EXPECT_FALSE(holds_motors<PositionMeasurement>);
   EXPECT_FALSE(measures_velocity("POSITION"));
   EXPECT_FALSE(holds_links<MotorPositionMeasurement>);
   EXPECT_TRUE(holds_motors<MotorPositionMeasurement>);
   EXPECT_FALSE(measures_velocity("MOTOR_POSITION"));
+  EXPECT_TRUE(holds_links<BothPositionsMeasurement>);
+  EXPECT_TRUE(holds_motors<BothPositionsMeasurement>);
+  EXPECT_FALSE(measures_velocity("BOTH_POSITIONS"));
   EXPECT_TRUE(measures_velocity("LINK_STATE"));
   EXPECT_TRUE(measures_velocity("STATE"));
   EXPECT_FALSE(measures_velocity("VELOCITY"));
@@ -40,6 +43,7 @@ TEST(Measurements, AGreaterOneHoldsALesserOne) {
   EXPECT_TRUE((is_part_of<PositionMeasurement, StateMeasurement>()));
   EXPECT_TRUE((is_part_of<LinkStateMeasurement, StateMeasurement>()));
   EXPECT_FALSE((is_part_of<StateMeasurement, LinkStateMeasurement>()));
+  EXPECT_TRUE((is_part_of<BothPositionsMeasurement, LinkStateMeasurement>()));
   EXPECT_FALSE((is_part_of<MotorPositionMeasurement, PositionMeasurement>()));
   const auto at = [](double x) -> Vector { return Vector::Constant(2, x); };
   const StateMeasurement state{at(1), at(2), at(3), at(4)};

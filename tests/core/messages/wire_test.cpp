@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <tachless/both_positions_measurement_t.hpp>
 #include <tachless/controller_state_t.hpp>
 #include <tachless/gains_ack_t.hpp>
 #include <tachless/gains_t.hpp>
@@ -41,6 +42,8 @@ using TickType = Pair<messages::Tick, tachless::tick_t>;
 using PositionType = Pair<messages::PositionMeasurement, tachless::position_measurement_t>;
 using MotorPositionType =
     Pair<messages::MotorPositionMeasurement, tachless::motor_position_measurement_t>;
+using BothPositionsType =
+    Pair<messages::BothPositionsMeasurement, tachless::both_positions_measurement_t>;
 using LinkStateType = Pair<messages::LinkStateMeasurement, tachless::link_state_measurement_t>;
 using StateType = Pair<messages::StateMeasurement, tachless::state_measurement_t>;
 using ReferenceType = Pair<messages::ReferencePoint, tachless::reference_t>;
@@ -54,9 +57,10 @@ using GainAckType = Pair<messages::GainAck, tachless::gains_ack_t>;
 
 template <class Type>
 class EveryCodec : public testing::Test {};
-using Types = testing::Types<TickType, PositionType, MotorPositionType, LinkStateType, StateType,
-                             ReferenceType, CommandType, ControllerStateType, ParticipantType,
-                             RunInfoType, LogAckType, GainsType, GainAckType>;
+using Types =
+    testing::Types<TickType, PositionType, MotorPositionType, BothPositionsType, LinkStateType,
+                   StateType, ReferenceType, CommandType, ControllerStateType, ParticipantType,
+                   RunInfoType, LogAckType, GainsType, GainAckType>;
 TYPED_TEST_SUITE(EveryCodec, Types);
 
 TYPED_TEST(EveryCodec, AgreesWithGeneratedCodeByteForByte) {
@@ -206,8 +210,9 @@ TEST(EveryField, IsItsOwnMember) {
 
 template <class Type>
 class CodecOfFixedSize : public testing::Test {};
-using FixedSizeTypes = testing::Types<TickType, PositionType, MotorPositionType, LinkStateType,
-                                      StateType, CommandType, ControllerStateType, LogAckType>;
+using FixedSizeTypes =
+    testing::Types<TickType, PositionType, MotorPositionType, BothPositionsType, LinkStateType,
+                   StateType, CommandType, ControllerStateType, LogAckType>;
 TYPED_TEST_SUITE(CodecOfFixedSize, FixedSizeTypes);
 
 TYPED_TEST(CodecOfFixedSize, DoesNotAllocateOnceConstructed) {
@@ -229,8 +234,8 @@ TYPED_TEST(CodecOfFixedSize, DoesNotAllocateOnceConstructed) {
 
 template <class Type>
 class CodecOfArrays : public testing::Test {};
-using ArrayTypes = testing::Types<PositionType, MotorPositionType, LinkStateType, StateType,
-                                  ReferenceType, CommandType, ControllerStateType>;
+using ArrayTypes = testing::Types<PositionType, MotorPositionType, BothPositionsType, LinkStateType,
+                                  StateType, ReferenceType, CommandType, ControllerStateType>;
 TYPED_TEST_SUITE(CodecOfArrays, ArrayTypes);
 
 TYPED_TEST(CodecOfArrays, RejectsHostileCounts) {

@@ -47,6 +47,7 @@ std::vector<std::string> laws_of(const scenario::Scenario& scenario,
     }
     for (const controller::LawFacts& law : controller::laws()) {
       if (law.needs_flexible_joints != flexible || (law.regulation_only && moves)) continue;
+      if (law.needs_torque_limit && !controller::has_torque_limits(scenario)) continue;
       result.emplace_back(law.name);
     }
   }

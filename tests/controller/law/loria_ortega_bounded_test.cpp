@@ -1,0 +1,181 @@
+#include "controller/law/loria_ortega_bounded.h"
+
+#include <atomic>
+#include <cmath>
+
+#include "base/parallel.h"
+#include "controller/law/loria_ortega_rigid.h"
+#include "reference/trajectory/point_to_point.h"
+#include "tests/controller/law/first_order.h"
+#include "tests/core/robot/robots.h"
+#include "tests/support/sanitizer.h"
+
+namespace tachless::controller::law {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+const Vector limit = vector(320, 60);
+
+Settings limited(double feedforward_lead_s = 0) {
+  Settings settings{1e-3, Discretisation::tustin, FilterStart::at_error, feedforward_lead_s};
+  settings.torque_limit = limit;
+  return settings;
+}
+
+BoundedGains gains_with(const Vector& feedforward_max) {
+  return {vector(4000, 400), vector(300, 30), vector(300, 300), vector(300, 300), feedforward_max};
+}
+
+TEST(LoriaOrtegaBounded, CommandsNoMoreThanTheLimitsWhateverItReceives) {
+#ifdef __SANITIZE_ADDRESS__
+  constexpr int inputs = 20000;
+#else
+  constexpr int inputs = 1000000;
+#endif
+  Random random(1);
+  const LoriaOrtegaBounded law(two_link_model(), gains_with({}), limited());
+  // Sizes from a thousandth to 1e60: the squares of velocities stay finite.
+  const auto any = [&]() -> Vector {
+    return std::pow(10.0, random.between(-3, random.between(0, 60))) * random.pair(1);
+  };
+  const auto usual = [&]() -> Vector { return random.pair(3); };
+  double most = 0;
+  for (int i = 0; i < inputs; ++i) {
+    const bool hostile = i % 2 == 0;
+    const auto draw = [&] { return hostile ? any() : usual(); };
+    const messages::ReferencePoint reference{draw(), draw(), draw(), draw(), draw()};
+    const Filter::Memory memory{draw(), draw()};
+    const auto step = law.step(memory, {draw()}, reference);
+    ASSERT_TRUE(step.command.tau.allFinite());
+    most = std::max(most, (step.command.tau.cwiseAbs().cwiseQuotient(limit)).maxCoeff());
+  }
+  EXPECT_LE(most, 1 + 1e-15);  // rounding of F + L
+  EXPECT_GT(most, 0.999);
+}
+
+TEST(LoriaOrtegaBounded, IsTheRigidLawWhereNothingIsBounded) {
+  Random random(2);
+  const BoundedGains gains = gains_with(vector(200, 30));
+  const LoriaOrtegaBounded law(two_link_model(), gains, limited(1.5e-3));
+  const LoriaOrtegaRigid rigid(two_link_model(), {gains.kp, gains.kd, gains.a, gains.b},
+                               limited(1.5e-3));
+  for (int i = 0; i < 1000; ++i) {
+    messages::ReferencePoint reference{random.pair(3), random.pair(0.5), random.pair(2),
+                                       random.pair(5), random.pair(5)};
+    const messages::PositionMeasurement measured{reference.q_ref + random.pair(0.01)};
+    const Filter::Memory memory{random.pair(0.05), measured.q - reference.q_ref};
+    const Vector tau = rigid.step(memory, measured, reference).command.tau;
+    ASSERT_LE((law.step(memory, measured, reference).command.tau - tau).norm(), 1e-12 * tau.norm());
+  }
+}
+
+TEST(LoriaOrtegaBounded, RefusesDrivesWithoutLimitsAndAFeedForwardThatLeavesNothing) {
+  EXPECT_THROW(LoriaOrtegaBounded(two_link_model(), gains_with({}), Settings{1e-3}),
+               std::invalid_argument);
+  EXPECT_THROW(LoriaOrtegaBounded(two_link_model(), gains_with(limit), limited()),
+               std::invalid_argument);
+  const LoriaOrtegaBounded law(two_link_model(), gains_with({}), limited());
+  EXPECT_EQ(law.feedforward_max(), Vector(0.7 * limit));
+}
+
+/// The proof's energy: 1/2 edot' M edot and integrals of S. With w of the filter, alpha = kp + kd b
+/// and beta = kd b, it falls by friction less Cd, and by a sum that no state makes negative.
+void expect_energy_identity(const robot::Model& model, unsigned seed) {
+  robot::testing::Random random(seed);
+  const Eigen::Index n = model.num_joints;
+  for (int i = 0; i < 1000; ++i) {
+    const auto positive = [&](double most) -> VectorXd {
+      return VectorXd(random.vector(n, most).cwiseAbs().array() + 0.01 * most);
+    };
+    const VectorXd kp = positive(5000), kd = positive(300), a = positive(300), b = positive(300),
+                   D = positive(20);
+    Settings settings{1e-3};
+    settings.torque_limit = Vector(positive(500));
+    const LoriaOrtegaBounded law(model, {kp, kd, a, b, Vector(0.5 * settings.torque_limit)},
+                                 settings);
+    const auto S = [&](const VectorXd& u) -> VectorXd { return law.bounded(u); };
+    const Vector q = random.vector(n, 3), v_ref = random.vector(n, 2), zero = Vector::Zero(n);
+    const VectorXd e = random.vector(n, 1), edot = random.vector(n, 3), w = random.vector(n, 1);
+    const Vector v = v_ref + Vector(edot);
+    const auto jets = robot::mass_matrix(model, robot::jet(q, v, zero));
+    MatrixXd M(n, n), Mdot(n, n);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      for (Eigen::Index k = 0; k < n; ++k) {
+        M(j, k) = jets(j, k).value;
+        Mdot(j, k) = jets(j, k).first;
+      }
+    }
+    const MatrixXd Cd = robot::coriolis_matrix(model, q, v_ref);
+    const MatrixXd C = robot::coriolis_matrix(model, q, v) + Cd;
+    const VectorXd beta = kd.cwiseProduct(b), alpha = kp + beta;
+    const VectorXd wdot = a.cwiseProduct(e - w), nu = b.cwiseProduct(e - w);
+    const VectorXd u = alpha.cwiseProduct(e) - beta.cwiseProduct(w);
+    ASSERT_LE((u - kp.cwiseProduct(e) - kd.cwiseProduct(nu)).norm(), 1e-12 * u.norm());
+    const VectorXd M_eddot = -(C + MatrixXd(D.asDiagonal())) * edot - S(u);
+    const VectorXd by_w = beta.cwiseQuotient(alpha);
+    const double rate[] = {edot.dot(M_eddot), edot.dot(Mdot * edot) / 2,
+                           S(u).dot(edot - by_w.cwiseProduct(wdot)),
+                           S(kp.cwiseProduct(w)).dot(by_w.cwiseProduct(wdot))};
+    const VectorXd difference = S(u) - S(kp.cwiseProduct(w));
+    const double filtered = by_w.cwiseProduct(wdot).dot(difference);
+    ASSERT_GE(filtered, 0) << "S increases, and u - kp w = alpha (e - w)";
+    const double claimed[] = {edot.dot((MatrixXd(D.asDiagonal()) + Cd) * edot), filtered};
+    double sum = 0, size = 0;
+    for (const double term : rate) sum += term, size += std::abs(term);
+    for (const double term : claimed) sum += term, size += std::abs(term);
+    ASSERT_NEAR(sum, 0, 1e-12 * size);
+  }
+}
+
+TEST(LoriaOrtegaBounded, EnergyFallsAsProvedForTwoJoints) {
+  expect_energy_identity(robot::testing::two_link(), 3);
+}
+TEST(LoriaOrtegaBounded, EnergyFallsAsProvedForSevenJoints) {
+  expect_energy_identity(robot::testing::iiwa7(), 4);
+}
+
+/// Returns how many of `starts` states within 20 rad and 20 rad/s do not come to the reference in
+/// `seconds`, at 1 kHz with a tick of delay.
+template <class Reference>
+int stay_away(const Reference& reference, const Vector& feedforward_max, int starts,
+              double seconds) {
+  const LoriaOrtegaBounded law(two_link_model(), gains_with(feedforward_max), limited(1.5e-3));
+  std::atomic<int> away = 0;
+  base::parallel_for(static_cast<std::size_t>(starts), [&](std::size_t i) {
+    Random random(static_cast<unsigned>(i));
+    const RigidArm arm;
+    State<4> x = rigid_state(random.pair(20), random.pair(20));
+    auto memory = law.start(arm.position(x), reference.at(0));
+    Pair applied = Pair::Zero();
+    const int ticks = static_cast<int>(seconds * 1000);
+    for (int k = 0; k < ticks; ++k) {
+      const auto step = law.step(memory, arm.position(x), reference.at(k * 1e-3));
+      memory = step.memory;
+      if ((step.command.tau.cwiseAbs().array() > limit.array() * (1 + 1e-15)).any()) ++away;
+      const auto pushed = [&](double /*t*/, const State<4>& y) -> State<4> {
+        return arm(y, applied);
+      };
+      for (int part = 0; part < 2; ++part) x = runge_kutta_4(pushed, 0, x, 0.5e-3);
+      applied = step.command.tau;
+    }
+    if (!((x.head<2>() - Pair(reference.at(ticks * 1e-3).q_ref)).norm() < 1e-3)) ++away;
+  });
+  return away;
+}
+
+TEST(LoriaOrtegaBounded, ComesToTheReferenceFromStartsFarAway) {
+#ifdef __SANITIZE_ADDRESS__
+  constexpr int starts = 2;
+#else
+  constexpr int starts = 40;
+#endif
+  EXPECT_EQ(stay_away(Sine{{0, 0}}, vector(82, 6), starts, 30), 0);
+  EXPECT_EQ(stay_away(Sine{{0.5, 0.5}, 2}, vector(105, 10), starts, 30), 0);
+  reference::trajectory::PointToPoint motion{vector(0, 0), vector(1.5, 0.5), 0, 1.5};
+  EXPECT_EQ(stay_away(motion, vector(146, 16), starts, 30), 0);
+}
+
+}  // namespace
+}  // namespace tachless::controller::law
