@@ -420,7 +420,7 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   Scenario scenario;
   scenario.source = source;
   YamlNode root = located_tree(text, overrides, scenario);
-  Description plant{std::string(urdf_text), source + " (URDF)"}, believed;
+  Description plant{std::string(urdf_text), source + " (URDF)", {}}, believed;
   const auto refusal = [&](const std::string& key) {
     return scenario.complaint(key, "its file is not read here; allowed: in a scenario's file");
   };
@@ -438,7 +438,7 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
         cut == std::string_view::npos || urdf_text.find("<robot", cut) == std::string_view::npos) {
       throw refusal("controller.urdf");
     }
-    believed = {plant.text.substr(cut + end.size()), plant.source};
+    believed = {plant.text.substr(cut + end.size()), plant.source, {}};
     plant.text.resize(cut + end.size());
   }
   return read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
