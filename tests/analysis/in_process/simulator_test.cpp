@@ -135,9 +135,9 @@ TEST(Simulator, ThatGivesAnotherNumberOfJointsOrNoNumbersIsRefused) {
 
 TEST(Simulator, RefusesKeysOfMechanicsThatItHasItself) {
   for (const char* setting :
-       {"plant.mechanics=native", "plant.integrator.accuracy=1e-8", "plant.payload.mass_kg=1",
-        "plant.drive.viscous_friction_Nms_per_rad=1", "plant.drive.coulomb_friction_Nm=1",
-        "plant.drive.torque_scale=0.9", "plant.drive.current_loop_hz=500",
+       {"plant.payload.mass_kg=1", "plant.drive.viscous_friction_Nms_per_rad=1",
+        "plant.drive.coulomb_friction_Nm=1", "plant.drive.torque_scale=0.9",
+        "plant.drive.current_loop_hz=500",
         "plant.disturbances=[{joint: elbow, torque_Nm: 1, start_s: 0.1}]"}) {
     const scenario::Scenario scenario = practical({setting});
     Arm arm(scenario);

@@ -69,7 +69,7 @@ TEST_F(MjcfScenario, HasRotorsFrictionAndLimitsOfTheModel) {
   EXPECT_THAT(s.robot.rigid_rotor_inertia_kgm2, ElementsAre(0.3, 0.3));
   EXPECT_THAT(s.plant.drive.viscous_friction_Nms_per_rad, ElementsAre(0.7, 0.7));
   EXPECT_THAT(s.plant.drive.coulomb_friction_Nm, ElementsAre(0.2, 0.2));
-  EXPECT_EQ((*s.plant.drive.torque_limit_Nm)[0], 150);
+  EXPECT_EQ(s.model->effort_limit[0], 150);
   EXPECT_TRUE(s.model->rotor_inertia.isZero(0)) << "the arm adds the rotors once";
 }
 
