@@ -221,12 +221,13 @@ class RealtimeLoop : PlantLoop {
   /// @return their number
   std::int64_t read() {
     robot_.read(tick_);
-    const std::int64_t skipped = robot_.tick() - tick_;
+    const std::int64_t skipped = std::min(robot_.tick(), scenario_.loop.num_ticks) - tick_;
     if (skipped > 0) {
       commands_.skip(skipped);
       robot_.skip(skipped);
       held_ = true;
       tick_ += skipped;
+      note_commands();
     }
     const std::int64_t unread = skipped + (robot_.has_reading() ? 0 : 1);
     if (std::exchange(was_read_, robot_.has_reading()) || unread == 0) unread_in_a_row_ = 0;
@@ -326,11 +327,15 @@ class RealtimeLoop : PlantLoop {
     begun_ = false;
     acted_ = false;
 
+    note_commands();
+    note_completed(tick_);
+    require_commands();
+  }
+
+  void note_commands() {
     session::PlantStatistics& statistics = session_.statistics().plant();
     statistics.missed_commands = commands_.missed();
     statistics.longest_command_miss = commands_.longest_miss();
-    note_completed(tick_);
-    require_commands();
   }
 
   /// @throw Failure(protective_stop) when more than loop.max_missed commands in a row are missing

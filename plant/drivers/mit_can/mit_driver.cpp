@@ -23,7 +23,7 @@ using base::Failure;
 
 // A frame may be lost: what is set up before the motion is asked for so often.
 constexpr int attempts = 5;
-constexpr auto longest_answer = 20ms;
+constexpr auto longest_answer = 100ms;
 constexpr double count_tolerance = 1e-3;  ///< of a range, relative: it is a float in the drive
 
 template <class... Args>

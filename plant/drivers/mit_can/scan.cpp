@@ -12,14 +12,14 @@
 namespace tachless::mit_can {
 namespace {
 
-using namespace std::chrono_literals;
 using base::Clock;
+using std::chrono::milliseconds;
 
-constexpr int last_damiao = 63, last_robstride = 127, host = 253;
-constexpr auto answer_time = 3ms;
+constexpr int host = 253;
 
 /// Returns a number of the drive's register of a float; nothing without an answer.
-std::optional<double> number_in(CanBus& bus, const Drive& drive, Register which) {
+std::optional<double> number_in(CanBus& bus, const Drive& drive, Register which,
+                                milliseconds answer_time) {
   bus.send(read_register(drive, which));
   const auto until = Clock::now() + answer_time;
   while (const auto frame = bus.receive(until)) {
@@ -35,7 +35,7 @@ std::string state_text(const Answer& answer, Family family) {
   return answer.enabled ? "enabled" : "disabled";
 }
 
-bool print_damiao(CanBus& bus, int id, std::ostream& to) {
+bool print_damiao(CanBus& bus, int id, milliseconds answer_time, std::ostream& to) {
   Drive drive{Family::damiao, id, 0, {12.5, 30, 10}};
   bus.send(ask(drive));
   const auto until = Clock::now() + answer_time;
@@ -49,9 +49,9 @@ bool print_damiao(CanBus& bus, int id, std::ostream& to) {
     // Only a disabled drive's registers can be told from its states.
     std::string ranges;
     if (!before.enabled) {
-      const auto q = number_in(bus, drive, Register::q_range),
-                 v = number_in(bus, drive, Register::v_range),
-                 tau = number_in(bus, drive, Register::tau_range);
+      const auto q = number_in(bus, drive, Register::q_range, answer_time),
+                 v = number_in(bus, drive, Register::v_range, answer_time),
+                 tau = number_in(bus, drive, Register::tau_range, answer_time);
       if (q && v && tau) {
         drive.ranges = {*q, *v, *tau};
         ranges = fmt::format(", ranges {:.6g} rad, {:.6g} rad/s, {:.6g} N m, at {:.4f} rad", *q, *v,
@@ -65,7 +65,7 @@ bool print_damiao(CanBus& bus, int id, std::ostream& to) {
   return false;
 }
 
-bool print_robstride(CanBus& bus, int id, std::ostream& to) {
+bool print_robstride(CanBus& bus, int id, milliseconds answer_time, std::ostream& to) {
   const Drive drive{Family::robstride, id, host, ranges_of(Model::rs00)};
   bus.send(ask(drive));
   const auto until = Clock::now() + answer_time;
@@ -80,11 +80,15 @@ bool print_robstride(CanBus& bus, int id, std::ostream& to) {
 
 }  // namespace
 
-int scan(const std::string& name, bool fd, std::ostream& to) {
+int scan(const std::string& name, bool fd, std::ostream& to, const ScanRange& range) {
   CanBus bus(name, fd);
   int found = 0;
-  for (int id = 1; id <= last_damiao; ++id) found += print_damiao(bus, id, to) ? 1 : 0;
-  for (int id = 1; id <= last_robstride; ++id) found += print_robstride(bus, id, to) ? 1 : 0;
+  for (int id = 1; id <= range.last_damiao; ++id) {
+    found += print_damiao(bus, id, range.answer_time, to) ? 1 : 0;
+  }
+  for (int id = 1; id <= range.last_robstride; ++id) {
+    found += print_robstride(bus, id, range.answer_time, to) ? 1 : 0;
+  }
   return found;
 }
 
