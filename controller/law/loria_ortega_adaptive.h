@@ -126,11 +126,15 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
     }
   }
 
+  /// Computes gains that adapt to a mass at about a metre's reach, of at most 5 kg.
   static Gains tuned(const Tuning& t) {
     const double eps_1 = t.w / 5;
     Gains gains{t.kp(), t.kd(), t.each(t.filter), t.each(t.filter)};
     gains.eps_1 = eps_1;
     gains.eps_2 = 5 * eps_1 / t.filter;
+    // Gravity of the load at a reach of one metre, squared, is 100 (N m/kg)^2.
+    gains.gamma_mass = 0.3 * t.kp().minCoeff() / 100;
+    gains.mass_max = 5;
     return gains;
   }
 

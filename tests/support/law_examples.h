@@ -60,6 +60,9 @@ inline const std::vector<LawExample>& law_examples() {
          "practical_rigid",
          {"controller.gains={kp: [[40000, 2000], [2000, 2400]], kd: [[1000, 50], [50, 60]], "
           "a: 1000, b: 1000}"}},
+        {"flexible_motor",
+         "practical_flexible",
+         {"controller.gains={kp: [1000, 100], kd: [57, 12], a: 980, b: 980}"}},
         {"loria_ortega_adaptive",
          "practical_rigid",
          {"controller.gains={kp: [40000, 2400], kd: [1000, 60], a: 1000, b: 1000, eps_1: 6, "
