@@ -1,0 +1,140 @@
+// The choice between structures of gains, uncertain plants, and makers' stiffness.
+
+#include "design/structure.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "base/failure.h"
+#include "design/maker_stiffness.h"
+#include "design/uncertainty.h"
+#include "scenario/scenario.h"
+
+namespace tachless::design {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string file_text(const std::string& name) {
+  std::ifstream file(TACHLESS_SOURCE_DIR "/scenarios/robots/" + name);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+robot::Model model_of(const std::string& name) {
+  return robot::model_from_urdf(file_text(name), name);
+}
+
+Comparison compared(const std::string& urdf, const DesignGoal& goal) {
+  const std::string text = file_text(urdf);
+  const robot::Model model = robot::model_from_urdf(text, urdf);
+  return compare(
+      [&](Structure structure) {
+        return scenario::parse_scenario(
+            scenario::urdf_scenario(model, {"bare", "robot.urdf"}), text, "bare",
+            {"controller.gains={}", "controller.law=" + std::string(law_of(structure))});
+      },
+      goal, linear::no_progress);
+}
+
+/// The two-link arm settles four times as fast with scheduled gains at the same bandwidth.
+TEST(Structure, ScheduledGainsAreTakenWhereTheySettleFaster) {
+  const Comparison both = compared("two_link.urdf", {});
+  ASSERT_EQ(both.candidates.size(), 2U);
+  ASSERT_TRUE(both.candidates[0].design && both.candidates[1].design);
+  const double diagonal = both.candidates[0].design->loop.modes.settling_s;
+  const double scheduled = both.candidates[1].design->loop.modes.settling_s;
+  EXPECT_EQ(both.chosen, diagonal > 1.1 * scheduled ? 1U : 0U) << both.reason;
+  EXPECT_FALSE(both.reason.empty());
+  // Without a bandwidth in the goal, the scheduled gains have the default one: w of two equal
+  // poles.
+  EXPECT_LE(both.candidates[1].design->gains.at("w")[0], 2 * 3.1416 * default_bandwidth_hz * 1.001);
+}
+
+TEST(Structure, RefusesWhereNoStructureHasGains) {
+  DesignGoal goal;
+  goal.count_Nm = 1e-9;  // no gain has so little torque per encoder count
+  try {
+    (void)compared("two_link.urdf", goal);
+    ADD_FAILURE() << "gains were found";
+  } catch (const base::Failure& refused) {
+    EXPECT_EQ(refused.code(), base::ExitCode::check_said_no);
+    EXPECT_THAT(refused.what(), HasSubstr("no gains were found"));
+  }
+}
+
+TEST(MakerStiffness, IsThatOfTheArmByItsJoints) {
+  const auto ur5e = maker_stiffness(model_of("ur5e.urdf"));
+  ASSERT_TRUE(ur5e);
+  EXPECT_EQ(ur5e->N_m_per_rad[0], 900);
+  EXPECT_EQ(ur5e->N_m_per_rad[5], 500);
+  const auto panda = maker_stiffness(model_of("panda.urdf"));
+  ASSERT_TRUE(panda);
+  EXPECT_EQ(panda->N_m_per_rad[6], 2000);
+  EXPECT_EQ(panda->N_m_per_rad[7], 0);                    // the finger
+  EXPECT_FALSE(maker_stiffness(model_of("xarm7.urdf")));  // joint1 … joint7, but other efforts
+  EXPECT_FALSE(maker_stiffness(model_of("two_link.urdf")));
+}
+
+TEST(Uncertainty, IsReadAsTyped) {
+  const Uncertainty read = parse_uncertainty("links=20%,rotors=0.05,delay=1");
+  EXPECT_EQ(read.links, 0.2);
+  EXPECT_EQ(read.rotors, 0);
+  EXPECT_EQ(read.rotors_kgm2, 0.05);
+  EXPECT_EQ(read.delay, 1);
+  EXPECT_EQ(parse_uncertainty("rotors=30%").rotors, 0.3);
+  for (const char* wrong : {"", "links", "links=20", "links=120%", "links=-5%", "delay=1.5",
+                            "delay=5%", "mass=5%", "links=20%,,delay=1", "links=x%"}) {
+    EXPECT_THROW((void)parse_uncertainty(wrong), base::Failure) << wrong;
+  }
+}
+
+TEST(Uncertainty, PlantsAreWithinTheBoundsAndReachThem) {
+  const robot::Model nominal = model_of("ur5e.urdf");
+  const std::vector<UncertainPlant> plants =
+      uncertain_plants(nominal, parse_uncertainty("links=20%,rotors=0.05,delay=1"));
+  double least = 1, most = 1, heaviest = 0;
+  int late = 0;
+  for (const UncertainPlant& plant : plants) {
+    for (std::size_t i = 0; i < nominal.bodies.size(); ++i) {
+      const double ratio = plant.model.bodies[i].mass / nominal.bodies[i].mass;
+      least = std::min(least, ratio);
+      most = std::max(most, ratio);
+    }
+    EXPECT_GE(plant.model.rotor_inertia.minCoeff(), 0);
+    heaviest = std::max(heaviest, plant.model.rotor_inertia.maxCoeff());
+    late += plant.more_delay;
+  }
+  EXPECT_DOUBLE_EQ(least, 0.8);
+  EXPECT_DOUBLE_EQ(most, 1.2);
+  EXPECT_DOUBLE_EQ(heaviest, 0.05);
+  EXPECT_GT(late, 1);
+  EXPECT_EQ(uncertain_plants(nominal, parse_uncertainty("delay=2")).size(), 1U);
+}
+
+/// The least modulus over the set is what the design promises: with the plant's links 20 % heavier
+/// or lighter the gains keep the share of the margin that is asked beside the motion.
+TEST(Uncertainty, GainsKeepTheMarginForTheWholeSet) {
+  const std::string text = file_text("two_link.urdf");
+  const robot::Model model = robot::model_from_urdf(text, "two_link.urdf");
+  const scenario::Scenario scenario = scenario::parse_scenario(
+      scenario::urdf_scenario(model, {"bare", "robot.urdf"}), text, "bare");
+  DesignGoal goal;
+  const Design nominal = design(scenario, goal);
+  goal.uncertainty = parse_uncertainty("links=20%,delay=1");
+  const Design robust = design(scenario, goal);
+  ASSERT_TRUE(robust.uncertain_modulus);
+  EXPECT_FALSE(nominal.uncertain_modulus);
+  // Found moduli are printed with two digits.
+  EXPECT_GE(*robust.uncertain_modulus, range_share * goal.modulus - 0.005);
+  EXPECT_GT(robust.loop.modes.settling_s, nominal.loop.modes.settling_s);
+  EXPECT_GT(robust.modulus_in_range, nominal.modulus_in_range);
+}
+
+}  // namespace
+}  // namespace tachless::design
