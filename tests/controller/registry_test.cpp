@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 #include "base/failure.h"
@@ -60,6 +61,8 @@ scenario::Scenario flexible_scenario(const std::string& law) {
   for (const std::string_view gain : parameter_names(law_facts(law))) {
     scenario.controller.gains[std::string(gain)] = pair(3, 3);
   }
+  for (const char* below_3 : {"linear", "load_joint"}) scenario.controller.gains.erase(below_3);
+  scenario.plant.drive.torque_limit_Nm = pair(100, 100);
   return scenario;
 }
 
@@ -85,6 +88,15 @@ TEST(Registry, MakesEveryLawByItsName) {
   }
 }
 
+TEST(Registry, RefusesABoundedLawWithoutTorqueLimits) {
+  scenario::Scenario scenario = rigid_scenario();
+  scenario.controller.law = "loria_ortega_bounded";
+  scenario.plant.drive.torque_limit_Nm = pair(100, std::numeric_limits<double>::infinity());
+  EXPECT_THAT(refusal(scenario), HasSubstr("plant.drive.torque_limit_Nm"));
+  scenario.plant.drive.torque_limit_Nm = pair(100, 100);
+  EXPECT_EQ(scenario_law(scenario)->name(), "loria_ortega_bounded");
+}
+
 TEST(Registry, KnowsWhatEachLawIsFedWith) {
   EXPECT_EQ(law_facts("loria_ortega_rigid").measurement, "POSITION");
   EXPECT_EQ(law_facts("kelly_regulation").measurement, "POSITION");
@@ -92,6 +104,8 @@ TEST(Registry, KnowsWhatEachLawIsFedWith) {
   EXPECT_EQ(law_facts("nicosia_tomei").measurement, "POSITION");
   EXPECT_EQ(law_facts("zhang_dawson").measurement, "POSITION");
   EXPECT_EQ(law_facts("kelly_flexible").measurement, "MOTOR_POSITION");
+  EXPECT_EQ(law_facts("flexible_motor").measurement, "MOTOR_POSITION");
+  EXPECT_EQ(law_facts("flexible_position").measurement, "BOTH_POSITIONS");
   EXPECT_EQ(law_facts("loria_ortega_flexible").measurement, "LINK_STATE");
   EXPECT_EQ(law_facts("wen_bayard").measurement, "STATE");
   EXPECT_EQ(law_facts("slotine_li").measurement, "STATE");

@@ -493,6 +493,7 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
                                           "plant.integrator.accuracy=1e-5", "loop.period_s=0.001",
                                           "loop.duration_s=2", "plant.encoder.side=both"};
     if (!law.needs_flexible_joints) overrides.pop_back();
+    if (law.needs_torque_limit) overrides.emplace_back("plant.drive.torque_limit_Nm=[2000, 200]");
     // Starts at the reference's velocity, because zhang_dawson has no torque for an error of 1
     // rad/s.
     if (!law.regulation_only) overrides.emplace_back("plant.initial.velocity_rad_per_s=[1, 1]");
