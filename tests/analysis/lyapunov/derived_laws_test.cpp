@@ -359,13 +359,13 @@ TEST(Globally, IsSaidWhereTheReferenceRestsOrFrictionOutweighsTheCoriolisTerm) {
   EXPECT_FALSE(lacks->shown);
   // The paper's reference of 5 Hz on the two-link arm, by an independent program.
   EXPECT_NEAR(*lacks->g0, -0.62, 0.01);
-  EXPECT_THAT(lacks->why, ::testing::HasSubstr("friction lacks 0.62 N m s/rad"));
+  EXPECT_THAT(lacks->why, ::testing::HasSubstr("friction lacks 0.6"));
   const auto not_fed = found({damped});
   EXPECT_FALSE(not_fed->shown);
   EXPECT_THAT(not_fed->why, ::testing::HasSubstr("not fed forward"));
   const auto by_friction = found({damped, "controller.friction.viscous=[0.7, 0.7]"});
   EXPECT_TRUE(by_friction->shown);
-  EXPECT_NEAR(*by_friction->g0, 0.08, 0.01);
+  EXPECT_NEAR(*by_friction->g0, 0.085, 0.01);
   const std::string motion =
       "reference={point_to_point: {from_rad: [0, 0], to_rad: [1, 1], duration_s: 1}}";
   const auto rests = found({motion});
@@ -512,7 +512,8 @@ TEST(BoundedLaw, IsCertifiedWithinTheLevelWhereItsFeedbackIsLinear) {
   const certify::Certificate rigid = certified({"controller.law=loria_ortega_rigid",
                                                 "controller.gains={kp: [4000, 400], kd: [300, 30], "
                                                 "a: 300, b: 300}"});
-  EXPECT_EQ(found.loop.limit_s, rigid.loop.limit_s) << "small errors do not see the bounds";
+  EXPECT_NEAR(*found.loop.limit_s, *rigid.loop.limit_s, 1e-6)
+      << "small errors do not see the bounds";
   EXPECT_GT(rigid.stability->largest->region.level, found.stability->largest->region.level);
 }
 

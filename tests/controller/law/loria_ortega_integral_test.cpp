@@ -140,13 +140,13 @@ TEST(LoriaOrtegaIntegral, ComesBackFromMotionsBeyondTheTorqueLimits) {
     };
     IntegralGains unlimited = motion.gains;
     unlimited.d_max = vector(infinity, infinity);
-    if (i % 10 == 0 && !motion.ends_at_rest(law(unlimited), 6000)) ++stayed_away_without;
+    if (i < 50 && !motion.ends_at_rest(law(unlimited), 6000)) ++stayed_away_without;
     settings.torque_limit = motion.limit;
     const bool soon = motion.ends_at_rest(law(motion.gains), 6000);
     if (!soon && !motion.ends_at_rest(law(motion.gains), 30000)) ++stayed_away;
   });
   EXPECT_EQ(stayed_away, 0);
-  EXPECT_GT(stayed_away_without * 10, motions / 6) << "the motions are hard without the rules";
+  EXPECT_GT(stayed_away_without, 5) << "of the first 50, without the rules";
 }
 
 TEST(LoriaOrtegaIntegral, NeverAsksForMoreThanTheLargestUnknownTorque) {
