@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -149,9 +150,11 @@ class RealtimeLoop : PlantLoop {
                   datagram.channel, datagram.sender, messages::stamp_of(datagram.payload).run);
   }
 
-  /// Returns the longest time for which a torque may be held.
+  /// Returns the longest time for which a torque may be held. A robot that is the clock gets the
+  /// torque of a tick before lost states after them, and its first new one a tick later.
   [[nodiscard]] std::chrono::nanoseconds longest_hold() const {
-    return nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2));
+    const int more = robot_.is_clock() ? 3 : 2;
+    return nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + more));
   }
 
   /// Reads a robot that tells its time until its clock runs as fast as this computer's for one
@@ -183,17 +186,18 @@ class RealtimeLoop : PlantLoop {
     if (robot_.emulated() || !robot_.has_reading()) return;
     const Time now = Clock::now();
     const auto window = clock_rate_.add(robot_.state().time_s, tick_began_, now);
-    double rate = window && !window->sound ? window->rate : 0;
+    std::optional<double> rate;
+    if (window && !window->sound) rate = window->rate;
     // A time that jumps ahead must not end the run before a window has ended.
     const double own_s = static_cast<double>(tick_) * scenario_.loop.period_s;
     const double passed_s = base::seconds_of(now - start_);
     const double late_s = ClockRate::window_s + base::seconds_of(longest_hold());
     if (skipped > 0 && own_s > ClockRate::factor * passed_s + late_s) rate = own_s / passed_s;
-    if (rate == 0) return;
+    if (!rate) return;
     throw protective_stop(fmt::format(
         "the driver's time ran {:.3g} times as fast as this computer's clock: speeds cannot be "
         "watched; give ArmState::time_s in seconds, or leave it out",
-        rate));
+        *rate));
   }
 
   void start() {

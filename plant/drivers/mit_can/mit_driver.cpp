@@ -89,7 +89,16 @@ MitDriver::MitDriver(const scenario::Scenario& scenario)
 
 MitDriver::~MitDriver() {
   try {
-    for (const Motor& motor : motors_) bus_.send(disable(motor.drive));
+    bool enabled = true;
+    for (int attempt = 0; attempt < attempts && enabled; ++attempt) {
+      for (Motor& motor : motors_) {
+        motor.answered = false;
+        send(disable(motor.drive));
+      }
+      collect(longest_answer);
+      enabled = std::ranges::any_of(
+          motors_, [](const Motor& motor) { return !motor.answered || motor.answer.enabled; });
+    }
   } catch (const std::exception&) {
     // The bus is gone. The drives' watchdogs stop them.
   }
