@@ -58,9 +58,9 @@ class Converter {
     robot_.SetAttribute("name", base::printable(name));
     add_to(robot_, with("link", "name", world));
     for (const TiXmlElement* each : document_.sections("worldbody")) {
-      const MjcfAttributes a = document_.attributes(*each, "main");
+      (void)document_.attributes(*each, "main");
       for (const TiXmlElement* child : document_.children(*each)) {
-        read_child(*child, {world, {}, a.text("childclass", "main"), {}, false});
+        read_child(*child, {world, {}, "main", {}, false});
       }
     }
     drives_.require_joints(joints_);

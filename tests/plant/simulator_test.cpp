@@ -40,28 +40,19 @@ class Recording final : public Simulator {
   int fails_at = 0;
 };
 
-TEST(SimulatorOnTheBus, AdvancesOnceATickInLockstep) {
-  const scenario::Scenario s = scenario({"loop.mode=lockstep"});
-  Peers peers(s);
-  Recording simulator;
-  const Outcome outcome = run(s, peers, nullptr, nullptr, &simulator);
-  ASSERT_EQ(outcome.fault, "");
-  EXPECT_EQ(simulator.calls, 'r' + std::string(30, 'a'));
-  EXPECT_EQ(simulator.torques[5], torque_of(4));
-  EXPECT_EQ(simulator.ends[29], 0.03);
-  EXPECT_EQ(peers.truths.size(), 30U);
-}
-
-TEST(SimulatorOnTheBus, IsBrakedAtTheEndInRealtime) {
+TEST(SimulatorOnTheBus, AdvancesOnceATickAndIsBrakedAtTheEnd) {
   const scenario::Scenario s = scenario({"loop.max_missed=1000"});
   Peers peers(s);
   Recording simulator;
   const Outcome outcome = run(s, peers, nullptr, nullptr, &simulator);
   ASSERT_EQ(outcome.fault, "");
   EXPECT_EQ(simulator.calls, 'r' + std::string(30, 'a') + 'b');
+  EXPECT_EQ(simulator.torques[5], torque_of(4));
+  EXPECT_EQ(simulator.ends[29], 0.03);
+  EXPECT_EQ(peers.truths.size(), 30U);
 }
 
-TEST(SimulatorOnTheBus, ThatThrowsIsAProtectiveStop) {
+TEST(SimulatorOnTheBus, ThatThrowsInLockstepIsAProtectiveStop) {
   const scenario::Scenario s = scenario({"loop.mode=lockstep"});
   Peers peers(s);
   Recording simulator;

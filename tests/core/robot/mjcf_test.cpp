@@ -247,6 +247,8 @@ TEST(Mjcf, RefusesWhatItDoesNotRead) {
   };
   EXPECT_THAT(with("axis=", "axes="),
               line(5, "attribute axes, which is not read; the nearest known"));
+  EXPECT_THAT(with("<worldbody>", "<worldbody childclass=\"c\">"),
+              line(3, "has the attribute childclass, which is not read"));
   EXPECT_THAT(with("<inertial", "<inertia"), line(6, "<inertia> in <body> is not read"));
   EXPECT_THAT(with("range=\"-2 2\"", "range=\"-2 x\""), line(5, "2 finite numbers"));
   EXPECT_THAT(with("range=\"-2 2\"", "range=\"2 -2\""), line(5, "the lower end first"));
@@ -254,7 +256,7 @@ TEST(Mjcf, RefusesWhatItDoesNotRead) {
   EXPECT_THAT(with("axis=\"0 1 0\"", "axis=\"0 0 0\""), line(5, "length 0"));
   EXPECT_THAT(with("axis=\"0 1 0\"", "type=\"hing\""), line(5, "allowed: hinge, slide"));
   EXPECT_THAT(with("axis=\"0 1 0\"", "type=\"ball\""), HasSubstr("type ball is not supported"));
-  EXPECT_THAT(with("axis=\"0 1 0\"", "damping=\"-1\""), line(5, "a number from 0 on"));
+  EXPECT_THAT(with("axis=\"0 1 0\"", "damping=\"-1\""), line(5, "a finite number from 0 on"));
   EXPECT_THAT(with("axis=\"0 1 0\"", "class=\"c\""), line(5, "class \"c\" is not among"));
   EXPECT_THAT(with("name=\"elbow\"", "name=\"shoulder\""), line(8, "'shoulder' is there twice"));
   EXPECT_THAT(with("name=\"upper\"", "name=\"a;b\""), line(4, "is not a name"));
