@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -239,6 +240,14 @@ void add(Group& group, std::string_view key, std::string_view name,
   }
 }
 
+/// Returns true if a bounded law's feed-forward is clipped at some posture: its proof excludes
+/// that.
+bool clips_feedforward(const Feasibility& feasibility) {
+  return std::ranges::any_of(feasibility.joints, [](const JointDemand& joint) {
+    return joint.feedforward_max && *joint.feedforward_anywhere > *joint.feedforward_max;
+  });
+}
+
 /// Returns whether every start converges, and why.
 std::string global_text(const lyapunov::GlobalConvergence& global) {
   return (global.shown ? "yes: " : "not shown: ") + global.why;
@@ -449,6 +458,9 @@ Certificate certify(const scenario::Scenario& scenario, bool paper, const linear
     result.stability =
         lyapunov::stability_certificate(scenario, linear::Effort::full, result.no_stability, tell);
     if (result.stability) result.global = lyapunov::global_convergence(scenario);
+    if (result.global && clips_feedforward(result.feasibility)) {
+      result.global = {false, "feedforward_max clips the feed-forward at some posture", {}};
+    }
   }
   if (full) result.nonlinear = lyapunov::sampled_region(scenario, result.no_nonlinear, tell);
   if (paper) {
