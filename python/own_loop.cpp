@@ -68,8 +68,8 @@ class Law {
     const std::int64_t now = tick.value_or(next_);
     const Step done =
         reference.is_none() ? loop_.torque(now, Given(q, n, "q")) : follow(now, q, reference, n);
+    if (done.has_torque()) next_ = now + 1;
     if (!done.ok()) throw base::Failure(base::ExitCode::protective_stop, loop_.reason(done));
-    next_ = now + 1;
     return array_from(done.tau);
   }
   void reset() {

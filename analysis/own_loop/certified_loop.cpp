@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/failure.h"
 #include "base/parallel.h"
+#include "base/text.h"
 #include "certify/prediction.h"
 #include "linear/scenario_loop.h"
 #include "numerics/postures.h"
@@ -97,10 +101,14 @@ void require_stable(const Prediction& loop, const std::string& source, std::stri
                     source, loop.unknown));
   }
   if (loop.stable) return;
-  const std::optional<double> period_s = stable_period(loop);
-  throw NotCertified(fmt::format(
-      "{}: no certificate{}: {}; {}{}choose softer gains", source, what, certify::text(loop),
-      period_s ? fmt::format("take a period of {:g} s, ", *period_s) : "", remedy));
+  std::vector<std::string> remedies;
+  if (const std::optional<double> period_s = stable_period(loop)) {
+    remedies.push_back(fmt::format("take a period of {:g} s", *period_s));
+  }
+  if (!remedy.empty()) remedies.emplace_back(remedy);
+  remedies.emplace_back("choose softer gains");
+  throw NotCertified(fmt::format("{}: no certificate{}: {}; {}", source, what, certify::text(loop),
+                                 base::joined(remedies, " or ")));
 }
 
 void add(Certificate& all, const Prediction& loop) {
@@ -133,7 +141,7 @@ void certify_bounds(Certificate& all, const scenario::Scenario& scenario, const 
         motion_within(bounds, largest ? middle : Vector(0.5 * (middle + worst)), largest);
     const Prediction moving = analyse(scenario, motion, duration_of(motion));
     require_stable(moving, source, " of motions as fast as the bounds",
-                   "declare a smaller speed and acceleration, or ");
+                   "declare a smaller speed and acceleration");
     add(all, moving);
   }
   all.text += fmt::format(
