@@ -1,6 +1,7 @@
-// A controller of ros2_control: positions in, efforts out. Its only state interface is `position`, so it also serves arms
-// whose velocity joint_trajectory_controller needs and nobody measures. on_configure certifies the scenario's loop at the
-// controller manager's rate, or refuses it with the reason. Compiled against stubs of ROS 2, and not run under ROS 2.
+// A controller of ros2_control: positions in, efforts out. Its only state interface is `position`,
+// so it also serves arms whose velocity joint_trajectory_controller needs and nobody measures.
+// on_configure certifies the scenario's loop at the controller manager's rate, or refuses it with
+// the reason. Compiled against stubs of ROS 2, and not run under ROS 2.
 #include <cmath>
 #include <exception>
 #include <memory>
@@ -8,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include <tachless/own_loop/own_loop.h>
 #include <controller_interface/controller_interface.hpp>
 #include <pluginlib/class_list_macros.hpp>
-#include <tachless/own_loop/own_loop.h>
 
 namespace tachless_controllers {
 
@@ -20,8 +21,12 @@ using controller_interface::return_type;
 
 class CertifiedController : public controller_interface::ControllerInterface {
  public:
-  InterfaceConfiguration command_interface_configuration() const override { return each("/effort"); }
-  InterfaceConfiguration state_interface_configuration() const override { return each("/position"); }
+  InterfaceConfiguration command_interface_configuration() const override {
+    return each("/effort");
+  }
+  InterfaceConfiguration state_interface_configuration() const override {
+    return each("/position");
+  }
 
   CallbackReturn on_init() override {
     auto_declare<std::string>("scenario", "");
@@ -57,8 +62,8 @@ class CertifiedController : public controller_interface::ControllerInterface {
     return CallbackReturn::SUCCESS;
   }
 
-  // A reading that is missing leaves its tick out: the law steps over it at the next one. After ERROR the manager
-  // deactivates the controller, and the hardware has to brake.
+  // A reading that is missing leaves its tick out: the law steps over it at the next one. After
+  // ERROR the manager deactivates the controller, and the hardware has to brake.
   return_type update(const rclcpp::Time&, const rclcpp::Duration&) override {
     ++tick_;
     for (std::size_t i = 0; i < q_.size(); ++i) {
@@ -94,4 +99,5 @@ class CertifiedController : public controller_interface::ControllerInterface {
 
 }  // namespace tachless_controllers
 
-PLUGINLIB_EXPORT_CLASS(tachless_controllers::CertifiedController, controller_interface::ControllerInterface)
+PLUGINLIB_EXPORT_CLASS(tachless_controllers::CertifiedController,
+                       controller_interface::ControllerInterface)

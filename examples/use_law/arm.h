@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
-// Plays the arm of two_link.urdf, without friction, so that the example runs without one. A torque acts a tick after it
-// was sent.
+// Plays the arm of two_link.urdf, without friction, so that the example runs without one. A torque
+// acts a tick after it was sent.
 class Arm {
  public:
   explicit Arm(double period_s) : h_(period_s / steps) {}
@@ -23,8 +23,10 @@ class Arm {
 
   void move() {
     const double c = 0.51 * std::cos(q_[1]), s = 0.51 * std::sin(q_[1]);
-    const double m11 = 8.77 + 2 * c, m12 = 0.76 + c, m22 = 0.62, far = 0.63 * std::sin(q_[0] + q_[1]);
-    const double b1 = tau_[0] + s * v_[1] * (2 * v_[0] + v_[1]) - 9.81 * (7.6 * std::sin(q_[0]) + far);
+    const double m11 = 8.77 + 2 * c, m12 = 0.76 + c, m22 = 0.62,
+                 far = 0.63 * std::sin(q_[0] + q_[1]);
+    const double b1 =
+        tau_[0] + s * v_[1] * (2 * v_[0] + v_[1]) - 9.81 * (7.6 * std::sin(q_[0]) + far);
     const double b2 = tau_[1] - s * v_[0] * v_[0] - 9.81 * far;
     const double det = m11 * m22 - m12 * m12;
     v_[0] += h_ * (m22 * b1 - m12 * b2) / det;

@@ -1,5 +1,5 @@
-#include <cstdio>
 #include <tachless/own_loop/own_loop.h>
+#include <cstdio>
 #include "arm.h"  // replace it by your arm's: positions(), send(), brake()
 
 int main() try {
@@ -12,4 +12,6 @@ int main() try {
     arm.send(step.tau);
   }
   return std::puts(loop.certificate().text.c_str()), 0;
-} catch (const std::exception& refusal) { return std::puts(refusal.what()), 1; }
+} catch (const std::exception& refusal) {
+  return std::puts(refusal.what()), 1;
+}

@@ -1,5 +1,5 @@
-// Plays the controller manager for the plugin of examples/ros2_control, twice: both instances, and the same plugin under
-// another name, live in one process. Arguments: PLUGIN OTHER_PLUGIN SCENARIO
+// Plays the controller manager for the plugin of examples/ros2_control, twice: both instances, and
+// the same plugin under another name, live in one process. Arguments: PLUGIN OTHER_PLUGIN SCENARIO
 #include <dlfcn.h>
 
 #include <cmath>

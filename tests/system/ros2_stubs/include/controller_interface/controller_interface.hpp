@@ -8,8 +8,8 @@
 #include <variant>
 #include <vector>
 
-// A stand-in for the parts of ROS 2 (controller_interface 6.8, rclcpp) that examples/ros2_control uses. It has their
-// names and signatures. It is neither their ABI nor their lifecycle.
+// A stand-in for the parts of ROS 2 (controller_interface 6.8, rclcpp) that examples/ros2_control
+// uses. It has their names and signatures. It is neither their ABI nor their lifecycle.
 #define RCLCPP_ERROR(logger, format, text) (logger).last = (text)
 
 namespace rclcpp {
