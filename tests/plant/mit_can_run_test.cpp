@@ -24,11 +24,17 @@ constexpr const char* arm = TACHLESS_SOURCE_DIR "/examples/mit_can/arm.yaml";
 
 class MitCanRun : public testing::Test {
  protected:
-  /// Runs the example on a bus of its own. No busy machine shall end this run.
+  /// Runs the example on a bus of its own, with softer gains, which bear 8 missed ticks in a row at
+  /// 400 Hz and 27 at 1 kHz (certify). No busy machine shall end this run.
   int run(const std::vector<std::string>& settings) {
     std::vector<std::string> overrides = {
-        "plant.driver.bus=unix:" + (directory_ / "bus").string(), "plant.driver.watchdog_s=5",
-        "loop.max_missed=400", "loop.max_missed_share=1", "plant.following_error_rad=100"};
+        "plant.driver.bus=unix:" + (directory_ / "bus").string(),
+        "plant.driver.watchdog_s=5",
+        "loop.max_missed=400",
+        "loop.max_missed_share=1",
+        "plant.following_error_rad=100",
+        "controller.gains.kp=[17.8, 273, 1.46, 8, 0.21, 6.2, 0.042]",
+        "controller.gains.kd=[3.1, 1.9, 0.18, 0.93, 0.0025, 0.06, 0.001]"};
     overrides.insert(overrides.end(), settings.begin(), settings.end());
     EmulatedDrives drives(scenario::load_scenario(arm, overrides), {.lost_share = 0.01});
     int code = 0;

@@ -10,6 +10,7 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "base/failure.h"
 #include "plant/plant_model.h"
@@ -35,6 +36,7 @@ EmulatedDrives::EmulatedDrives(const scenario::Scenario& scenario, const Trouble
       model_(plant::plant_model(scenario)),
       signs_(scenario.robot.joint_signs),
       offsets_(scenario.robot.joint_offsets_rad),
+      viscous_(scenario.plant.drive.viscous_friction_Nms_per_rad),
       q_(plant::initial_state(scenario.plant, scenario.robot.flexible, model_).q),
       v_(Vector::Zero(model_.num_joints)),
       frame_s_(settings_.fd ? fd_s : classical_s),
@@ -99,6 +101,10 @@ void EmulatedDrives::serve_client(int client, const std::stop_token& ends) {
     take_frames(client, open);
     deliver(client, open);
     move_on(now_s());
+  }
+  // Frames that a client has sent before its end still arrive.
+  for (const Due& due : std::exchange(line_, {})) {
+    if (due.command && !closed_) handle(due.frame, now_s());
   }
 }
 
@@ -246,7 +252,7 @@ void EmulatedDrives::move_on(double until_s) {
       motor.applied = motor.enabled
                           ? std::clamp(own, -motor.drive.ranges.tau, motor.drive.ranges.tau)
                           : -friction * v;
-      tau[i] = signs_[i] * motor.applied;
+      tau[i] = signs_[i] * motor.applied - viscous_[i] * v_[i];
     }
     v_ += h * robot::forward_dynamics(model_, q_, v_, tau);
     q_ += h * v_;

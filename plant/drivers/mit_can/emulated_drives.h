@@ -30,8 +30,9 @@ struct Trouble {
 };
 
 /// Drives and arm of a scenario on an emulated bus, `plant.driver.bus: unix:PATH`. The arm is the
-/// scenario's, without brakes: while no drive is enabled somebody holds it. Frames take their time
-/// on the bus. A drive without a command for the time of its watchdog stops, with its fault.
+/// scenario's with its viscous friction, without brakes: while no drive is enabled somebody holds
+/// it. Frames take their time on the bus. A drive without a command for the time of its watchdog
+/// stops, with its fault.
 class EmulatedDrives {
  public:
   /// Listens on the bus's path, which it replaces.
@@ -82,7 +83,7 @@ class EmulatedDrives {
   Settings settings_;
   Trouble trouble_;
   robot::Model model_;
-  Vector signs_, offsets_;
+  Vector signs_, offsets_, viscous_;
   std::string path_;
   base::FileDescriptor listener_;
   std::vector<Motor> motors_;

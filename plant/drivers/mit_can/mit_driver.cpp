@@ -89,6 +89,7 @@ MitDriver::MitDriver(const scenario::Scenario& scenario)
 
 MitDriver::~MitDriver() {
   try {
+    collect(0ns);
     bool enabled = true;
     for (int attempt = 0; attempt < attempts && enabled; ++attempt) {
       for (Motor& motor : motors_) {
@@ -249,6 +250,7 @@ void MitDriver::hold(const Vector& tau, double /*until_s*/) {
 }
 
 void MitDriver::rest(double /*until_s*/) {
+  collect(0ns);  // nobody else reads the answers any more
   if (stopped_ && started_) {
     send_brake();
   } else {
