@@ -79,7 +79,7 @@ struct Model {
   Vector velocity_limit;                    ///< [rad/s; m/s]
   Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the world [m/s2]
   Vector
-      rotor_inertia;  ///< added to the diagonal of M [kg m2]; of <dynamics armature>; empty is zero
+      rotor_inertia;  ///< added to the diagonal of M [kg m2], of the URDF's armature; empty: zero
   Vector damping;     ///< viscous, of the URDF's dynamics [N m s/rad; N s/m]
   Vector friction;    ///< Coulomb's, of the URDF's dynamics [N m; N]
   std::vector<std::string> warnings;  ///< dubious places of the URDF

@@ -32,7 +32,7 @@ breathe_default_members = ("members",)
 
 chapters = {
     "Learn": "tutorial why_no_velocity examples faq",
-    "Do": "install migration robots tuning identification studies report use_law own_law python ros2_control realtime real_robot drivers/* several_hosts",
+    "Do": "install migration robots stiff_gains tuning identification studies report use_law own_law python ros2_control realtime real_robot drivers/* several_hosts",
     "Look up": "scenario laws/* trajectories plant protocol log faults security notation performance site/report site/cpp site/python",
     "Understand": "paper certificate certificate_theory studies/* decisions/* style",
 }
