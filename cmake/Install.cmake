@@ -18,7 +18,7 @@ set(headers
   messages/signals.h messages/measurements.h bus/udp_transport.h
   plant/robot_driver.h plant/arm_state.h plant/plant_model.h plant/simulator.h plant/node.h session/run_role.h
   base/quantities.h robot/model.h robot/dynamics.h robot/kinematics.h
-  in_process/in_process_loop.h own_loop/own_loop.h logger/run_log.h)
+  scenario/driver_settings.h in_process/in_process_loop.h own_loop/own_loop.h logger/run_log.h)
 set(installed_headers)
 while(headers)
   list(POP_FRONT headers header)

@@ -270,7 +270,8 @@ def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Map
         robot: path of a scenario or a URDF.
         write: a file for the scenario with these gains.
         overrides: values of the scenario by key.
-        goal: the command's options: settling, bandwidth, stiffness, rest_error, noise, margin, period, ...
+        goal: the command's options: structure, rotors, settling, bandwidth, stiffness, rest_error, noise, margin,
+            period, uncertain, ...
 
     Raises:
         Error: no gains suffice (code 1), or the scenario or an option is not valid (code 2).

@@ -641,7 +641,7 @@ class TheCommands(Folder):
         self.assertTrue((self.folder / "known.yaml").is_file())
 
     def test_design_writes_what_it_returns(self):
-        found = tachless.design(arm, settling=0.5, write=self.folder / "arm.yaml")
+        found = tachless.design(arm, settling=0.5, structure="diagonal", write=self.folder / "arm.yaml")
         self.assertEqual(len(found.gains["kp"]), 2)
         self.assertEqual(tachless.certify(self.folder / "arm.yaml").sampled["settling_s"], found.sampled["settling_s"])
 
