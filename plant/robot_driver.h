@@ -13,13 +13,14 @@ namespace tachless::plant {
 /// the robot stops by itself. The text names what makes it stop. `stop` is not called again.
 class StopsByItself : public base::Failure {
  public:
+  /// @param what makes the robot stop, one line
   explicit StopsByItself(std::string_view what) : Failure(base::ExitCode::protective_stop, what) {}
 };
 
 /// A number that a driver counted or measured in a run, for summary.json and the closing table.
 struct DriverFigure {
   std::string name;  ///< with its unit: "temperature_joint_3_C"
-  double value = 0;
+  double value = 0;  ///< the number, in the unit of the name
 };
 
 /// A robot as the loop needs it: the emulator, or the driver of a real one (docs/real_robot.md).
