@@ -117,7 +117,8 @@ class Search {
       if (!design.loop.stable || !design.loop.margins) break;
       const double lacking = goal_.modulus - design.loop.margins->modulus;
       if (stiff_enough(design.loop.stiffness) && lacking <= margin_tolerance) return design;
-      add(problem_, law_.at({linear::constant_reference(design.loop.margin_q)}), 0, 1);
+      const ReferencePoint rest = linear::constant_reference(design.loop.margin_q);
+      add(problem_, law_.loop_at(rest), rest, 1);
       // The margin lacks between the frequencies of the grid.
       problem_.margin += std::max(0.0, lacking);
       best_.theta = best_.theta.cwiseMax(problem_.lower);
@@ -172,10 +173,14 @@ class Search {
     }
   }
 
-  static void add(GainProblem& problem, const GainProblem& from, std::size_t which, double share) {
+  static void add(GainProblem& problem, const linear::RestLoop& loop, const ReferencePoint& rest,
+                  double share) {
     problem.share.push_back(share);
-    problem.loops.push_back(from.loops[which]);
-    problem.rests.push_back(from.rests[which]);
+    problem.loops.push_back(loop);
+    problem.rests.push_back(rest);
+  }
+  static void add(GainProblem& problem, const GainProblem& from, std::size_t which, double share) {
+    add(problem, from.loops[which], from.rests[which], share);
   }
 
   /// Returns the least moduli at the postures of the pool, ascending, with the postures' numbers.
@@ -373,9 +378,7 @@ class Search {
       if (known) continue;
       added.push_back(each);
       const ReferencePoint rest = linear::constant_reference(each.x);
-      problem_.share.push_back(asked_share);
-      problem_.loops.push_back(law_.loop_at(rest, each.plant));
-      problem_.rests.push_back(rest);
+      add(problem_, law_.loop_at(rest, each.plant), rest, asked_share);
     }
     return true;
   }

@@ -73,10 +73,10 @@ GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
   make_feedback(false);
 }
 
-void GainPoint::look_at_margins(double above) {
+void GainPoint::look_at_margins() {
   make_grids();
   modulus_ = parallel_map(problem_->loops.size(), [&](std::size_t i) {
-    return problem_->loops[i].modulus(grid(i), problem_->margin + above);
+    return problem_->loops[i].modulus(grid(i), problem_->margin + near_margin);
   });
 }
 

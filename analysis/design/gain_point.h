@@ -38,8 +38,8 @@ class GainPoint {
  public:
   GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
   /// Computes the moduli. Call it before asking for moduli or programmes. A modulus further than
-  /// `above` over the margin is replaced by a lower bound.
-  void look_at_margins(double above = near_margin);
+  /// `near_margin` over the margin is replaced by a lower bound.
+  void look_at_margins();
   void differentiate();  ///< call it before asking for a programme
 
   [[nodiscard]] const Eigen::VectorXd& theta() const { return theta_; }

@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "controller/law/parts.h"
+#include "controller/law/rivals/kelly_flexible.h"
 #include "robot/dynamics.h"
 
 namespace tachless::controller::law {
@@ -33,12 +34,8 @@ class FlexibleMotor : public FlexibleLaw<FilterGains> {
   using Memory = Filter::Memory;
   using LawOf::LawOf;
 
-  /// Computes gains with a filter fast enough to pass the springs' resonance.
-  static Gains tuned(const Tuning& t) {
-    const auto [kp, kd] = t.through_spring();
-    const Vector filter = t.each(t.filter).cwiseMax(0.6 * t.resonance());
-    return {kp, kd, filter, filter};
-  }
+  /// Computes the gains of `KellyFlexible`.
+  static Gains tuned(const Tuning& t) { return KellyFlexible::tuned(t); }
 
   [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
     return filter_.start(measured.theta - robot::value(motor_reference(reference).theta_d));

@@ -82,7 +82,7 @@ struct Settings {
 /// moment; `read` takes the answers to the commands of the tick before. A tick in which an answer
 /// is missing has no reading.
 ///
-/// Such drives have no brakes. Before the first torque and from `stop` on each drive holds its
+/// The drives have no brakes. Before the first torque and from `stop` on each drive holds its
 /// position by its own gains, with gravity's torque of the scenario's model.
 class MitDriver final : public plant::RobotDriver {
  public:

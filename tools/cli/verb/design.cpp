@@ -102,11 +102,11 @@ struct Design {
 
   [[nodiscard]] ExitCode run() const {
     require_scenario_writable(output, force);
-    (void)common_goal();  // a wrong option ends before the file is read
+    const design::DesignGoal common = common_goal();  // a wrong option ends before a file is read
     const DesignInput source({input, overrides, period_s, from, !rotors.empty(), output});
     Screen screen(quiet);
     const linear::OnProgress tell = [&](std::string_view what) { screen.show(what); };
-    const Found found = compares(source) ? chosen(source, tell) : own(source, tell);
+    const Found found = compares(source) ? chosen(source, common, tell) : own(source, common, tell);
     screen.clear();
     const design::Design& design = found.design;
     nlohmann::ordered_json all = design_json(design, found.scenario);
@@ -166,19 +166,21 @@ struct Design {
   }
 
   /// Designs the gains of the structure asked for, or of the scenario's own law.
-  [[nodiscard]] Found own(const DesignInput& source, const linear::OnProgress& tell) const {
+  [[nodiscard]] Found own(const DesignInput& source, const design::DesignGoal& common,
+                          const linear::OnProgress& tell) const {
     std::optional<Structure> with;
     if (!structure.empty()) with = base::value_of<Structure>(structure);
     scenario::Scenario scenario = source.scenario(with, of_program(input, overrides, law_program));
     warn(scenario);
-    design::Design design = design::design(scenario, whole_goal(scenario.num_joints), tell,
+    design::Design design = design::design(scenario, whole_goal(common, scenario.num_joints), tell,
                                            law_answers(scenario, law_program));
     std::vector<std::string> assumed = source.assumptions(scenario);
     return {std::move(scenario), std::move(design), {}, std::move(assumed)};
   }
 
   /// Designs diagonal and scheduled gains, and chooses.
-  [[nodiscard]] Found chosen(const DesignInput& source, const linear::OnProgress& tell) const {
+  [[nodiscard]] Found chosen(const DesignInput& source, const design::DesignGoal& common,
+                             const linear::OnProgress& tell) const {
     if (of_joints()) {
       throw base::bad_usage(
           "--structure auto: the stiffness of single joints is asked for, which only diagonal "
@@ -191,7 +193,7 @@ struct Design {
           if (!std::exchange(warned, true)) warn(scenario);
           return scenario;
         },
-        common_goal(), tell);
+        common, tell);
     const design::Candidate& best = comparison.candidates[comparison.chosen];
     scenario::Scenario scenario = best.scenario;
     design::Design design = *best.design;
@@ -204,8 +206,7 @@ struct Design {
     if (!uncertain.empty()) common.uncertainty = design::parse_uncertainty(uncertain);
     return common;
   }
-  [[nodiscard]] design::DesignGoal whole_goal(int num_joints) const {
-    design::DesignGoal whole = common_goal();
+  [[nodiscard]] design::DesignGoal whole_goal(design::DesignGoal whole, int num_joints) const {
     if (stiffness.empty() && rest_error.empty()) return whole;
     Vector least = Vector::Zero(num_joints);
     if (!stiffness.empty()) least = one_a_joint("--stiffness", stiffness, num_joints);
