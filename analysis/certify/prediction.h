@@ -108,7 +108,8 @@ std::string margins_text(const linear::Margins& margins);
 std::string modulus_text(const linear::Margins& margins);
 /// Returns e.g. "any pattern of at most 12 in a row is stable (searched, not proved)".
 std::string pattern_text(int in_a_row);
-/// Returns the same for commands, with "; 21 in a row and 4 hits, again and again, is not".
+/// Returns the same for commands, with "; the repeated pattern of 21 missed and 4 received is
+/// unstable".
 std::string missed_text(const linear::MissedTicks& missed);
 /// Returns a sentence about the errors at which dry friction may hold the joints; empty without
 /// friction.

@@ -29,8 +29,8 @@ class MjcfAttributes {
   [[nodiscard]] bool has(const std::string& name) const { return values_.contains(name); }
   [[nodiscard]] std::string text(const std::string& name, const std::string& otherwise = "") const;
   [[nodiscard]] double number(const std::string& name, double otherwise) const;
-  /// Returns the first of several coefficients from 0 on. Coefficients of higher powers have to be
-  /// 0.
+  /// Returns the first of several coefficients from 0 on. The coefficients of higher
+  /// powers have to be 0.
   [[nodiscard]] double coefficient(const std::string& name) const;
   /// Returns `least` to `most` numbers, or none if the attribute is not given.
   [[nodiscard]] std::vector<double> numbers(const std::string& name, std::size_t least,
