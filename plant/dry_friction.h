@@ -128,8 +128,8 @@ class DryFriction {
     return false;
   }
 
-  /// Returns a number above 0 if a sliding joint has turned round at `v`, or if friction cannot
-  /// hold a sticking joint by the torques of the last `solve`.
+  /// Returns a number above 0 if a sliding joint has turned round at `v`. It is also above 0 if
+  /// friction cannot hold a sticking joint by the torques of the last `solve`.
   [[nodiscard]] double violation(const double* v) const {
     double largest = -std::numeric_limits<double>::infinity();
     for (Index i = 0; i < held_.size(); ++i) {

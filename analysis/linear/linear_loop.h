@@ -9,8 +9,8 @@
 #include "messages/signals.h"
 #include "robot/model.h"
 
-/// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
-/// time, and their map of one period with the torque held.
+/// The closed loop linearised about a reference. A plant in continuous time and a law in discrete
+/// time make a map of one period with the torque held.
 namespace tachless::linear {
 
 using messages::Part;

@@ -4,9 +4,9 @@
 
 #include "linear/sampled_limit.h"
 
-/// The number of ticks in a row that a sampled loop may miss in any pattern of hits and misses, by
-/// its linearisation with the torque held. The property is weakly hard real-time in Bernat's sense,
-/// "at most m in any m + 1".
+/// The number of ticks in a row that a sampled loop may miss in any pattern of hits and misses. It
+/// is computed by the linearisation with the torque held. The property is weakly hard real-time in
+/// Bernat's sense, "at most m in any m + 1".
 ///
 /// A **missed command** is lost or late: the torque of the tick before acts in its place. After p
 /// misses the torque differs from the law's torque by the sum of the law's last p increments u_k -

@@ -40,8 +40,8 @@ struct Modes {
   bool stable = false;
   double radius = 0;       ///< spectral radius of the one-period map
   double decay_per_s = 0;  ///< of the slowest mode
-  /// Time until the errors of all joints stay below 1 % of the error that began in one joint alone,
-  /// at rest: the longest of all joints, and the mean [s].
+  /// Time until the errors of all joints stay below 1 % of an error that began in one joint alone,
+  /// at rest [s]. The first is the longest of all joints, the second the mean.
   double settling_s = 0, settling_mean_s = 0;
   double least_damped_hz = 0;
   double least_damping = 1;  ///< 1: no mode oscillates
