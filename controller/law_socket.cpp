@@ -46,8 +46,8 @@ struct Codecs {
 // ---- the process that computes the law --------------------------------------------------------
 
 Failure no_message(std::string_view expected) {
-  return {ExitCode::protocol_violated, "--serve: what came is no {} message of this version",
-          expected};
+  return {ExitCode::protocol_violated,
+          "--serve: the message received is no {} message of this version", expected};
 }
 
 /// Answers each tick. At the first tick of a run it makes the law anew.
@@ -150,7 +150,7 @@ class Program {
     const messages::Rejection why = codec.decode(message, stamp, value);
     if (why == messages::Rejection::non_finite) {
       throw Failure(ExitCode::protective_stop,
-                    "--controller '{}': what it computed {} is not finite: the loop is unstable; "
+                    "--controller '{}': its torque {} is not finite: the loop is unstable; "
                     "shorten loop.period_s or soften the gains",
                     command_, when(tick));
     }

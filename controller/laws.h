@@ -35,15 +35,34 @@ namespace tachless::controller {
 template <class... L>
 struct LawList {};
 
-/// The laws in the order of their names.
-using Laws =
-    LawList<law::BerghuisNijmeijer, law::ComputedTorque, law::DifferenceOfError, law::FlexibleMotor,
-            law::FlexiblePosition, law::KalmanVelocity, law::KellyFlexible, law::KellyRegulation,
-            law::LanariWen, law::LoriaOrtegaAdaptive, law::LoriaOrtegaBounded,
-            law::LoriaOrtegaFlexible, law::LoriaOrtegaIntegral, law::LoriaOrtegaMatrix,
-            law::LoriaOrtegaRigid, law::LoriaOrtegaScheduled, law::NicosiaTomei,
-            law::NumericalDifference, law::PdGravity, law::RobustDifferentiator, law::SlotineLi,
-            law::SlotineLiFlexible, law::WenBayard, law::ZhangDawson>;
+/// The laws in the order of their names, one a line.
+// clang-format off
+using Laws = LawList<
+    law::BerghuisNijmeijer,
+    law::ComputedTorque,
+    law::DifferenceOfError,
+    law::FlexibleMotor,
+    law::FlexiblePosition,
+    law::KalmanVelocity,
+    law::KellyFlexible,
+    law::KellyRegulation,
+    law::LanariWen,
+    law::LoriaOrtegaAdaptive,
+    law::LoriaOrtegaBounded,
+    law::LoriaOrtegaFlexible,
+    law::LoriaOrtegaIntegral,
+    law::LoriaOrtegaMatrix,
+    law::LoriaOrtegaRigid,
+    law::LoriaOrtegaScheduled,
+    law::NicosiaTomei,
+    law::NumericalDifference,
+    law::PdGravity,
+    law::RobustDifferentiator,
+    law::SlotineLi,
+    law::SlotineLiFlexible,
+    law::WenBayard,
+    law::ZhangDawson>;
+// clang-format on
 
 /// Calls `action(std::type_identity<L>())` for the law of that name.
 /// @return whether there is such a law

@@ -248,7 +248,7 @@ class RealtimeNode final : public Node {
                               : fmt::format(", {} of them so long that the law's memory began anew",
                                             counted.restarts);
     base::log_warning(
-        "{} ticks in {} gaps were passed over, for their measurement or reference came late or not "
+        "{} ticks in {} gaps were skipped because their measurement or reference came late or not "
         "at all{}",
         counted.skipped_ticks, counted.gaps, restarts);
   }

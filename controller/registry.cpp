@@ -239,7 +239,7 @@ base::Failure not_finite(std::string_view law, const Vector& tau, std::int64_t t
 }
 
 base::Failure gains_refused(std::string_view gains, std::string_view problem) {
-  return {base::ExitCode::protective_stop, "the gains \"{}\" of a reference are not used: {}",
+  return {base::ExitCode::protective_stop, "the gains \"{}\" of a reference were rejected: {}",
           gains, problem};
 }
 

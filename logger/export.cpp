@@ -58,7 +58,11 @@ class CsvTable {
       const bool present = has(record, quantity.slot);
       if (present) quantity.read(record, values.data());
       for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-        present ? add(values[i]) : block_.push_back(',');
+        if (present) {
+          add(values[i]);
+        } else {
+          block_ += ',';
+        }
       }
     }
     block_ += '\n';
@@ -70,7 +74,10 @@ class CsvTable {
   }
 
  private:
-  void add(double value) { add_number(block_ += ',', value); }
+  void add(double value) {
+    block_ += ',';
+    add_number(block_, value);
+  }
 
   void write() {
     if (std::fwrite(block_.data(), 1, block_.size(), file_) != block_.size()) fail(errno);
@@ -196,8 +203,11 @@ void write_rows(const std::filesystem::path& to, bool mcap, const std::vector<Qu
     for (TickRecord record; log.next(record);) table.append(record);
     table.close();
   };
-  mcap ? write(McapTable(to, quantities, log))
-       : write(CsvTable(to, quantities, log.info().period_s));
+  if (mcap) {
+    write(McapTable(to, quantities, log));
+  } else {
+    write(CsvTable(to, quantities, log.info().period_s));
+  }
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-/// Summary of an LCM log, also of a damaged one or one that another program wrote.
+/// Summary of an LCM log, which may be damaged or written by another program.
 namespace tachless::logger {
 
 /// Number of channels listed one by one. Messages on further channels are counted together.

@@ -12,9 +12,9 @@
 #include <string_view>
 #include <vector>
 
-/// LCM's event-log format, as liblcm's own LogFile writes and reads it: events back to back, each
-/// sync word 0xEDA1DA01, event number (int64), time stamp [us] (int64), channel length (int32),
-/// data length (int32), channel, data; big-endian.
+/// LCM's event-log format, as liblcm's own LogFile writes and reads it: events back to back,
+/// big-endian. An event has a sync word 0xEDA1DA01, event number (int64), time stamp [us] (int64),
+/// channel length (int32), data length (int32), channel and data.
 namespace tachless::logger {
 
 inline constexpr std::size_t event_header_bytes = 28;
@@ -27,8 +27,8 @@ inline constexpr std::size_t max_channel_bytes = 63;
 /// further call then throws a Failure that names path, bytes kept and remedy.
 class LogWriter {
  public:
-  /// Time between two flushes. A killed logger loses at most twice that, as a busy machine may
-  /// delay it.
+  /// Time between two flushes. A busy machine may delay a flush, so a killed logger loses at most
+  /// twice this time.
   static constexpr std::chrono::milliseconds flush_interval{50};
 
   /// Creates the file. Does not follow a symbolic link.
@@ -40,6 +40,7 @@ class LogWriter {
   /// Closes the log and drops errors; `close` throws them.
   ~LogWriter();
 
+  /// Appends an event.
   /// @param utime time stamp [us]
   /// @throw base::Failure when the disk refuses; std::logic_error after `close` or when the
   /// channel is empty or longer than `max_channel_bytes`.
@@ -94,7 +95,7 @@ struct LogEvent {
   std::int64_t utime = 0;  ///< [us]
   std::string_view channel;
   std::span<const std::byte> data;
-  std::uint64_t offset = 0;  ///< of its first byte in the file
+  std::uint64_t offset = 0;  ///< offset of the first byte in the file
 
   /// Returns the offset of the byte after the event.
   [[nodiscard]] std::uint64_t end() const {

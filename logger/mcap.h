@@ -11,22 +11,25 @@
 
 namespace tachless::logger {
 
-/// Writes an MCAP file (https://mcap.dev/spec) of JSON messages: uncompressed chunks, each with an
-/// index of its messages, and a summary, so that readers find any time at once. Front to back, a
-/// chunk in memory.
+/// Writer of an MCAP file (https://mcap.dev/spec) of JSON messages. The file has uncompressed
+/// chunks, each with an index of its messages, and a summary, so that readers find any time at
+/// once. It is written front to back, with one chunk in memory.
 class McapWriter {
  public:
-  /// Overwrites `path`. @throw std::system_error when it cannot be written; so do the others
+  /// Opens the file and overwrites it.
+  /// @throw std::system_error when `path` cannot be written, as the other functions do
   explicit McapWriter(const std::filesystem::path& path);
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
   ~McapWriter();
 
-  /// A channel, with a JSON schema of its own. @return its number, for `add`
+  /// Adds a channel with its own JSON schema.
+  /// @return its number, for `add`
   std::uint16_t add_channel(std::string_view topic, std::string_view schema_name,
                             std::string_view schema);
 
-  /// @param time_ns since the run's start; not below that of the message before
+  /// Adds a message.
+  /// @param time_ns since the run's start; not below the time of the message before
   void add(std::uint16_t channel, std::uint64_t time_ns, std::string_view json);
 
   void close();
@@ -39,7 +42,7 @@ class McapWriter {
 
   void write(std::string_view bytes);
   void end_chunk();
-  /// The summary, from the file's present end on, and the footer.
+  /// Writes the summary, from the file's present end on, and the footer.
   void write_summary();
 
   std::FILE* file_ = nullptr;

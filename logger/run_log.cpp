@@ -220,15 +220,16 @@ class RunLog::Window {
       } else if (const auto event = reader_.next()) {
         if (on_event_) on_event_(*event);
         take(*event);
-      } else if (at_end_ = true; newest_ >= base_) {
-        release_below_ = newest_ + 1;
       } else {
-        if (!std::exchange(finished_, true)) {
-          for (const Slot slot : messages::all_slots) count_missing(slot, summary_.last_tick + 1);
-        }
-        return false;
+        at_end_ = true;
+        if (newest_ < base_) break;
+        release_below_ = newest_ + 1;
       }
     }
+    if (!std::exchange(finished_, true)) {
+      for (const Slot slot : messages::all_slots) count_missing(slot, summary_.last_tick + 1);
+    }
+    return false;
   }
 
  private:

@@ -72,7 +72,7 @@ inline constexpr std::int64_t launcher_instance = 0;
 void append_cause(const std::filesystem::path& log, const scenario::Scenario& scenario,
                   std::int64_t run, const ParticipantFault& cause, base::ExitCode code);
 
-/// Gains of the law that are not those of the tick before.
+/// Gains of the law that differ from the gains of the tick before.
 struct GainsSince {
   std::int64_t tick = 0;  ///< the first with them
   std::string gains;      ///< as scenario::gains_text; empty: the scenario's again
@@ -84,7 +84,7 @@ struct RunSummary {
 
   std::int64_t first_tick = -1;                              ///< -1 while there is none
   std::int64_t last_tick = -1;                               ///< -1 while there is none
-  std::uint64_t ticks = 0;                                   ///< ticks of which there is anything
+  std::uint64_t ticks = 0;                                   ///< ticks that have a message
   std::array<PieceSummary, messages::num_slots> pieces;      ///< by message of a tick
   std::map<messages::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
   std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
@@ -95,7 +95,7 @@ struct RunSummary {
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
   std::vector<GainsSince> gains;                       ///< changes; the first `max_listed`
   /// Cause of an end before the plan. The launcher's cause outranks the first fault of a member.
-  /// The tick is that of the first fault; the ticks after it belong to the stop.
+  /// Its tick is the tick of the first fault; later ticks belong to the stop.
   std::optional<ParticipantFault> stop;
   bool plant_finished = false;  ///< the plant announced that the run has reached its planned end
 
@@ -111,9 +111,9 @@ struct RunSummary {
   [[nodiscard]] std::vector<std::string> gap_texts() const;
 };
 
-/// Reader of a run from a log, front to back. The log is a canonical one, or one that lcm-logger
-/// recorded in order of arrival, with duplicates and participants' messages. A window of ticks
-/// bounds the memory. The reader names gaps and never bridges them.
+/// Reader of a run from a log, front to back. The log is canonical, or lcm-logger recorded it in
+/// order of arrival, with duplicates and participants' messages. A window of ticks bounds the
+/// memory. The reader names gaps and never bridges them.
 class RunLog {
  public:
   /// Number of ticks that messages may be out of order.

@@ -17,13 +17,13 @@
 
 namespace tachless::logger {
 
-/// The six messages of a tick of a run, by slot: their channels, and whether one is sound. Keeps
-/// none.
+/// The channels of a run's six messages of a tick, by slot, and the check of a message. The class
+/// keeps no message.
 class TickChannels {
  public:
   using Slot = messages::Slot;
 
-  /// @param law as the controller announces it; without a known measurement that has no channel
+  /// @param law as the controller announces it; a law without a known measurement has no channel
   TickChannels(const scenario::Scenario& scenario, const messages::LawInfo& law)
       : robot_(scenario.robot.channel_prefix),
         layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
@@ -35,7 +35,7 @@ class TickChannels {
 
   [[nodiscard]] const std::string& channel(Slot slot) const { return channels_[index(slot)]; }
 
-  /// Longest messages, by slot [bytes].
+  /// Returns the lengths of the longest messages, by slot [bytes].
   [[nodiscard]] const std::array<std::size_t, messages::num_slots>& longest() const {
     return longest_;
   }
@@ -45,7 +45,7 @@ class TickChannels {
     return truth_->fault == messages::truth::DriveFault::protective_stop;
   }
 
-  /// Precondition: `channel(slot)` is not empty.
+  /// Checks a message. Precondition: `channel(slot)` is not empty.
   messages::Rejection check(Slot slot, std::span<const std::byte> payload,
                             messages::Stamp& stamp) const {
     return check_[index(slot)](payload, stamp);

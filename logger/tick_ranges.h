@@ -11,8 +11,8 @@
 
 namespace tachless::logger {
 
-/// Returns true if a tick of a protective stop has this message. Nobody answers the plant any more,
-/// so the others are no gaps.
+/// Returns true if a tick of a protective stop has this message. No process answers the plant then,
+/// so the other messages are no gaps.
 constexpr bool is_due_while_stopped(messages::Slot slot) {
   return slot == messages::Slot::tick || slot == messages::Slot::measurement ||
          slot == messages::Slot::truth;
@@ -33,7 +33,7 @@ struct TickRanges {
   std::uint64_t ranges = 0;
   std::vector<TickRange> listed;
 
-  /// The ticks of `added` are later than all before.
+  /// Adds ticks, which have to be later than all before.
   void add(const TickRange& added) {
     count += static_cast<std::uint64_t>(added.last - added.first + 1);
     const bool joins = ranges != 0 && added.first == last_ + 1;
@@ -47,10 +47,10 @@ struct TickRanges {
   }
   void add(std::int64_t tick) { add({tick, tick}); }
 
-  /// Some ranges are counted, but not listed.
+  /// Returns true if some ranges are counted and not listed.
   [[nodiscard]] bool cut() const { return ranges > listed.size(); }
 
-  /// "12, 40-55 and 3 more".
+  /// Returns e.g. "12, 40-55 and 3 more".
   [[nodiscard]] std::string text() const {
     std::string text;
     for (const auto& [first, last] : listed) {

@@ -15,8 +15,8 @@
 
 namespace tachless::logger {
 
-/// Counts what a realtime run's logger has received: which messages each tick has, which were
-/// repeated, which were lost. Keeps no message. Preallocated.
+/// Counts of a realtime run's received messages: which messages each tick has, which were repeated,
+/// and which were lost. The class keeps no message. Its memory is preallocated.
 class TickTally {
  public:
   using Slot = messages::Slot;
@@ -31,22 +31,22 @@ class TickTally {
   /// Returns whether the message is to be recorded (`fresh`), or why not.
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// The robot is stopped from this tick on: `is_due_while_stopped`.
+  /// Notes that the robot is stopped from this tick on: `is_due_while_stopped`.
   void on_stop(std::int64_t tick) { stopped_from_ = std::min(stopped_from_, tick); }
-  /// The run is being stopped, from `last` on: no tick after it counts as incomplete.
+  /// Notes that the run is being stopped, from `last` on: no tick after it counts as incomplete.
   void stop_after(std::int64_t last) { expected_ = std::min(expected_, last); }
 
-  /// The run is over; `last` is its last tick.
+  /// Notes that the run is over; `last` is its last tick.
   void finish(std::int64_t last) { settle_before(std::min(last + 1, num_ticks_)); }
 
-  /// Newest tick of which a message other than the reference (it is a tick ahead) was received; -1
-  /// before the first.
+  /// Returns the newest tick of which a message was received; -1 before the first. The reference
+  /// does not count, because it is a tick ahead.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
-  /// Ticks with all their messages, and ticks that lack some; of those that are over.
+  /// Returns the number of ticks that are over and have all their messages, or lack some.
   [[nodiscard]] std::int64_t num_complete() const { return complete_; }
   [[nodiscard]] std::int64_t num_incomplete() const { return incomplete_; }
 
-  /// Ticks that lack the message, up to the one after which the run was stopped.
+  /// Returns the ticks that lack the message, up to the tick after which the run was stopped.
   [[nodiscard]] const Missing& missing(Slot slot) const { return missing_[index(slot)]; }
 
  private:

@@ -28,7 +28,7 @@ struct ArmOptions {
 /// ground (Spong's simplification), so each rotor is a scalar equation.
 class Arm {
  public:
-  /// The arm of `model` (gravity, added rotor inertia and payload included).
+  /// Makes the arm of `model`, which includes gravity, added rotor inertia and payload.
   /// @throw std::logic_error when a size is wrong.
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
 

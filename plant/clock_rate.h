@@ -27,9 +27,9 @@ class ClockRate {
     double rate = 0;     ///< the driver's time over this computer's
   };
 
-  /// Takes a reading of the driver's time, which was asked for and there at these times. A driver
-  /// that hands over readings one by one is late after a stall of this process, and then catches
-  /// up: this is no wrong rate.
+  /// Takes a reading of the driver's time, with the times at which it was asked for and had
+  /// arrived. A driver that hands over readings one by one is late after a stall of this process,
+  /// and then catches up. This is no wrong rate.
   /// @return the window that ends here, if one does
   std::optional<Window> add(double own_s, Time asked, Time there) {
     if (!std::isfinite(own_s)) {

@@ -19,15 +19,15 @@ struct AppliedTorque {
   std::array<bool, max_joints> saturated{};  ///< the command exceeded a limit
 };
 
-/// The drives of all joints: they limit, delay and hold. A value: copies are independent. Once a
-/// tick, in this order: `accept` the tick's command if there is one, read `applied`, `end_tick`.
+/// The drives of all joints: they limit, delay and hold torques. Copies are independent. Call once
+/// a tick, in this order: `accept` if the tick has a command, `applied`, `end_tick`.
 ///
 /// With `command_delay` 0 the command of tick k acts over tick k; `applied` is then read after
 /// `accept`. With d > 0 the command acts over tick k + d, and the initial torque over the first d
-/// ticks. `applied` may then be read before the command has come. With jitter j a command is up to
-/// j ticks older, drawn for each tick by a seed. If no command comes, the last one is held.
-/// From tick to tick the torque that is sent changes by at most its rate, from the initial torque
-/// on. An arm that adds a torque itself is sent the rest.
+/// ticks. `applied` may then be read before the command has come. With jitter j the acting command
+/// is up to j ticks older; a seeded generator draws its age for each tick. Without a command the
+/// last one is held. From tick to tick the torque that is sent changes by at most its rate, from
+/// the initial torque on. An arm that adds a torque itself is sent the rest.
 class Drive {
  public:
   /// @param spec its limits, jitter and seed are used
@@ -83,7 +83,7 @@ class Drive {
   /// Returns the torque to send over this tick: `applied` without what the arm adds.
   [[nodiscard]] Vector sent() const { return applied_.tau - added_; }
 
-  /// Torque held over this tick.
+  /// Returns the torque held over this tick.
   [[nodiscard]] const AppliedTorque& applied() const { return applied_; }
 
   void end_tick() {
@@ -102,7 +102,7 @@ class Drive {
     act();
   }
 
-  /// Gives no torque from now on, whatever is accepted: the protective stop. The arm brakes.
+  /// Makes the protective stop: gives no torque from now on, whatever is accepted. The arm brakes.
   void stop() {
     stopped_ = true;
     applied_.tau.setZero();

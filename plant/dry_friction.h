@@ -19,10 +19,9 @@ namespace tachless::plant {
 /// Nothing is smoothed. A joint slides in a direction, or it sticks with an acceleration of exactly
 /// zero. It changes between the two only at instants that the integrator finds. Torques are smooth
 /// in between, a joint at rest stays where it is, and F v >= 0: friction gives no energy. The
-/// joints that begin to slide follow from the unique solution of M a = r - F, |F| <= Fs, a F >= 0
-/// and
-/// (|F| < Fs only where a = 0) (Gauss's principle of least constraint), found by projected
-/// Gauss-Seidel iteration. Does not integrate.
+/// joints that begin to slide follow from Gauss's principle of least constraint: the unique
+/// solution of M a = r - F, |F| <= Fs, a F >= 0, with |F| < Fs only where a = 0. Projected
+/// Gauss-Seidel iteration finds it. The class does not integrate.
 class DryFriction {
   using Index = Eigen::Index;
 
@@ -45,7 +44,8 @@ class DryFriction {
   [[nodiscard]] bool present() const { return coulomb_.size() > 0; }
 
   /// Replaces rhs, all other torques at link velocity v, by the accelerations. Overwrites M, which
-  /// is symmetric. @throw std::runtime_error if it is not positive definite.
+  /// is symmetric.
+  /// @throw std::runtime_error if M is not positive definite.
   void solve(Matrix& M, const double* v, Vector& rhs) {
     const Index n = rhs.size();
     for (Index i = 0; i < coulomb_.size(); ++i) {
@@ -128,8 +128,8 @@ class DryFriction {
     return false;
   }
 
-  /// Returns a number above 0 if a sliding joint has turned round at `v`, or if friction cannot
-  /// hold a sticking joint by the torques of the last `solve`.
+  /// Returns a number above 0 if a sliding joint has turned round at `v`. It is also above 0 if
+  /// friction cannot hold a sticking joint by the torques of the last `solve`.
   [[nodiscard]] double violation(const double* v) const {
     double largest = -std::numeric_limits<double>::infinity();
     for (Index i = 0; i < held_.size(); ++i) {

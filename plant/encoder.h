@@ -9,10 +9,10 @@
 
 namespace tachless::plant {
 
-/// The position encoders of all joints (and the tachometers, for laws that measure velocity):
-/// true state in, measurement out. A measurement is a function of (spec, state, tick) alone. A
-/// counter-based generator draws the noise from seed, tick, joint and channel: a repeated tick
-/// repeats its noise, and no channel shifts another's.
+/// The position encoders of all joints, and the tachometers for laws that measure velocity. A
+/// measurement is a function of spec, state and tick alone. A counter-based generator draws the
+/// noise from seed, tick, joint and channel. A repeated tick therefore repeats its noise, and the
+/// noise of a channel does not depend on the others.
 ///
 /// Position: the eccentricity of a revolute link and the noise are added, then the sum is rounded
 /// to the nearest count. A revolute joint has 2^bits counts a revolution, a prismatic joint 2^bits

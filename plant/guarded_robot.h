@@ -74,8 +74,8 @@ class GuardedRobot {
   /// plant.on_limit: warn, an emulated joint beyond its range or speed causes one warning and no
   /// failure. A robot that does not measure velocity has its speed averaged over at least 20 ms.
   /// @throw base::Failure(protective_stop) when a real robot's state is not finite, or has another
-  /// number of joints than the scenario. Unless the robot has stopped, also when a joint is outside
-  /// of its range, too fast, or too far from its reference (plant.following_error_rad).
+  /// number of joints than the scenario. A robot that has not stopped also fails when a joint is
+  /// outside of its range, too fast, or too far from its reference (plant.following_error_rad).
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< last state read
   /// Returns false if the robot gave no state at the last `read`.
@@ -89,7 +89,8 @@ class GuardedRobot {
   /// Returns the joints that were outside of their range or too fast at the last reading.
   [[nodiscard]] const std::array<bool, max_joints>& beyond_limit() const { return beyond_limit_; }
 
-  /// Gives the drives the command of this tick. @throw std::logic_error as `Drive::accept`
+  /// Gives the drives the command of this tick.
+  /// @throw std::logic_error as `Drive::accept`
   void accept(const messages::TorqueCommand& command) { drive_.accept(command); }
   /// Returns the torque over this tick.
   [[nodiscard]] const AppliedTorque& applied() const { return drive_.applied(); }
@@ -108,8 +109,8 @@ class GuardedRobot {
   static constexpr int stop_attempts = 10;
   /// Writes a warning when the driver's stop has thrown before it succeeded.
   /// @param cause the reason for the stop; null at the end of the run
-  /// @throw base::Failure when the stop has not succeeded, with the words and exit code of `cause`,
-  /// or else protective_stop; also when nobody could confirm the stop.
+  /// @throw base::Failure when the stop has not succeeded, or nobody could confirm it. The failure
+  /// has the words and exit code of `cause`, or else protective_stop.
   void require_stopped(const base::Failure* cause = nullptr) const;
   /// Returns the driver's own figures; none of the emulator.
   [[nodiscard]] std::vector<DriverFigure> figures() const;
@@ -118,8 +119,8 @@ class GuardedRobot {
   [[nodiscard]] bool at_rest() const;
 
  private:
-  /// Asks the driver for a state. @throw base::Failure(bad_usage) when there is none before the
-  /// start
+  /// Asks the driver for a state.
+  /// @throw base::Failure(bad_usage) when there is none before the start
   ArmState ask_driver(std::int64_t tick);
   /// Returns the tick at which the robot measured `state_`, by its own time since tick 0.
   /// @param tick the tick that follows the last one

@@ -8,7 +8,7 @@
 #include "robot/model.h"
 
 /// Limits of a robot's motion, watched from positions alone. GuardedRobot and the guards of a loop
-/// of one's own (analysis/own_loop) share them. Nothing here allocates, but for the texts.
+/// of one's own (analysis/own_loop) share them. Only the texts allocate memory.
 namespace tachless::plant {
 
 /// Returns "at tick 7", or "before the start" for a negative tick.

@@ -20,15 +20,16 @@ class Multibody {
     Matrix& M;           ///< inertia matrix; may be overwritten
     const Vector& bias;  ///< C(q,v) v + g(q) [N m; N]
   };
-  /// At link position `q` [rad; m] and velocity `v`. Valid until the next call.
+  /// Returns the terms at link position `q` [rad; m] and velocity `v`, valid until the next call.
   virtual Terms evaluate(const Vector& q, const Vector& v) = 0;
 };
 
-/// By Simbody's realization of a tree of pins and sliders.
+/// Returns the mechanics by Simbody's realization of a tree of pins and sliders.
 /// @throw std::exception when Simbody refuses a body's inertia
 std::unique_ptr<Multibody> simbody_multibody(const robot::Model& model);
 
-/// By the recursions of robot/, which control laws use too. Allocates nothing once constructed.
+/// Returns the mechanics by the recursions of robot/, which control laws use too. They allocate
+/// nothing once constructed.
 std::unique_ptr<Multibody> native_multibody(const robot::Model& model);
 
 }  // namespace tachless::plant

@@ -11,13 +11,14 @@
 
 namespace tachless::plant {
 
-/// In realtime a run that ends early is a protective stop first, recorded for so long at most.
+/// Longest time for which the protective stop of a realtime run that ends early is recorded.
 inline constexpr std::chrono::milliseconds longest_stop{500};
 
-/// The plant process: the emulated robot and the loop's clock. Publishes what the controller
-/// measures, the TRUTH for the logger and RUN_INFO; advances with the commands that come back.
-/// @throw base::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated
-/// (two processes command), protective_stop (the simulation diverged), and what the session throws.
+/// Runs the plant process: the emulated robot and the loop's clock. It publishes what the
+/// controller measures, the TRUTH for the logger, and RUN_INFO. It advances with the commands that
+/// come back.
+/// @throw base::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated (two
+/// processes command), protective_stop (the simulation diverged), and the failures of the session.
 void run_node(const scenario::Scenario& scenario, session::Session& session);
 
 /// Does the same with a simulator in the place of the emulator's mechanics, in lock-step and in
@@ -27,10 +28,11 @@ void run_node(const scenario::Scenario& scenario, session::Session& session);
 void run_simulator(const scenario::Scenario& scenario, session::Session& session,
                    Simulator& simulator);
 
-/// The same with a real robot, in realtime: docs/real_robot.md.
-/// @throw base::Failure also bad_usage (lock-step; no torque limits; the robot is not where
-/// the scenario begins, or does not measure what the law needs) and protective_stop (a joint
-/// outside of its range, or whatever the driver says).
+/// Does the same with a real robot, in realtime: docs/real_robot.md.
+/// @throw base::Failure also bad_usage: lock-step; no torque limits; a robot that is not where the
+/// scenario begins, or does not measure what the law needs
+/// @throw base::Failure also protective_stop: a joint outside of its range, or a fault of the
+/// driver
 void run_driver(const scenario::Scenario& scenario, session::Session& session, RobotDriver& driver);
 
 /// Makes the driver of a scenario's robot.

@@ -29,13 +29,13 @@ class PlantLoop {
   PlantLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver,
             Simulator* simulator);
 
-  /// Once the others have joined: chooses the measurement, publishes RUN_INFO, once: the logger
-  /// writes its own, this one is for lcm-logger.
+  /// Chooses the measurement and publishes RUN_INFO, once the others have joined. The logger writes
+  /// its own RUN_INFO; this one is for lcm-logger.
   /// @throw base::Failure(bad_usage) when the robot does not measure what the law needs,
   /// (protocol_violated) when there is no such measurement.
   void prepare();
 
-  /// The moment t_k = k h of this run, not accumulated.
+  /// Returns the stamp of t_k = k h in this run. Its time is not accumulated.
   [[nodiscard]] messages::Stamp stamp(std::int64_t tick) const;
 
   struct Request {
@@ -70,18 +70,20 @@ class PlantLoop {
   std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
 };
 
-/// In simulation time: the plant advances only with the command for this tick. Joins, runs all
-/// ticks, leaves.
+/// Runs the plant in simulation time: joins, runs all ticks and leaves. The plant advances only
+/// with the command for its tick.
 void run_lockstep(const scenario::Scenario& scenario, session::Session& session,
                   Simulator* simulator);
 
-/// On the wall clock: tick k begins at the absolute deadline start + k h, whether its command has
-/// come or not. No tick is left out: late ones follow as fast as they can, each with half a period
-/// for its command. A missed command holds the last torque. Too many in a row, or whatever else
-/// ends the run early, is a protective stop first: drives without torque, braking, recorded, for
-/// `longest_stop` at most. Notes in the statistics, as a fault with exit code 1, when more
-/// deadlines were missed than the scenario allows. A robot that is the clock begins the ticks
-/// itself: its missed deadlines are those of its ticks, by its own time, that passed unanswered.
+/// Runs the plant on the wall clock. Tick k begins at the absolute deadline start + k h, whether
+/// its command has come or not. No tick is left out: late ticks follow as fast as they can, each
+/// with half a period for its command. A missed command holds the last torque.
+///
+/// Too many missed commands in a row, or any other cause that ends the run early, make a protective
+/// stop first: drives without torque, braking. The stop is recorded for `longest_stop` at most. The
+/// statistics get a fault with exit code 1 when more deadlines were missed than the scenario
+/// allows. A robot that is the clock begins the ticks itself. Its missed deadlines are its own
+/// ticks, by its own time, that passed unanswered.
 void run_realtime(const scenario::Scenario& scenario, session::Session& session,
                   RobotDriver* driver, Simulator* simulator);
 

@@ -15,38 +15,39 @@
 /// From a scenario to the plant: the true robot, and its emulation.
 namespace tachless::plant {
 
-/// The true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints, and the
-/// payload that the controller does not know.
+/// Returns the true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints,
+/// and the payload that the controller does not know.
 /// @throw base::Failure(bad_usage) naming the key.
 robot::Model plant_model(const scenario::Scenario& scenario);
 
-/// The same without the payload.
+/// Returns the same model without the payload.
 robot::Model unloaded_model(const scenario::Scenario& scenario);
 
-/// Springs and motors; nothing for rigid joints.
+/// Springs and motors of flexible joints; nothing for rigid joints.
 using Motors = std::optional<FlexibleDrive>;
 
-/// Returns where the run starts. Motors start, unless given, at rest in static balance:
-/// theta = q + K^-1 g(q).
+/// Returns the state in which the run starts. Motors whose state is not given start at rest in
+/// static balance: theta = q + K^-1 g(q).
 ArmState initial_state(const Spec& plant, const Motors& motors, const robot::Model& model);
 
-/// The arm with this model at `start`. `motors` and `disturbances`, if not null, outlive it.
+/// Returns the arm with this model at `start`. `motors` and `disturbances`, if not null, outlive
+/// it.
 Arm make_arm(const Spec& plant, const Motors& motors, const robot::Model& model,
              const ArmState& start, Disturbances* disturbances = nullptr);
 
-/// The drives: limits, rates and jitter of the spec, the command delay of the loop.
+/// Returns the drives with the limits, rates and jitter of the spec and the loop's command delay.
 Drive make_drive(const Spec& plant, const scenario::LoopSpec& loop, const robot::Model& model);
 
-/// Viscous braking of the protective stop [N m s/rad]: each joint's inertia at `q` (seen by its
-/// drive) over 0.1 s. The joint comes to rest in some tenths of a second.
+/// Returns the viscous braking of the protective stop [N m s/rad]: each joint's inertia at `q`, as
+/// its drive sees it, over 0.1 s. The joint comes to rest in some tenths of a second.
 Vector protective_stop_damping(const Motors& motors, const robot::Model& model, const Vector& q);
 
-/// The simulated robot: a simulator, or this library's own arm with payload and disturbances. It
-/// stops by viscous braking (`protective_stop_damping`).
+/// The simulated robot: a simulator, or this library's own arm with payload and disturbances.
+/// Viscous braking stops it (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
+  /// All arguments but the period outlive this object.
   /// @param model with the payload (`plant_model`)
-  /// All but the period outlive this.
   EmulatedRobot(const Spec& plant, const Motors& motors, double period_s,
                 const robot::Model& model);
   /// Puts a simulator in the place of this library's mechanics, and resets it.

@@ -23,14 +23,14 @@ struct DriverFigure {
   double value = 0;  ///< the number, in the unit of the name
 };
 
-/// A robot as the loop needs it: the emulator, or the driver of a real one (docs/real_robot.md).
-/// Called from one thread, in this order: `start` once; then, tick by tick, `read` and `hold`;
-/// `stop` once, at the end of every run, good or bad, that came as far as `start`; then `rest`
-/// about once a tick until the process ends, and `figures` once.
+/// A robot as the loop needs it: the emulator, or the driver of a real robot (docs/real_robot.md).
+/// One thread makes all calls. The order is: `start` once; then, tick by tick, `read` and `hold`.
+/// At the end of every run that came as far as `start`, good or bad, the loop calls `stop` once. It
+/// then calls `rest` about once a tick until the process ends, and `figures` once.
 ///
-/// A driver reports a fault by throwing base::Failure(protective_stop), whose text the user
-/// reads; anything it throws stops the robot. No call but `start` may take long: it is the loop's
-/// time, and `read` and `hold` allocate nothing.
+/// A driver reports a fault by throwing base::Failure(protective_stop), whose text the user reads.
+/// Any exception stops the robot. Only `start` may take long, because the other calls use the
+/// loop's time. `read` and `hold` allocate nothing.
 class RobotDriver {
  public:
   virtual ~RobotDriver() = default;
@@ -43,38 +43,40 @@ class RobotDriver {
   /// `hold` returns.
   [[nodiscard]] virtual bool is_clock() const { return false; }
 
-  /// Enables the drives: all processes have joined, and the first tick is milliseconds ahead.
+  /// Enables the drives. All processes have joined, and the first tick is milliseconds ahead.
   virtual void start() = 0;
 
-  /// Positions now, the beginning of a tick, and velocities (measured, or as well as the driver
-  /// knows them). May be called before `start`. A robot that does not answer in time gives a state
-  /// that is `missing`: the last torque is held over the tick, and no law steps. More than
-  /// loop.max_missed in a row are a protective stop. A driver that knows the cause throws before.
+  /// Returns the state at the beginning of a tick. Velocities are measured, or as well as the
+  /// driver knows them. May be called before `start`. If the robot does not answer in time, the
+  /// driver returns a state that is `missing`. The loop then holds the last torque over the tick,
+  /// and no law steps. More than loop.max_missed such ticks in a row are a protective stop. A
+  /// driver that knows the cause throws before.
   virtual ArmState read() = 0;
 
-  /// Motor torque [N m; N if prismatic] from now on, within the limits; without what the arm adds
-  /// itself and in the driver's signs (robot.compensates, robot.joint_signs). `until_s` since the
-  /// start of the run is where the tick ends: an emulator moves on to there, a real robot does by
-  /// itself.
+  /// Applies a motor torque [N m; N if prismatic] from now on, within the limits. The torque is in
+  /// the driver's signs (robot.joint_signs), without the torque that the arm adds itself
+  /// (robot.compensates). The tick ends `until_s` after the start of the run. An emulator moves on
+  /// to there; a real robot moves by itself.
   virtual void hold(const Vector& tau, double until_s) = 0;
 
-  /// The protective stop, and the end of the run: no torque any more, brakes closed. Returns at
-  /// once, while the robot still comes to rest. Called again if it throws, unless it throws
-  /// `StopsByItself`.
+  /// Makes the protective stop, also at the end of the run: no torque any more, brakes closed.
+  /// Returns at once, while the robot still comes to rest. The loop calls it again if it throws,
+  /// unless it throws `StopsByItself`.
   virtual void stop() = 0;
 
-  /// Replaces `hold` in a tick of a robot that is stopped, or to which `commission` sends nothing.
-  /// After the run it is called about once a tick until the process ends: a driver whose robot
-  /// holds itself by commands keeps it there. An emulator's time goes on to `until_s`.
+  /// Replaces `hold` in a tick of a robot that is stopped, or that gets no command from
+  /// `commission`. After the run the loop calls it about once a tick until the process ends. A
+  /// driver whose robot holds itself by commands keeps the robot in place. An emulator's time goes
+  /// on to `until_s`.
   virtual void rest(double until_s) { static_cast<void>(until_s); }
 
-  /// Returns what the driver counted and measured in this run. Called after `stop`.
+  /// Returns what the driver counted and measured in this run. The loop calls it after `stop`.
   [[nodiscard]] virtual std::vector<DriverFigure> figures() const { return {}; }
 };
 
-/// A robot whose own controller is the clock (KUKA's FRI, libfranka): once in each of its ticks it
-/// tells what it measured and takes a torque. Ticks begin when it says so. With `time_s` the loop
-/// counts them by the robot's own time. A tick with a lost state is a missed tick.
+/// A robot whose own controller is the clock (KUKA's FRI, libfranka). Once in each of its ticks it
+/// tells what it measured and takes a torque. The loop's ticks begin then. With `time_s` the loop
+/// counts the ticks by the robot's own time. A tick with a lost state is a missed tick.
 class ClockDriver : public RobotDriver {
  public:
   [[nodiscard]] bool is_clock() const final { return true; }
@@ -90,10 +92,11 @@ class ClockDriver : public RobotDriver {
   void rest(double /*until_s*/) final { hold({}, 0); }
 
  private:
-  /// Answers the robot's tick with `tau` [N m; N] (empty, before `start`, after `stop` and where a
-  /// command is withheld: with nothing), waits for its next tick, and returns what the robot
-  /// measured then, with `time_s` if it tells its time. @throw
-  /// base::Failure(protective_stop) when no tick comes
+  /// Answers the robot's tick with `tau` [N m; N], waits for its next tick, and returns what the
+  /// robot measured then. The state has `time_s` if the robot tells its time. `tau` is empty before
+  /// `start`, after `stop`, and where a command is withheld: the driver then answers without a
+  /// torque.
+  /// @throw base::Failure(protective_stop) when no tick comes
   virtual ArmState exchange(const Vector& tau) = 0;
 
   ArmState now_;

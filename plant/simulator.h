@@ -7,14 +7,14 @@ namespace tachless::plant {
 
 /// Mechanics of a robot that a program steps, in the place of the emulator's own. The encoders,
 /// drives, delays, noise, limits and the protective stop of the scenario stay around them. Time is
-/// the run's: the mechanics move when `advance` asks, in lock-step and in realtime. Joints are in
-/// the order and units of the scenario's robot. All calls come from one thread.
+/// the run's time: the mechanics move when `advance` asks, in lock-step and in realtime. Joints are
+/// in the order and units of the scenario's robot. All calls come from one thread.
 class Simulator {
  public:
   virtual ~Simulator() = default;
 
-  /// Sets the time to 0 and the joints to this state, everything else to its own start. Called once
-  /// at the beginning of each run.
+  /// Sets the time to 0 and the joints to this state, and everything else to its own start. The
+  /// loop calls it once at the beginning of each run.
   virtual void reset(const ArmState& initial) = 0;
 
   /// Returns positions and velocities of the joints now. `disturbance` may have torques that no
@@ -28,7 +28,7 @@ class Simulator {
   virtual void advance(const Vector& tau, double until_s) = 0;
 
   /// Adds viscous braking [N m s/rad; N s/m] to the joints from now on: the protective stop. `tau`
-  /// is 0 then.
+  /// is 0 from then on.
   virtual void brake(const Vector& damping) = 0;
 };
 

@@ -6,7 +6,7 @@
 
 namespace tachless::plant {
 
-/// TRUTH of a tick without a fault: the state at its beginning and the torque over it.
+/// Returns the TRUTH of a tick without a fault: the state at its beginning and the torque over it.
 inline messages::truth::PlantTruth truth_of(const ArmState& state, const AppliedTorque& applied) {
   messages::truth::PlantTruth truth{state.q,          state.v,     state.theta,
                                     state.thetadot,   applied.tau, state.disturbance,

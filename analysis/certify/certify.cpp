@@ -117,7 +117,7 @@ Group loop_group(const Prediction& p) {
 }
 
 Group reference_group(const Feasibility& f) {
-  Group group{"feasibility", "What the reference asks for (errors come on top)", {}};
+  Group group{"feasibility", "Demands of the reference (errors come on top)", {}};
   const auto of = [](double value, const std::optional<double>& limit) {
     return limit ? fmt::format("{:.4g} of {:g}", value, *limit) : fmt::format("{:.4g}", value);
   };

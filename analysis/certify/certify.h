@@ -20,8 +20,8 @@ struct Certificate {
   std::optional<lyapunov::StabilityCertificate> stability;  ///< nothing under an unstable loop
   std::optional<lyapunov::PaperConditions> paper;           ///< where it was asked for
   std::string no_stability;                                 ///< why there is none
-  /// Largest error of each joint that its range allows at the start [rad; m], half a turn where it
-  /// has no limits: no region is shown beyond. Empty: not known.
+  /// Largest error of each joint that its range allows at the start [rad; m]; half a turn for a
+  /// joint without limits. No region is shown beyond. Empty: not known.
   Eigen::VectorXd start_range;
   /// The answer whether every start converges; nothing: not known of this law, or not examined.
   std::optional<lyapunov::GlobalConvergence> global;
@@ -29,30 +29,32 @@ struct Certificate {
   std::string no_nonlinear;                          ///< why there is none; empty: not asked for
 };
 
-/// @param paper with the conditions that Loria and Ortega (1995) print
-/// @param full with the region of the loop as it is sampled, and missed ticks in lock-step too
+/// Analyses a scenario before it runs.
+/// @param paper adds the conditions that Loria and Ortega (1995) print
+/// @param full adds the region of the sampled loop, and missed ticks in lock-step too
 /// @param answers as of `analyse`
-/// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of it.
+/// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of the scenario.
 Certificate certify(const scenario::Scenario& scenario, bool paper,
                     const linear::OnProgress& tell = linear::no_progress, bool full = false,
                     const linear::LawAnswers& answers = {});
 
-/// Returns what `lyapunov::certified_run` does; nothing under a sampled loop that `no_region`
+/// Returns the result of `lyapunov::certified_run`; nothing under a sampled loop that `no_region`
 /// names.
 std::optional<lyapunov::CertifiedRun> certified_run(const scenario::Scenario& scenario);
 
 /// Returns the reasons why a run must fail: an unstable loop, torque or speed beyond a limit.
 std::vector<std::string> objections(const Certificate& certificate);
 
-/// For people: five lines, and what the paper prints where it was asked for.
-/// @param full in their place all numbers of the JSON, in its order
+/// Returns the text for people: five lines, and the paper's conditions where they were asked for.
+/// @param full all numbers of the JSON in its order, instead of the five lines
 std::string page(const Certificate& certificate, const scenario::Scenario& scenario, bool full);
-/// null stands for what is infinite or missing.
+/// Returns all numbers as JSON. null stands for an infinite or missing number.
 nlohmann::ordered_json to_json(const Certificate& certificate);
-/// `start` of its group `region`, and of summary.json; `certified` is null where it is not decided.
+/// Returns `start` of the group `region` of that JSON, and of summary.json. `certified` is null
+/// where it is not decided.
 nlohmann::ordered_json to_json(const lyapunov::CertifiedStart& start);
-/// Its group `sampled`, which with less effort lacks the margins, and the line for people as
-/// `text`.
+/// Returns the group `sampled` of that JSON, with the line for people as `text`. With less effort
+/// it lacks the margins.
 nlohmann::ordered_json to_json(const Prediction& prediction);
 
 }  // namespace tachless::certify

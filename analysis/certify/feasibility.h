@@ -6,8 +6,8 @@
 
 #include "scenario/scenario.h"
 
-/// Demands of a scenario's reference on its drives and joints, against the limits of these. The
-/// reference alone makes these demands. Errors add to them.
+/// Demands of a scenario's reference on its drives and joints, against their limits. The reference
+/// alone makes these demands. Errors add to them.
 namespace tachless::certify {
 
 struct JointDemand {
@@ -15,8 +15,8 @@ struct JointDemand {
   double at_rest = 0;  ///< largest |torque| that holds the arm still on the way [N m; N]
   double moving = 0;   ///< largest |torque| along the motion [N m; N]
   double speed = 0;    ///< largest |v_ref| [rad/s; m/s]
-  /// Frequency of the reference over the sampling rate: f h of its fastest sinusoid; without one
-  /// sup|a_ref| / sup|v_ref| over 2 pi, times h.
+  /// Frequency of the reference over the sampling rate: f h of its fastest sinusoid. Without a
+  /// sinusoid it is sup|a_ref| / sup|v_ref| over 2 pi, times h.
   double cycles_per_tick = 0;
   std::optional<double> torque_limit{}, speed_limit{};  ///< nothing: none is given
   /// The bound of a law that bounds its feed-forward, and the largest feed-forward of the motion
@@ -32,8 +32,9 @@ struct Feasibility {
   std::vector<std::string> doubtful;
 };
 
-/// With the plant's own inertia, payload, friction and rotors, at `reference::Motion::closely`.
-/// @throw base::Failure(bad_usage) when reference or robot cannot be made of it.
+/// Returns the demands with the plant's own inertia, payload, friction and rotors, at
+/// `reference::Motion::closely`.
+/// @throw base::Failure(bad_usage) when reference or robot cannot be made of the scenario.
 Feasibility feasibility(const scenario::Scenario& scenario);
 
 }  // namespace tachless::certify

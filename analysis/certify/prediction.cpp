@@ -40,8 +40,8 @@ ReferencePoint worst_near(const linear::ScenarioLoop& loop, std::size_t k,
 }
 
 /// Finds the least limit over the motion and its posture. It begins at the posture that is the
-/// least stable at the scenario's period, goes on with each posture that is unstable at the least
-/// limit so far, and searches beside the last one.
+/// least stable at the scenario's period. It goes on with each posture that is unstable at the
+/// least limit so far. At the end it searches beside the last posture.
 void find_limit(Prediction& result, const linear::ScenarioLoop& scenario_loop,
                 const std::vector<linear::SampledLoop>& loops,
                 const std::vector<ReferencePoint>& rests, std::size_t first) {
@@ -80,7 +80,7 @@ struct OverMotion {
   double per_period, product;
 };
 
-/// Returns it of the motion in pieces, each of which stands for equally many periods.
+/// Returns the radius over the motion in pieces, each of which stands for equally many periods.
 OverMotion radius_over_motion(const linear::ScenarioLoop& loop) {
   const double h = loop.settings().period_s;
   const linear::ScenarioLoop::Motion& motion = loop.motion();

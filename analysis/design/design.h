@@ -42,11 +42,11 @@ struct Design {
   std::map<std::string, Vector> gains;
   std::vector<std::string> binds;  ///< constraints that bind the settling time, costliest first
   certify::Prediction loop;        ///< prediction with these gains, as `certify` prints it
-  /// One line each: a joint that stops beside its goal by more than a tenth of its motion. Nobody
-  /// can use these gains.
+  /// One line for each joint that stops beside its goal by more than a tenth of its motion. Nobody
+  /// can use such gains.
   std::vector<std::string> objections;
-  /// One line each: a joint that sticks beside its goal, a slow pole by friction, a posture in
-  /// range that lacks the margin.
+  /// One line for each joint that sticks beside its goal, each slow pole by friction, and each
+  /// posture in range that lacks the margin.
   std::vector<std::string> warnings;
   /// Least modulus margin over the range of the joints, and its posture.
   double modulus_in_range = 0;
@@ -62,8 +62,8 @@ struct Design {
 /// @param answers of an external law. Its search starts from the scenario's gains, which have to
 /// make a stable loop. Each number changes by a factor of 100 at most; a gain with equal numbers
 /// for all joints stays so. The goals about kp, bandwidth and start error do not apply.
-/// @throw base::Failure(check_said_no) when no gains suffice, naming the reason: a torque limit
-/// below gravity, a motion that is too fast, or margins that no gains have
+/// @throw base::Failure(check_said_no) when no gains suffice. The message names the reason: a
+/// torque limit below gravity, a motion that is too fast, or margins that no gains have
 Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
               const linear::OnProgress& tell = linear::no_progress,
               const linear::LawAnswers& answers = {});

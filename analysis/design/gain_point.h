@@ -85,7 +85,7 @@ class GainPoint {
   std::vector<std::vector<double>> modulus_;
 };
 
-/// A linear programme about a point, with the positions of its rows.
+/// A linear programme about a point, with the positions of the point's rows.
 struct Linearised {
   numerics::LinearProgramme programme;
   std::vector<std::size_t> first_margin_row;  ///< of each loop; then the end

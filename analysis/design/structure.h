@@ -44,10 +44,10 @@ struct Comparison {
   std::string reason;                 ///< one sentence
 };
 
-/// Designs diagonal and scheduled gains, and chooses between them. Scheduled gains are the default,
-/// at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. The diagonal ones are
-/// chosen if they are as good: they settle at most a tenth later, keep the margin over the range of
-/// the joints, and friction stops no joint far beside its goal.
+/// Designs diagonal and scheduled gains, and chooses between them. Scheduled gains are the default.
+/// They are at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. Diagonal
+/// gains are chosen if they are as good. They then settle at most a tenth later and keep the margin
+/// over the range of the joints. Friction stops no joint far beside its goal.
 /// @param scenario_with returns the scenario with the law of a structure
 /// @throw base::Failure(check_said_no) if no structure has gains
 Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,

@@ -12,7 +12,7 @@ namespace tachless::design {
 struct Uncertainty {
   double links = 0;        ///< share by which mass and inertia of each link may differ
   double rotors = 0;       ///< share by which the inertia of each rotor may differ
-  double rotors_kgm2 = 0;  ///< inertia that each rotor may have beside it [kg m2]
+  double rotors_kgm2 = 0;  ///< further inertia that each rotor may have [kg m2]
   int delay = 0;           ///< further ticks of delay
 };
 
@@ -28,9 +28,9 @@ struct UncertainPlant {
   std::string name;  ///< e.g. "links +20 %, 1 more tick"
 };
 
-/// Returns plants of the set: the corners at which all links and rotors are heavy, or all light,
-/// without and with the delay, and eight plants inside, whose links and rotors differ each by its
-/// own number. The plants are the same in each call.
+/// Returns plants of the set, the same in each call. At the corners all links and rotors are heavy,
+/// or all light, without and with the delay. Eight more plants are inside the set; each of their
+/// links and rotors differs by its own number.
 std::vector<UncertainPlant> uncertain_plants(const robot::Model& nominal,
                                              const Uncertainty& uncertainty);
 

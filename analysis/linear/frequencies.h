@@ -10,20 +10,20 @@
 
 #include "numerics/decompositions.h"
 
-/// At which frequencies a sampled loop is looked at, and the least value over them.
+/// The frequencies at which a sampled loop is evaluated, and the least value over them.
 namespace tachless::linear {
 
-/// Balances a one-period map (Parlett and Reinsch, 1969), which Eigen's decompositions leave out:
-/// torques of 1e7 N m stand beside radians, and a slow pole at a short period is within 1e-7 of 1.
+/// Balances a one-period map (Parlett and Reinsch, 1969), because Eigen's decompositions do not.
+/// Torques of 1e7 N m stand beside radians, and a slow pole at a short period is within 1e-7 of 1.
 /// @return the diagonal of S; the map has become S^-1 map S
 Eigen::VectorXd balance(Eigen::MatrixXd& map);
 
-/// Eigenvalues of a one-period map.
+/// Returns the eigenvalues of a one-period map.
 Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
 double spectral_radius(const Eigen::MatrixXd& map);
 
-/// C (z - A)^-1 B of x' = A x + B u, y = C x over one period; in Schur's coordinates, where a
-/// frequency costs a substitution.
+/// The response C (z - A)^-1 B of x' = A x + B u, y = C x over one period. It is in Schur's
+/// coordinates, where a frequency costs a substitution.
 class FrequencyResponse {
  public:
   FrequencyResponse() = default;
@@ -34,14 +34,15 @@ class FrequencyResponse {
   Eigen::MatrixXcd A_, B_, C_;
 };
 
-/// From well below the slowest mode to half the sampling rate, and those of the closed loop's
-/// poles: a resonance may be narrower than any grid [rad/s], rising. @param peaks poles of the
-/// response, beside which there are more frequencies: at one without damping it has no value
+/// Returns rising frequencies from well below the slowest mode to half the sampling rate, and the
+/// frequencies of the closed loop's poles [rad/s]. A resonance may be narrower than any grid.
+/// @param peaks poles of the response, beside which there are more frequencies: at a pole without
+/// damping the response has no value
 std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points,
                                 const Eigen::VectorXcd& peaks = {});
 
-/// Returns the least f over the frequencies, refined between the neighbours of the lowest minima;
-/// not a number where f has no number at any frequency.
+/// Returns the least f over the frequencies, refined between the neighbours of the lowest minima.
+/// Returns NaN where f has no number at any frequency.
 template <class F>
 double least_over(const std::vector<double>& w, const F& f) {
   constexpr std::size_t refined = 3;

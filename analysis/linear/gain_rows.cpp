@@ -26,7 +26,8 @@ MatrixXd rows_of_joint(const MatrixXd& all, Index joint, Index n) {
   return own;
 }
 
-/// T of a similarity T^-1 L T that makes L near normal: P is near M^-1 times a number, K diagonal.
+/// Returns the scaling T that makes T^-1 L T nearly normal: P is near M^-1 times a number, and K is
+/// diagonal.
 VectorXd scale_of(const MatrixXcd& K) { return K.rowwise().norm().cwiseSqrt().cwiseMax(1e-30); }
 
 /// No eigenvalue is nearer to 0 than Gershgorin's discs.

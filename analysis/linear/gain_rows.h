@@ -14,18 +14,18 @@
 /// within a kind.
 namespace tachless::linear {
 
-/// A law's feedback terms, D without the compensation, and their derivatives.
+/// A law's feedback terms (D without the compensation), and their derivatives.
 struct Feedback {
   LinearLaw law;
-  std::vector<LinearLaw> by_kind;  ///< by the gains of one kind, those of all joints together
-  /// True if each joint's gains act on its own torque and memory alone. Each gain is a variable of
-  /// its own then. Otherwise there is one variable for each kind.
+  std::vector<LinearLaw> by_kind;  ///< by the gains of one kind, for all joints together
+  /// True if each joint's gains act on its own torque and memory alone. In that case each gain is a
+  /// variable of its own. Otherwise there is one variable for each kind.
   bool by_joint = true;
 
   [[nodiscard]] LinearLaw derivative(Eigen::Index variable) const;
 };
 
-/// Its frequency response K and derivatives by kind, torque = K y.
+/// Frequency response K of the feedback terms, torque = K y, with its derivatives by kind.
 struct FeedbackAt {
   double w = 0;  ///< [rad/s]
   Eigen::MatrixXcd K;
@@ -42,19 +42,20 @@ class RestLoop {
   RestLoop() = default;
   RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
 
-  /// The map of one period.
+  /// Returns the map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
   /// Returns starts for `closed`: a column for each joint displaced alone by 1. The joint's rotor
-  /// is displaced with it. The law's memory is that of a run that begins there.
+  /// is displaced with it. The law's memory is the memory of a run that begins there.
   [[nodiscard]] Eigen::MatrixXd displaced(const LinearLaw& feedback) const;
 
-  /// The least |1 + eigenvalue of L| at each of these frequencies; where it is above `enough` for
-  /// certain, a smaller number above that.
+  /// Returns the least |1 + eigenvalue of L| at each of these frequencies. A value that is above
+  /// `enough` for certain is replaced by a smaller number above `enough`.
   [[nodiscard]] std::vector<double> modulus(const std::vector<FeedbackAt>& grid,
                                             double enough) const;
   /// Returns the least of `modulus` over the grid, or a smaller number above `enough`.
   [[nodiscard]] double least_modulus(const std::vector<FeedbackAt>& grid, double enough) const;
-  /// Rows |1 + eigenvalue| + gradient' d >= `least`, of eigenvalues within `near` of that.
+  /// Adds rows |1 + eigenvalue| + gradient' d >= `least` of the eigenvalues within `near` of
+  /// `least`.
   void add_rows(const FeedbackAt& at, const Feedback& feedback, double least, double near,
                 std::vector<numerics::LinearProgramme::Row>& rows) const;
 
@@ -73,7 +74,8 @@ class RestLoop {
   FrequencyResponse over_frequency_;
 };
 
-/// The errors of all joints from each alone, a row for each of some instants from begin to end.
+/// The errors of all joints after each joint is displaced alone, a row for each of some instants
+/// from begin to end.
 struct Errors {
   std::vector<double> time_s;
   Eigen::MatrixXd error;  ///< of joint i from joint k: column k n + i

@@ -47,8 +47,8 @@ std::vector<MatrixXd> pulse_answers(const Ask& ask, Index inputs, Index window) 
   return all;
 }
 
-/// The same with the states counted by pulses that lead to them, the first that are independent:
-/// so that models of one law with several gains have the same states.
+/// Returns the same law with its states counted by pulses that lead to them. The first independent
+/// pulses count, so models of one law with several gains have the same states.
 LinearLaw in_pulses(const LinearLaw& law) {
   constexpr double independent = 1e-9;
   const Index r = law.A.rows();
@@ -71,8 +71,9 @@ LinearLaw in_pulses(const LinearLaw& law) {
   return {inverse * law.A * columns, inverse * law.B, law.C * columns, law.D, {}, {}};
 }
 
-/// The rounding of each joint in answers to pulses [N m/rad]: by how much the answer to `given` in
-/// the first ticks is not their sum, which has one rounding for each of its terms.
+/// Returns the rounding of each joint in answers to pulses [N m/rad]. The sum of the answers has
+/// one rounding for each term; the rounding is how much the answer to `given` in the first ticks
+/// differs from it.
 VectorXd rounding_of(const std::vector<MatrixXd>& h, const MatrixXd& given,
                      const MatrixXd& answer) {
   constexpr double least = 1e-13;  // of the largest answer
@@ -151,8 +152,9 @@ MatrixXd probe(Index inputs, Index ticks) {
   return all;
 }
 
-/// The largest difference as a part of each joint's answers, of all and of the end of the step: a
-/// filter's answer to a pulse is thousands of times that to a step. @param noise of rounding
+/// Returns the largest difference as a part of each joint's answers, over all ticks and over the
+/// end of the step. A filter's answer to a pulse is thousands of times the answer to a step.
+/// @param noise of rounding
 double disagreement(const MatrixXd& is, const MatrixXd& expected, double noise) {
   const Index last = is.cols() / 4;
   double worst = 0;

@@ -9,14 +9,14 @@
 #include "messages/signals.h"
 #include "robot/model.h"
 
-/// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
-/// time, and the map of one period that they make with the torque held.
+/// The closed loop linearised about a reference. A plant in continuous time and a law in discrete
+/// time make a map of one period with the torque held.
 namespace tachless::linear {
 
 using messages::Part;
 
-/// Returns where `is` ends between `inside`, where it holds, and `outside`, by bisection. `is`
-/// holds at the returned value.
+/// Returns by bisection where `is` ends between `inside`, where it holds, and `outside`. `is` holds
+/// at the returned value.
 template <class Inside>
 double edge(double inside, double outside, int halvings, const Inside& is) {
   for (; halvings > 0; --halvings) {
@@ -26,65 +26,70 @@ double edge(double inside, double outside, int halvings, const Inside& is) {
   return inside;
 }
 
-/// xdot = A x + B tau in deviations x = (q, v) from the reference, (q, v, theta, thetadot) with
-/// flexible joints; torques of current loops that lag come last.
+/// A plant xdot = A x + B tau in deviations x from the reference: (q, v), with flexible joints (q,
+/// v, theta, thetadot). Torques of current loops that lag come last.
 struct LinearPlant {
   Eigen::MatrixXd A, B;
   Eigen::Index num_joints = 0;
 };
 
-/// At rest in `q`.
+/// Returns the reference at rest in `q`.
 messages::ReferencePoint constant_reference(const Vector& q);
 
-/// The gradient of inverse dynamics M(q) a + C(q, v) v + g(q) by q, at a point of a motion
+/// Returns the gradient of inverse dynamics M(q) a + C(q, v) v + g(q) by q, at a point of a motion
 /// [N m/rad].
 Eigen::MatrixXd gradient_by_q(const robot::Model& model, const messages::ReferencePoint& point);
 
-/// M eddot + 2 C(q, v) edot + gradient_by_q e = tau. `friction` [N m s/rad] is viscous, at the
-/// joints, in addition; empty: none.
+/// Returns the plant M eddot + 2 C(q, v) edot + gradient_by_q e = tau. `friction` [N m s/rad] is
+/// further viscous friction at the joints; empty: none.
 LinearPlant rigid_plant(const robot::Model& model, const messages::ReferencePoint& point,
                         const Eigen::VectorXd& friction = {});
-/// The links' motion is `point`; springs and rotors are linear anyway. `friction` is the motors'.
+/// Returns the plant whose links move as `point`; springs and rotors are linear anyway. `friction`
+/// is the motors'.
 LinearPlant flexible_plant(const robot::Model& links, const messages::ReferencePoint& point,
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
                            const Eigen::VectorXd& friction = {});
 
-/// memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the plant.
+/// A law memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the
+/// plant.
 struct LinearLaw {
   Eigen::MatrixXd A, B, C, D;
   std::vector<Part> measured;
-  /// The part of D that compensates gravity by the model: no gain of the feedback. Empty: none.
+  /// The part of D that compensates gravity by the model. No gain of the feedback changes it.
+  /// Empty: none.
   Eigen::MatrixXd compensation = {};
-  /// The memory that it begins a run with, by its first measurement. Empty: not known.
+  /// The memory with which a run begins, by its first measurement. Empty: not known.
   Eigen::MatrixXd start = {};
 };
 
-/// Returns C of y = C x, the measurement of a law. The vector x has so many states, the plant's
-/// first.
+/// Returns C of y = C x, the measurement of a law.
+/// @param states length of x, whose first states are the plant's
 Eigen::MatrixXd measured_rows(const std::vector<Part>& measured, Eigen::Index num_joints,
                               Eigen::Index states);
 
-/// The memory of a run that begins with these deviations of the measurement, each in a column:
-/// where `start` is not known that after long, of a law that forgets, else 0.
+/// Returns the memory of a run that begins with these deviations of the measurement, each in a
+/// column. If `start` is not known, it is the memory after a long time there for a law that
+/// forgets, else 0.
 Eigen::MatrixXd first_memory(const LinearLaw& law, const Eigen::MatrixXd& measured);
 
-/// The gradient of a law by central differences of step `step` times max(1, |x_i|).
+/// Returns the gradient of a law by central differences of step `step` times max(1, |x_i|).
 LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd& memory,
                      const Eigen::VectorXd& measurement, std::vector<Part> measured,
                      double step = 1e-6);
 
-/// The plant over one period with its torque held, exactly: x' = A x + B tau.
+/// Returns the plant over one period with its torque held, exactly: x' = A x + B tau.
 LinearPlant held(const LinearPlant& plant, double period_s);
 
-/// One period of (x, memory, torques under way) with the law's feedback terms cut: the torque
-/// computed at tick k acts from tick k + delay on, the compensation of gravity stays closed, and
-/// the feedback terms C state enter through B.
+/// One period of (x, memory, torques under way) with the law's feedback terms cut. The torque
+/// computed at tick k acts from tick k + delay on. The compensation of gravity stays closed. The
+/// feedback terms C state enter through B.
 struct CutLoop {
   Eigen::MatrixXd A, B, C;
 
-  /// The map of one period when it is closed again; `gain` multiplies the feedback terms.
+  /// Returns the map of one period of the closed loop; `gain` multiplies the feedback terms.
   [[nodiscard]] Eigen::MatrixXd closed(double gain = 1) const;
 };
+/// Returns the loop of a plant and a law, cut, with `delay` periods from measurement to torque.
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
 
 }  // namespace tachless::linear

@@ -23,8 +23,8 @@ MatrixXd torque_rows(const LinearLaw& law, const LinearPlant& plant, Index state
   return torque;
 }
 
-/// The loop between the errors (of the torque, of the measured positions) and what drives them
-/// (increments of the law's torque, second differences of the positions).
+/// The loop between the errors and their sources. Errors of the torque come from increments of the
+/// law's torque. Errors of the measured positions come from second differences of the positions.
 class Gains {
  public:
   /// @param S torques are counted in its columns, angles in those of its inverse's transpose
@@ -72,8 +72,8 @@ class Gains {
   std::vector<double> w_;
 };
 
-/// Units in which joints of very different size weigh alike: the square roots of the inertia that a
-/// torque accelerates, and of the law's own gains.
+/// Returns units in which joints of very different size weigh alike. They are the square roots of
+/// the inertia that a torque accelerates, and of the law's own gains.
 std::vector<MatrixXd> scalings(const SampledLoop& loop, double period_s) {
   const Index n = loop.plant.num_joints;
   MatrixXd mobility = MatrixXd::Zero(n, n);

@@ -4,19 +4,21 @@
 
 #include "linear/sampled_limit.h"
 
-/// How many ticks in a row a sampled loop may miss, whatever the pattern of hits and misses: its
-/// linearisation, torque held. Weakly hard real-time in Bernat's sense, "at most m in any m + 1".
+/// The number of ticks in a row that a sampled loop may miss in any pattern of hits and misses. It
+/// is computed by the linearisation with the torque held. The property is weakly hard real-time in
+/// Bernat's sense, "at most m in any m + 1".
 ///
-/// A **missed command** is lost or late: the torque of the tick before counts for it. After p
-/// misses the torque differs from the law's by the sum of its last p increments u_k - u_{k-1}; over
-/// m misses that is a triangular matrix of ones, of norm
+/// A **missed command** is lost or late: the torque of the tick before acts in its place. After p
+/// misses the torque differs from the law's torque by the sum of the law's last p increments u_k -
+/// u_{k-1}. Over m misses this is a triangular matrix of ones, of norm
 ///   gamma_u(m) = 1 / (2 sin(pi / (4 m + 2))).
-/// A **missed measurement** leaves the law without its step as well, which it makes up for along
-/// the straight line to the next measurement (controller/any_law.h): in a gap of m ticks it is
-/// given the positions plus an error whose second differences are those of the positions, negated,
-/// and which is zero at both ends: the inverse of the discrete Laplacian, of norm
+/// A **missed measurement** also leaves out the law's step. The law makes up for the step along the
+/// straight line to the next measurement (controller/any_law.h). In a gap of m ticks it gets the
+/// positions plus an error that is zero at both ends. The second differences of this error are the
+/// negated second differences of the positions. The map from these differences to the error is the
+/// inverse of the discrete Laplacian, of norm
 ///   gamma_y(m) = 1 / (4 sin²(pi / (2 (m + 1)))).
-/// Both operators are the same for all joints, so that they commute with any constant matrix. The
+/// Both operators are the same for all joints, so they commute with any constant matrix. The
 /// small-gain theorem (Zames, 1966) on the loop between them and the rest then holds with any
 /// scaling. The loop is stable where gamma_u |G_u| < 1. It is also stable where the spectral radius
 /// of the matrix of the four gains of both is below 1. |G| is the largest singular value over all
@@ -25,28 +27,30 @@ namespace tachless::linear {
 
 /// Largest numbers in a row, up to `most_missed`.
 struct MissedTicks {
-  int commands = 0;                 ///< found stable for every pattern with at most so many
-  std::optional<int> measurements;  ///< the same; nothing for a law that measures velocities
+  int commands = 0;  ///< found stable for every pattern with at most so many
+  /// the same for measurements; nothing for a law that measures velocities
+  std::optional<int> measurements;
   std::optional<int> unstable;  ///< fewest commands in a row of an unstable pattern that was found
-  int hits = 0;                 ///< that follow them in it, again and again
+  int hits = 0;                 ///< commands that arrive after them in that pattern, repeated
 };
 inline constexpr int most_missed = 1000;
 
 double gain_of_missed_commands(int in_a_row);
 double gain_of_missed_measurements(int in_a_row);
 
-/// The map of one period in which the command is missed, of a state with the last torque beside
-/// that of `cut`, and the map of one in which it is not.
+/// The maps of one period in which the command arrives, and is missed. Their state is the state of
+/// `cut` with the last torque beside it.
 struct HeldMaps {
   Eigen::MatrixXd hit, missed;
 };
+/// Returns the maps of a loop.
 HeldMaps held_maps(const SampledLoop& loop, double period_s);
 
 /// Returns how many ticks in a row a stable loop may miss.
 MissedTicks missed_ticks(const SampledLoop& loop, double period_s);
 
-/// Fewest commands in a row, in patterns of so many misses and 1 to 4 hits, repeated, that make it
-/// unstable; looked for above `commands`. Sets `unstable` and `hits`.
+/// Finds the fewest missed commands in a row that make the loop unstable, above `commands`.
+/// Patterns are so many misses and 1 to 4 hits, repeated. Sets `unstable` and `hits`.
 void find_unstable_pattern(const SampledLoop& loop, double period_s, MissedTicks& result);
 
 }  // namespace tachless::linear

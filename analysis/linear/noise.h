@@ -9,9 +9,9 @@
 namespace tachless::linear {
 
 /// Returns the standard deviation of each joint's position error [rad; m] in the closed loop that
-/// noise of these standard deviations drives, one for each entry of the measurement.
-/// It solves P = F P F' + G R G' by doubling, with the map F of one period. An unstable loop has no
-/// such P: nothing.
+/// noise of the encoders drives. It solves P = F P F' + G R G' by doubling, with the map F of one
+/// period. Returns nothing for an unstable loop, which has no such P.
+/// @param noise standard deviation of each entry of the measurement
 std::optional<Eigen::VectorXd> error_by_noise(const SampledLoop& loop, double period_s,
                                               const Eigen::VectorXd& noise);
 

@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 
 /// The loop's frequency response L, from a torque that is added to the feedback terms to the
-/// feedback terms that come back, negated: 1 + L is singular where the loop is on the edge.
+/// feedback terms that come back, negated. 1 + L is singular where the loop is on the edge.
 class Response {
  public:
   Response(const CutLoop& open, double period_s) : period_s_(period_s) {
@@ -57,8 +57,8 @@ class Response {
   VectorXcd poles_, peaks_;  ///< of the closed loop; poles of L
 };
 
-/// States of the loop (plant, memory, torques under way), one for each joint displaced alone by 1,
-/// its rotor with it, the law's memory as a run begins there, and no torque under way.
+/// Returns states of the loop (plant, memory, torques under way), one for each joint displaced
+/// alone by 1 with its rotor. The law's memory is as a run begins there. No torque is under way.
 MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law) {
   const Index n = loop.plant.num_joints, plant = loop.plant.A.rows(), memory = law.A.rows();
   MatrixXd state = MatrixXd::Zero(plant + memory + loop.delay * n, n);

@@ -19,6 +19,7 @@ struct SampledLoop {
   int delay = 0;  ///< whole periods from measurement to torque
 };
 
+/// Returns the loop at that period, cut at the feedback terms.
 CutLoop cut(const SampledLoop& loop, double period_s);
 
 /// Returns the spectral radius of the map of one period.
@@ -26,55 +27,59 @@ double radius_at(const SampledLoop& loop, double period_s);
 
 /// Range of the periods that are tried [s].
 inline constexpr double shortest_s = 1e-7, longest_s = 1;
-/// Returns the stability limit nearest to `from_s` that was found: above it where the loop is
-/// stable there, else below it [s]. Periods are tried in steps of 2 %, and between them where the
-/// radius has a maximum; a window of instability narrower than that may be missed. Returns at least
-/// `longest_s`, or `from_s` beyond that, when no unstable period was found; nothing when the loop
-/// is unstable even at `shortest_s`: then it is unstable in continuous time.
+/// Returns the stability limit nearest to `from_s` that was found [s]. It is above `from_s` where
+/// the loop is stable there, else below it. Periods are tried in steps of 2 %, and between them
+/// where the radius has a maximum. A window of instability narrower than that may be missed.
+/// Returns at least `longest_s`, or `from_s` beyond that, when no unstable period was found.
+/// Returns nothing when the loop is unstable even at `shortest_s`, and therefore in continuous
+/// time.
 std::optional<double> largest_stable_period(const SampledLoop& loop, double from_s = shortest_s);
 
-/// How the loop moves at one period.
+/// Motion of the loop at one period.
 struct Modes {
   bool stable = false;
   double radius = 0;       ///< spectral radius of the one-period map
   double decay_per_s = 0;  ///< of the slowest mode
-  /// Until the errors of all joints stay below 1 % of the one that began in one joint alone, at
-  /// rest: the longest of all joints, and the mean [s].
+  /// Time until the errors of all joints stay below 1 % of an error that began in one joint alone,
+  /// at rest [s]. The first is the longest of all joints, the second the mean.
   double settling_s = 0, settling_mean_s = 0;
   double least_damped_hz = 0;
   double least_damping = 1;  ///< 1: no mode oscillates
 };
 Modes modes(const SampledLoop& loop, double period_s);
 
-/// Margins of the loop broken at the law's feedback terms, all joints at once: its compensation of
-/// gravity by the model stays closed (LinearLaw::compensation), since no gain multiplies it.
+/// Margins of the loop broken at the law's feedback terms, all joints at once. The law's
+/// compensation of gravity by the model stays closed (LinearLaw::compensation), since no gain
+/// multiplies it.
 struct Margins {
-  /// Least distance of L's eigenvalues from -1 over all frequencies: what one factor, lag or delay
-  /// common to all joints needs.
+  /// Least distance of L's eigenvalues from -1 over all frequencies: the margin against one factor,
+  /// lag or delay common to all joints.
   double modulus = 0;
-  /// Least singular value of 1 + L: the size of the smallest errors, independent in all joints and
-  /// in units of torque, that may make it unstable.
+  /// Least singular value of 1 + L: the size of the smallest errors that may make the loop
+  /// unstable. The errors are independent in all joints, in units of torque.
   double modulus_independent = 0;
   double gain = 0;  ///< factor above 1 on all joints that makes it unstable; infinite up to 1e4
-  /// Factor below 1 on all joints that makes it unstable, as a law with an integral has one; 0
-  /// where none was found down to 0.01.
+  /// Factor below 1 on all joints that makes the loop unstable, as with an integral; 0 where none
+  /// was found down to 0.01.
   double least_gain = 0;
-  double phase_deg = 0;  ///< lag common to all joints that does; 180 when none
-  double delay_s = 0;    ///< delay common to all joints that does; infinite when none
+  double phase_deg = 0;  ///< lag common to all joints that makes it unstable; 180 when none
+  double delay_s = 0;    ///< delay common to all joints that makes it unstable; infinite when none
 };
 /// Returns the modulus alone; 0 of an unstable loop.
 double modulus_margin(const SampledLoop& loop, double period_s);
 /// Returns the margins of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
 
-/// Torque on the links per position error at rest, all joints together, gravity taken as
-/// compensated and without what an integral adds. @param scale of the drives' torques
+/// Returns the torque on the links per position error at rest, of all joints together. Gravity
+/// counts as compensated, and the growth of an integral is left out.
+/// @param scale of the drives' torques
 /// @param springs of flexible joints; empty: rigid
 Eigen::MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
                                   const Eigen::VectorXd& springs, double period_s);
 
-/// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
-/// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.
+/// Returns the spectral radius per period along a motion that repeats after `ticks` periods. It is
+/// the root of the radius of the product of the one-period maps. `map_at(k)` leads from tick k to k
+/// + 1.
 double radius_along(const std::function<Eigen::MatrixXd(int)>& map_at, int ticks);
 
 }  // namespace tachless::linear

@@ -18,51 +18,51 @@
 #include "robot/jet.h"
 #include "scenario/scenario.h"
 
-/// A scenario's closed loop, linearised: its plant (payload and friction included) about its
-/// reference, and its law, whichever of the catalogue. Saturation, quantisation and noise are not
-/// in it.
+/// A scenario's closed loop, linearised: its plant about its reference, and its law, whichever of
+/// the catalogue. The plant includes payload and friction. Saturation, quantisation and noise are
+/// left out.
 namespace tachless::linear {
 
-/// The torques that a law of another program answers to measurements, tick by tick from the first
-/// of a run at that period on, its reference held, with that reference's gains, in the scenario's
-/// gravity or next to none. From one thread at a time.
+/// Function that returns the torques with which a law of another program answers measurements, tick
+/// by tick from the first tick of a run. The reference is held, with its gains. Gravity is the
+/// scenario's, or next to none. One thread at a time calls it.
 using LawAnswers = std::function<std::vector<Vector>(double period_s, bool weightless,
                                                      std::span<const messages::AnyMeasurement>,
                                                      const messages::ReferencePoint&)>;
 
 class ScenarioLoop {
  public:
-  /// @param answers of the external law; empty: the law is one of the catalogue
-  /// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of it,
-  /// NoLinearModel (of what follows too) when those answers are of no linear law.
+  /// @param answers of the external law; empty: the law is in the catalogue
+  /// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of the scenario
+  /// @throw NoLinearModel, also by the functions below, when the answers belong to no linear law.
   explicit ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers& answers = {});
 
-  /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
-  /// `controller::LawFacts::no_linearisation` is empty, or there are answers. Delays of
-  /// measurement and command are added: only their sum matters.
+  /// Returns the loop about a point of a motion, for any period. Delays of measurement and command
+  /// are added: only their sum matters. Precondition of this function and of those below:
+  /// `controller::LawFacts::no_linearisation` is empty, or there are answers.
   [[nodiscard]] SampledLoop at(const messages::ReferencePoint& reference) const;
 
-  /// Returns the plant about a point of a motion, with another model in the place of its own.
+  /// Returns the plant about a point of a motion, with `model` in the place of the scenario's.
   [[nodiscard]] LinearPlant plant_with(const robot::Model& model,
                                        const messages::ReferencePoint& reference) const;
 
-  /// The law about rest there with these gains in place of the scenario's.
+  /// Returns the law about rest there with these gains in place of the scenario's.
   [[nodiscard]] LinearLaw law_with(const std::map<std::string, Vector>& gains,
                                    const messages::ReferencePoint& reference) const;
 
-  /// The law itself, not linearised, with the reference held at that point.
+  /// Returns the law itself, not linearised, with the reference held at that point.
   [[nodiscard]] controller::SteppedLaw stepped(const messages::ReferencePoint& reference) const;
 
-  /// The map of one period of the scenario from time t [s] on: the law at t, the plant half a
-  /// period later. Precondition: no answers, whose states at two times need not be the same.
+  /// Returns the map of one period of the scenario from time t [s] on: the law at t, the plant half
+  /// a period later. Precondition: no answers, whose states at two times need not be the same.
   [[nodiscard]] Eigen::MatrixXd map_at(double t_s) const;
 
   using Motion = reference::Motion;
   [[nodiscard]] const Motion& motion() const { return motion_; }
   [[nodiscard]] bool moves() const { return motion_.moves(); }
-  /// At rest at the posture after that share of the motion, 0 … 1.
+  /// Returns rest at the posture after that share of the motion, 0 to 1.
   [[nodiscard]] messages::ReferencePoint rest_at(double share) const;
-  /// At rest at the postures of `Motion::instants`.
+  /// Returns rest at the postures of `Motion::instants`.
   [[nodiscard]] std::vector<messages::ReferencePoint> rest_points(int count) const;
 
   [[nodiscard]] const controller::law::Settings& settings() const { return settings_; }
@@ -82,7 +82,7 @@ class ScenarioLoop {
   std::shared_ptr<AskedLaw> asked_;
 };
 
-/// The robot as the plant has it: rotors of rigid joints and payload included.
+/// Returns the robot as the plant has it, with the rotors of rigid joints and the payload.
 /// @throw base::Failure(bad_usage) for a payload on no link.
 robot::Model plant_of(const scenario::Scenario& scenario);
 

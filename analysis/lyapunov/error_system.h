@@ -14,8 +14,8 @@
 /// blockdiag(C, 0), Kp becomes [Kp1 + K, -K; -K, Kp2 + K], and Kd, A and B are block diagonal.
 namespace tachless::lyapunov {
 
-/// The constant part of the error equation. `num_errors` is n for rigid joints and 2 n for
-/// flexible ones; the first n are the links'.
+/// The constant part of the error equation. `num_errors` is n for rigid joints and 2 n for flexible
+/// joints. The links' errors come first.
 struct ErrorSystem {
   Eigen::MatrixXd kp;             ///< [N m/rad], symmetric
   Eigen::MatrixXd kd;             ///< [N m s/rad], symmetric, as are Kd B^-1 and Kd B^-1 A
@@ -31,7 +31,7 @@ struct ErrorSystem {
   [[nodiscard]] Eigen::Index num_links() const { return a.size() - rotor_inertia.size(); }
   [[nodiscard]] Eigen::MatrixXd kd_by_b() const { return kd * b.cwiseInverse().asDiagonal(); }
 
-  /// blockdiag(M, J) from the links' own.
+  /// Returns blockdiag(M, J), with M of the links.
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::MatrixXd& link_M) const;
 };
 
@@ -51,28 +51,29 @@ inline Eigen::MatrixXd symmetric_part(const Eigen::MatrixXd& A) { return (A + A.
 /// E1 = diag(eps_1), E2 = diag(eps_2).
 using Weights = controller::law::LyapunovWeights;
 
-/// diag(Kp, Kd B^-1): of V's part in (e, nu).
+/// Returns diag(Kp, Kd B^-1), the matrix of V's part in (e, nu).
 Eigen::MatrixXd stiffness_of(const ErrorSystem& system);
 
-/// N of E1 e - E2 nu = N (e, nu); delta is the links' part.
+/// Returns N of E1 e - E2 nu = N (e, nu); delta is the links' part.
 Eigen::MatrixXd delta_of(const ErrorSystem& system, const Weights& weights);
 
-/// P of V = 1/2 x' P x, x = (e, nu, edot).
+/// Returns P of V = 1/2 x' P x, x = (e, nu, edot).
 Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
                                 const Eigen::MatrixXd& link_M);
 
-/// Vdot = -x' Mm x exactly, with delta = E1 e1 - E2 nu1 of the links:
+/// Returns the constant part of Mm, with Vdot = -x' Mm x exactly and delta = E1 e1 - E2 nu1 of the
+/// links:
 ///
 ///   sym(E1 Kp)   1/2 (E1 Kd - Kp E2)       1/2 E1 (D - W)                 W = Cd' - Cd
 ///                Kd B^-1 A - sym(E2 Kd)    -1/2 E2 A M - 1/2 E2 (D - W)   Cd = C(q, v_ref)
 ///                             D + sym(Cd) + sym(E2 B M) - sym(E1 M) - sym C(q, delta)
 ///
-/// less 1/2 Kp_dot in the first and 1/2 Kd_dot B^-1 in the second block, in three parts: what is
-/// constant, what is linear in M, and what is linear in Cd. The term in delta is not in them: it is
-/// -sym C(q, delta) in the links' corner of the last block. The result uses two properties of the
-/// weights: they are constant, and E2 commutes with A and B. By Mdot = C + C' and
-/// C(q, x) y = C(q, y) x, the term delta' (Mdot - C(q, v) - Cd) edot is
-/// delta' (Cd' - Cd) edot + edot' C(q, delta) edot.
+/// less 1/2 Kp_dot in the first and 1/2 Kd_dot B^-1 in the second block. The functions below return
+/// the part that is linear in M, and the part that is linear in Cd. The term in delta is in none of
+/// the parts: it is -sym C(q, delta) in the links' corner of the last block. The result uses two
+/// properties of the weights: they are constant, and E2 commutes with A and B. It also uses Mdot =
+/// C + C' and C(q, x) y = C(q, y) x. By these, delta' (Mdot - C(q, v) - Cd) edot is delta' (Cd' -
+/// Cd) edot + edot' C(q, delta) edot.
 Eigen::MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights);
 Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& weights,
                                     const Eigen::MatrixXd& link_M);

@@ -10,15 +10,15 @@ namespace tachless::lyapunov {
 
 struct GlobalConvergence {
   bool shown = false;
-  std::string why;  ///< the reason, or what is lacking
+  std::string why;  ///< the reason, or the missing condition
   /// Least eigenvalue of D + sym C(q, v_ref) at sampled postures and instants [N m s/rad]; nothing
   /// where the reference comes to rest.
   std::optional<double> g0;
 };
 
-/// Returns the statement for a law with the paper's error equation and constant gains: it is shown
-/// where the reference comes to rest, and where friction that is fed forward outweighs C(q, v_ref).
-/// Nothing for other laws.
+/// Returns the statement for a law with the paper's error equation and constant gains. Convergence
+/// is shown where the reference comes to rest, and where fed-forward friction outweighs C(q,
+/// v_ref). Returns nothing for other laws.
 /// @throw base::Failure(bad_usage)
 std::optional<GlobalConvergence> global_convergence(const scenario::Scenario& scenario);
 

@@ -13,20 +13,21 @@ namespace tachless::lyapunov {
 
 /// Error systems and start of a scenario's law, which the certificate is about.
 struct LawLoop {
-  /// The error systems, that of the start first. Constant gains have one. Gains that follow the
-  /// reference have one for each of 25 even instants. They also have one for each instant where
-  /// |v_ref| or the rate of Kp has a large maximum.
+  /// The error systems; the first is the system of the start. Constant gains have one system. Gains
+  /// that follow the reference have one for each of 25 even instants. They also have one for each
+  /// instant where |v_ref| or the rate of Kp has a large maximum.
   std::vector<ErrorSystem> systems;
   Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
-  std::optional<Weights> weights;  ///< those of a law with an integral, which has no others
-  Eigen::VectorXd ki;              ///< of its integral [N m/rad]
-  Eigen::VectorXd d_max;           ///< largest torque of its integral [N m]; infinite: no bound
-  /// Feedback torque up to which the law is what the systems say [N m]; empty: any.
+  std::optional<Weights> weights;  ///< weights of a law with an integral, which allows no others
+  Eigen::VectorXd ki;              ///< gain of the integral [N m/rad]
+  Eigen::VectorXd d_max;           ///< largest torque of the integral [N m]; infinite: no bound
+  /// Feedback torque up to which the systems describe the law [N m]; empty: any.
   Eigen::VectorXd linear_feedback;
 };
 
-/// The loop of a law with filtered errors at a point of the reference: its gains and their rates by
-/// what it answers to unit errors. @param D viscous friction of the joints [N m s/rad]
+/// Returns the loop of a law with filtered errors at a point of the reference. Its gains and their
+/// rates follow from the law's torques for unit errors.
+/// @param D viscous friction of the joints [N m s/rad]
 template <class L>
 ErrorSystem system_at(const L& law, const messages::ReferencePoint& reference,
                       const Eigen::VectorXd& D) {
@@ -46,23 +47,24 @@ ErrorSystem system_at(const L& law, const messages::ReferencePoint& reference,
   return s;
 }
 
-/// Why there is no stability certificate: other laws, and a rigid law on flexible joints; empty:
-/// there is one.
+/// Returns why there is no stability certificate: for other laws, and for a rigid law on flexible
+/// joints. Empty: there is one.
 std::string no_certificate(const scenario::Scenario& scenario);
 
-/// Nothing for laws that it is not about. @throw base::Failure(bad_usage).
+/// Returns the loop of the scenario's law; nothing for a law without a certificate.
+/// @throw base::Failure(bad_usage).
 std::optional<LawLoop> law_loop(const scenario::Scenario& scenario);
 
-/// M of the error equation's links: with the rotors of rigid joints.
+/// Returns the links of the error equation, whose M includes the rotors of rigid joints.
 robot::Model error_model(const scenario::Scenario& scenario);
 
-/// V [J] of the error state x at posture q.
+/// Returns V [J] of the error state x at posture q.
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
                       const Vector& q, const Eigen::VectorXd& x);
 
-/// Ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|, of all
-/// joints together and of each. Its axes are those of the motion's mean square, at least a
-/// thousandth of the longest.
+/// Bound of v_ref over the run: the ellipsoid |scale^-1 v_ref| <= 1, and sup |v_ref| of all joints
+/// together and of each. The ellipsoid has the axes of the motion's mean square. Each axis is at
+/// least a thousandth of the longest.
 struct VelocityBound {
   double speed = 0;
   Eigen::VectorXd each;
@@ -70,15 +72,17 @@ struct VelocityBound {
 };
 VelocityBound velocity_bound(const scenario::Scenario& scenario);
 
-/// Friction torques of a rigid robot, which Mm does not contain. With f = Fc Sgn(v) + r, |r| <= Fs
-/// - Fc, less Ff tanh(v_ref / s) fed forward, Vdot <= -x' Mm x + |y|' on_y + |delta|' on_delta +
-/// power, y = edot + delta: -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most 0.2785 Fc s.
+/// Bounds of a rigid robot's friction torques, which Mm does not contain. Let f = Fc Sgn(v) + r,
+/// |r| <= Fs - Fc, less Ff tanh(v_ref / s) fed forward, and y = edot + delta. Then Vdot <= -x' Mm x
+/// + |y|' on_y + |delta|' on_delta + power. The term -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most
+/// 0.2785 Fc s.
 struct FrictionTorques {
   Eigen::VectorXd on_y, on_delta;  ///< [N m]
   double power = 0;                ///< [W]
 
   [[nodiscard]] bool any() const { return !on_y.isZero(0) || !on_delta.isZero(0); }
 };
+/// Returns the bounds for a scenario.
 /// @param v_ref largest of each joint; empty or 0 at a constant reference
 FrictionTorques friction_torques(const scenario::Scenario& scenario, const Eigen::VectorXd& v_ref);
 

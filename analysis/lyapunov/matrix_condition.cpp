@@ -19,8 +19,9 @@ using Eigen::VectorXd;
 /// rho is certified strictly below the value at which Mm turns singular.
 constexpr double strictly_below = 1 - 1e-9;
 
-/// The square root of sum A_j^2, symmetric A_j: -R <= sum x_j A_j <= R for |x| <= 1, by the
-/// operator Cauchy-Schwarz inequality and because the square root is operator monotone.
+/// Returns the square root R of sum A_j^2, symmetric A_j: -R <= sum x_j A_j <= R for |x| <= 1. This
+/// follows from the operator Cauchy-Schwarz inequality, because the square root is operator
+/// monotone.
 MatrixXd root_of_squares(const std::vector<MatrixXd>& A) {
   MatrixXd sum = MatrixXd::Zero(A[0].rows(), A[0].cols());
   for (const MatrixXd& a : A) sum.noalias() += a * a;
@@ -111,8 +112,8 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   return result;
 }
 
-/// A matrix that is positive definite only when Mm is at delta = 0 for every v_ref of the
-/// condition; nothing when the congruence fails, and then it is not.
+/// Returns a matrix that is positive definite only if Mm at delta = 0 is, for every v_ref of the
+/// condition. Returns nothing when the congruence fails; Mm is then not positive definite.
 std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
                                     const Weights& weights, const numerics::Inertia& inertia,
                                     const Slack& slack) {
@@ -135,7 +136,8 @@ std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const Erro
 /// How many states that bind are given: the eigenvalues near the least one.
 constexpr Index few = 3;
 
-/// @param states receives those that bind, if it is given
+/// Returns rho at a posture.
+/// @param states receives the states that bind rho, if it is given
 double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
               const numerics::Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
@@ -165,7 +167,7 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
                double rho, const numerics::Inertia& inertia, const Slack& slack,
                MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
-  // P of the posture, enlarged by what it may be in between.
+  // P of the posture, enlarged by its change up to the next posture.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
   const Eigen::LLT<MatrixXd> positive(P);
   if (positive.info() != Eigen::Success) return -infinity;

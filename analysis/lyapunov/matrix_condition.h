@@ -7,9 +7,9 @@
 #include "lyapunov/error_system.h"
 #include "numerics/postures.h"
 
-/// The full matrix condition: where the matrix Mm of error_system.h is positive definite, V
-/// decreases. No norm is bounded on the way, but for the balls of v_ref and delta. Like the error
-/// system it is about continuous time. Also the choice of the weights of V.
+/// The full matrix condition: V decreases where the matrix Mm of error_system.h is positive
+/// definite. Only v_ref and delta are bounded by norms. The condition is about continuous time,
+/// like the error system. This header also chooses the weights of V.
 namespace tachless::lyapunov {
 
 /// A region of attraction, certified.
@@ -18,8 +18,8 @@ struct Region {
   double w = 0;      ///< |L^-1 delta|^2 <= 2 w V
   double level = 0;  ///< V <= level is invariant [J]
   double ball = 0;   ///< |x(0)| <= ball is certified; mixes rad and rad/s
-  Eigen::VectorXd e_at_rest;  ///< largest |e_i(0)| when that is all there is [rad; m]
-  Eigen::VectorXd edot;       ///< largest |edot_i(0)| when that is all there is [rad/s; m/s]
+  Eigen::VectorXd e_at_rest;  ///< largest |e_i(0)| if all other errors are 0 [rad; m]
+  Eigen::VectorXd edot;       ///< largest |edot_i(0)| if all other errors are 0 [rad/s; m/s]
   /// Largest |e_i| at any time from anywhere in the level set [rad; m].
   Eigen::VectorXd e_reached;
   Eigen::VectorXd feedback;  ///< |Kp e + Kd nu|_i <= feedback_i sqrt(2 V) [N m/J^1/2]
@@ -30,35 +30,36 @@ struct Region {
 /// errors. The region of the fastest rate is where V decreases at all.
 enum class Goal { level, rate };
 
-/// L, lower triangular, with |L^-1 delta|^2 the least of e' Kp e + nu' Kd B^-1 nu for that delta:
-/// the norm of delta in which V bounds it alike in all joints.
+/// Returns the lower triangular L for which |L^-1 delta|^2 is the least e' Kp e + nu' Kd B^-1 nu
+/// with that delta. In this norm V bounds delta alike in all joints.
 Eigen::MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights);
 
 /// The matrix condition for all postures of a set; for a scheduled law also for all its gains.
-/// Everything in Mm is affine in v_ref and delta; over a ball it is bounded by (sum
-/// x_j A_j)^2 <= |x|^2 sum A_j^2, after a congruence: never worse than the polytope of 2 n vertices
-/// around the ball, and one matrix in its place. Between the postures of a circle, the matrix is
-/// within a bound of the chord (see Postures), which is subtracted everywhere.
+/// Everything in Mm is affine in v_ref and delta. Over a ball it is bounded by (sum x_j A_j)^2 <=
+/// |x|^2 sum A_j^2, after a congruence. This bound is never worse than the polytope of 2 n vertices
+/// around the ball, and it is one matrix only. Between the postures of a circle, the matrix is
+/// within a bound of the chord (see Postures). The condition subtracts that bound everywhere.
 struct MatrixCondition {
-  std::vector<ErrorSystem> systems;  ///< the first is that of the start
+  std::vector<ErrorSystem> systems;  ///< the first is the system of the start
   numerics::Postures postures;
   double B_d = 0;                ///< largest |R^-1 v_ref| [rad/s; m/s], R = `v_scale`
   bool refine = true;            ///< local refinement of the worst sampled postures
   Eigen::MatrixXd v_scale = {};  ///< of an ellipsoid around v_ref; empty: a ball
 
-  /// The largest rho and what follows; nothing when Mm or V is not positive definite at delta = 0.
+  /// Returns the largest rho and its region. Returns nothing when Mm or V is not positive definite
+  /// at delta = 0.
   [[nodiscard]] std::optional<Region> region(const Weights& weights) const;
 
-  /// The largest mu with Vdot <= -mu V where |L^-1 delta| <= rho [1/s], and the posture that binds
-  /// it; V, hence the square of the error, decays at that rate and the error at mu/2. Not positive
-  /// when nothing is certified; minus infinity when V is not positive definite.
+  /// Returns the largest mu with Vdot <= -mu V where |L^-1 delta| <= rho [1/s], and the posture
+  /// that binds it. V decays at the rate mu, and the error at mu/2. The rate is not positive when
+  /// nothing is certified, and minus infinity when V is not positive definite.
   [[nodiscard]] numerics::Extreme slowest(const Weights& weights, double rho) const;
   [[nodiscard]] double rate(const Weights& weights, double rho) const {
     return slowest(weights, rho).value;
   }
-  /// The rate in the limit of small errors, or rho, at one posture; `states` receives in its
-  /// columns the states that bind it, when V and with rho also Mm at delta = 0 are positive
-  /// definite.
+  /// Returns the rate in the limit of small errors, or rho, at one posture. The columns of `states`
+  /// receive the states that bind it if V is positive definite. For rho, Mm at delta = 0 has to be
+  /// positive definite too.
   [[nodiscard]] double at(Goal goal, const Weights& weights, const ErrorSystem& system,
                           const numerics::Inertia& inertia, Eigen::MatrixXd& states) const;
 };
@@ -70,9 +71,9 @@ struct Certified {
   double rate = 0;  ///< of V in the limit of small errors, mu [1/s]; the error decays at mu/2
 };
 
-/// The search (weight_search.cpp) is on `coarse`, which may have few postures and no refinement;
-/// the answer is what `fine` certifies at the weights found. Nothing when none are certified.
-/// @param from where the search begins; without it at the best of a grid
+/// Returns weights and what `fine` certifies for them; nothing when no weights are certified. The
+/// search (weight_search.cpp) uses `coarse`, which may have few postures and no refinement.
+/// @param from start of the search; without it the best point of a grid
 std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
                                       Goal goal, const std::optional<Weights>& from = {});
 

@@ -14,8 +14,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// sup over |x| = 1 of the norm of sum_j x_j C_j, the largest value of the trilinear form u'C(x)w
-/// on unit vectors: by alternating power iteration from several directions, hence from below.
+/// Returns sup over |x| = 1 of the norm of sum_j x_j C_j, the largest value of the trilinear form
+/// u'C(x)w on unit vectors. Alternating power iteration from several directions approaches it from
+/// below.
 double largest_over_directions(const std::vector<MatrixXd>& C) {
   const auto n = static_cast<Eigen::Index>(C.size());
   double best = 0;
@@ -98,7 +99,7 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
                                      double B_d) {
   const Spreads s(system, constants);
   const double k_c = constants.k_c.value;
-  // Kd is diagonal, or a and b are those of all joints: symmetric.
+  // The product is symmetric: Kd is diagonal, or a and b are the same in all joints.
   const auto kd_by = [&](const VectorXd& factors) {
     return spread(MatrixXd(system.kd * factors.asDiagonal()));
   };

@@ -6,14 +6,14 @@
 #include "numerics/postures.h"
 
 /// The constants of a robot, and the conditions of stability that Loria and Ortega (1995) print,
-/// which are made of such norms. One weight eps = eps_1 = eps_2; continuous time. They are very
-/// conservative and their proof has a gap (docs/paper.md): matrix_condition.h has neither
-/// fault.
+/// which are made of such norms. The conditions have one weight eps = eps_1 = eps_2 and are about
+/// continuous time. They are very conservative, and their proof has a gap (docs/paper.md).
+/// matrix_condition.h has neither fault.
 namespace tachless::lyapunov {
 
-/// Norms are Euclidean, of matrices the spectral one; sup and inf are over the postures and, where
-/// there is an x, over |x| = 1. Of sampled postures, the best of which are refined locally: no
-/// bounds. They know no gains.
+/// Norms are Euclidean, and spectral for matrices. Each sup and inf is over the postures and, where
+/// there is an x, over |x| = 1. The values come from sampled postures, of which the best are
+/// refined locally, so they are no bounds. They do not depend on gains.
 struct RobotConstants {
   numerics::Extreme lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
   numerics::Extreme k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
@@ -26,10 +26,10 @@ struct Interval {
   double low = 0, high = 0;
 };
 
-/// The paper's conditions: some eps with (25) < eps < (19), (20), (23), (24), (27), and (7), for
-/// some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0; gamma_2 = 1/2 as (27)
-/// prints it. The bounds are given for
-/// gamma_1 = beta_1 = beta_3 = 1 (upper ones to be multiplied by the share, the lower one divided).
+/// The paper's conditions on eps: (25) < eps < (19), (20), (23), (24), (27), and (7). They have to
+/// hold for some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0. gamma_2 = 1/2 as
+/// (27) prints it. The bounds are given for gamma_1 = beta_1 = beta_3 = 1: multiply an upper bound
+/// by its share, and divide the lower bound by it.
 struct PrintedConditions {
   double eq7 = 0;  ///< b_i > eq7 / beta_2; of flexible joints, eq. 12
   double eq19 = 0, eq20 = 0;

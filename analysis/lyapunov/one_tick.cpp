@@ -33,7 +33,7 @@ OneTick::OneTick(const scenario::Scenario& scenario, const Vector& q_ref)
   native->plant.initial = {};
   native->plant.initial.position_rad = q_ref;
   native->plant.initial.velocity_rad_per_s = Vector::Zero(q_ref.size());
-  // Rest is at the reference whatever the torques' scale.
+  // The offset makes the reference an equilibrium for any scale of the torques.
   native->plant.drive.torque_offset_Nm =
       torque_ - native->plant.drive.torque_scale.cwiseProduct(torque_);
   scenario_ = std::move(native);

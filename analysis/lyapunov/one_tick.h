@@ -7,27 +7,26 @@
 
 namespace tachless::lyapunov {
 
-/// One period of a scenario's loop with its reference held at a posture, as it is coded: the
-/// emulator's arm over the tick with the torque held, friction included; the law's own step; torque
-/// limits; delay. Encoders are ideal; disturbances, torque offsets and rates are not in it.
+/// One period of a scenario's loop as it is coded, with the reference held at a posture. It has the
+/// emulator's arm over the tick with the torque held, friction, the law's own step, torque limits
+/// and delay. Encoders are ideal. Disturbances, torque offsets and torque rates are left out.
 ///
-/// The state x is the deviation from rest there, in the order of `cut`: the plant's (q, v), with
-/// flexible joints (q, v, theta, thetadot), and of current loops that lag the torques; the law's
-/// memory before the tick; the torques under
-/// way, the newest first.
+/// The state x is the deviation from rest there, in the order of `cut`. The plant comes first: (q,
+/// v), with flexible joints (q, v, theta, thetadot), and the torques of current loops that lag. The
+/// law's memory before the tick follows, then the torques under way, the newest first.
 class OneTick {
  public:
   /// Precondition: `controller::LawFacts::no_linearisation` is empty.
   /// @throw base::Failure(bad_usage) as `ScenarioLoop`.
   OneTick(const scenario::Scenario& scenario, const Vector& q_ref);
 
-  /// x at the next tick; not a number where the plant cannot be integrated.
+  /// Returns x at the next tick; not a number where the plant cannot be integrated.
   [[nodiscard]] Eigen::VectorXd operator()(const Eigen::VectorXd& x) const;
-  /// Its gradient at x = 0.
+  /// Returns the gradient at x = 0.
   [[nodiscard]] Eigen::MatrixXd linear() const;
 
-  /// x of a run that starts with that deviation of the plant's state: the law's memory as it starts
-  /// there, and under way the torque that holds the reference.
+  /// Returns x of a run that starts with this deviation of the plant's state. The law's memory is
+  /// as it starts there, and the torque that holds the reference is under way.
   [[nodiscard]] Eigen::VectorXd start(const Eigen::VectorXd& plant) const;
 
   [[nodiscard]] Eigen::Index num_joints() const { return torque_.size(); }
@@ -44,7 +43,7 @@ class OneTick {
   controller::law::Settings settings_;
   controller::SteppedLaw law_;
   Eigen::VectorXd plant_, torque_, limit_;  ///< at rest; limits
-  Eigen::MatrixXd measured_;                ///< what of the plant the law measures
+  Eigen::MatrixXd measured_;                ///< from the plant's state to the law's measurement
   struct Arms;
   std::shared_ptr<Arms> arms_;  ///< one for each thread that is in a call
 };

@@ -25,8 +25,8 @@ constexpr int directions_of_candidate = 150, directions_of_result = 4000;
 constexpr int ascents = 16, ascent_steps = 30;
 constexpr double scale_ratio = 1.4;  // of the scales that are tried
 
-/// The one-tick map in coordinates y of what of the state the loop can tell apart, each about as
-/// large as it gets after an error of one joint: x = lift y, y = project x.
+/// The one-tick map on the observable part of the state, in scaled coordinates y: x = lift y, y =
+/// project x. Each coordinate is about 1 at its largest after an error of one joint.
 struct Reduced {
   const OneTick& F;
   VectorXd scale;
@@ -83,8 +83,8 @@ class Ellipsoid {
   Eigen::LLT<MatrixXd> factor_;
 };
 
-/// The radius up to `s` at which V first does not fall along z, of some that are looked at; s where
-/// it falls at all.
+/// Returns the least of some radii up to `s` at which V does not fall along z; s where V falls at
+/// all of them.
 double first_growth(const Ellipsoid& set, const VectorXd& z, double s) {
   constexpr double shares[] = {0.25, 0.5, 0.75, 0.9, 1};
   constexpr int halvings = 6;
@@ -114,8 +114,8 @@ VectorXd ascended(const Ellipsoid& set, VectorXd z, double s, std::uint64_t seed
   return z;
 }
 
-/// Returns the largest radius up to `s` at which no growth is found along these, nor by ascents
-/// from the worst of them; 0 where ascents find growth again and again.
+/// Returns the largest radius up to `s` at which no growth is found along these directions, nor by
+/// ascents from the worst of them. Returns 0 where ascents find growth again and again.
 double searched_radius(const Ellipsoid& set, double s, const std::vector<VectorXd>& along) {
   const auto least = [&](const auto& of, std::size_t number) {
     constexpr std::size_t batch = 64;
@@ -161,9 +161,9 @@ VectorXd scales(const OneTick& F, const MatrixXd& A, double radius) {
   return largest.cwiseMax(1e-9);
 }
 
-/// Returns the map on the observable part of the state: what the plant's motion and the torques
-/// under way show of it over as many ticks as the state has numbers. A filter's memory (nu, e)
-/// shows one combination.
+/// Returns the map on the observable part of the state. The plant's motion and the torques under
+/// way show that part over as many ticks as the state has numbers. A filter's memory (nu, e) shows
+/// one combination.
 Reduced reduced(const OneTick& F, const MatrixXd& A, const VectorXd& scale) {
   const MatrixXd map = scale.cwiseInverse().asDiagonal() * A * scale.asDiagonal();
   MatrixXd seen = MatrixXd::Zero(A.rows(), A.rows()),
@@ -235,7 +235,7 @@ struct Candidate {
   VectorXd joint;
   double rates = 1;
 
-  double value = -infinity;  ///< of its e_at_rest: sum of the logarithms and the least of them
+  double value = -infinity;  ///< of its e_at_rest: sum of the logarithms plus the least of them
   MatrixXd P;                ///< in y
 };
 
@@ -263,7 +263,8 @@ void evaluate(Candidate& candidate, const scenario::Scenario& scenario, const Re
   candidate.value = e.sum() + e.minCoeff();
 }
 
-/// The better of two spreads, or the first smaller one that does, then changes that help.
+/// Returns the better candidate of two spreads, or the first smaller spread that works, after
+/// changes that help.
 Candidate best_candidate(const scenario::Scenario& scenario, const Reduced& map, double radius) {
   const Index n = map.F.num_joints();
   Candidate best;

@@ -9,25 +9,26 @@
 
 namespace tachless::lyapunov {
 
-/// V(x) = x' P x of the state of `OneTick` at a posture: V <= 1 is the largest set in which a
-/// search found no x with V(F(x)) >= V(x), F the one-tick map as coded. Searched, not proved.
+/// A region of attraction of `OneTick` at a posture. V <= 1 with V(x) = x' P x is the largest set
+/// in which a search found no x with V(F(x)) >= V(x). F is the one-tick map as coded. The region is
+/// searched, not proved.
 struct SampledRegion {
   Vector q_ref;
   Eigen::MatrixXd P;
-  /// Largest error of one joint alone, from rest and with the law's memory as it then starts
-  /// [rad; m], and rate alone [rad/s; m/s].
+  /// Largest error of one joint alone, from rest and with the law's memory as it then starts [rad;
+  /// m], and largest rate of one joint alone [rad/s; m/s].
   Eigen::VectorXd e_at_rest, edot;
   double widest = 0;   ///< largest error of a joint in the set [rad; m]
-  bool cut = false;    ///< the set ends there, where the search does, without a violation
-  int directions = 0;  ///< looked at for the result, beside the ascents
+  bool cut = false;    ///< the set ends where the search ends, without a violation
+  int directions = 0;  ///< directions searched for the result, beside the ascents
 
   [[nodiscard]] double V(const Eigen::VectorXd& x) const { return x.dot(P * x); }
 };
 
-/// About the start of the reference's motion. P is the best of some that are
-/// P = Q + sum_k w_k A_k' P A_k / r², A_k the one-tick maps linearised at postures about q_ref.
-/// Nothing, and why, of a law that cannot be linearised, with dry friction, and where no set was
-/// found.
+/// Returns the region about the start of the reference's motion. P is the best of several P = Q +
+/// sum_k w_k A_k' P A_k / r², with A_k the one-tick maps linearised at postures about q_ref.
+/// Returns nothing, and why, for a law that cannot be linearised, with dry friction, and if no set
+/// was found.
 /// @throw base::Failure(bad_usage)
 std::optional<SampledRegion> sampled_region(const scenario::Scenario& scenario,
                                             std::string& why_not,

@@ -85,8 +85,8 @@ class ErrorLoop {
   [[nodiscard]] double V0(const Weights& weights) const {
     return lyapunov_value(system(), weights, model_, q_, loop_.initial);
   }
-  /// At a constant reference V without cross terms does not rise, from wherever it starts. Returns
-  /// no certificate of a start from which a prismatic joint may reach the end of its range.
+  /// Returns the certificate at a constant reference, where V without cross terms does not rise. A
+  /// start from which a prismatic joint may reach the end of its range has none.
   [[nodiscard]] CertifiedStart held_start() const {
     Region region;
     region.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
@@ -100,8 +100,9 @@ class ErrorLoop {
   /// Returns true if the certified results hold for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
 
-  /// The search is over few postures, to which those that bind are added, and then what is found is
-  /// certified over many. A law with weights of its own has those.
+  /// Returns the best region for a goal. The search is over few postures, to which the binding
+  /// postures are added. The result is then certified over many postures. A law with weights of its
+  /// own keeps them.
   /// @param from as of `best_weights`
   std::optional<CertifiedRegion> best(Goal goal, std::optional<Weights> from = {}) {
     if (loop_.weights) return certified(*loop_.weights);
@@ -176,8 +177,8 @@ class ErrorLoop {
     }
   }
 
-  /// How far each error may go before a prismatic joint is at the end of its range, wherever the
-  /// motion is [rad; m]. Infinite for revolute joints.
+  /// Returns how far each error may go, anywhere along the motion, before a prismatic joint is at
+  /// the end of its range [rad; m]. Infinite for revolute joints.
   static VectorXd beside_the_motion(const scenario::Scenario& scenario,
                                     const reference::Trajectory& trajectory) {
     const robot::Model& model = *scenario.model;
@@ -253,7 +254,7 @@ class ErrorLoop {
     return endless || beyond >= 1 ? scaled(region, (1 - 1e-9) / beyond) : region;
   }
 
-  /// The region of a level that is the square of `part` of its own.
+  /// Returns the region whose level is the square of `part` times the region's level.
   static Region scaled(Region region, double part) {
     region.level *= part * part;
     region.rho *= part;

@@ -14,14 +14,15 @@
 /// exact model, no saturation, quantisation, delay or feed-forward lead.
 namespace tachless::lyapunov {
 
-/// The certificate of the scenario's own start: the one answer behind `certify`, the closing table
-/// of `run` and summary.json. It uses the weights that quick effort finds too; among those whose
-/// region contains the start, the one with the least torque; at a constant reference V without
-/// cross terms. The weights of full effort count only if none of these contains the start.
+/// The certificate of the scenario's own start. `certify`, the closing table of `run` and
+/// summary.json all show this answer. It uses the weights that quick effort finds too. Among those
+/// whose region contains the start, the weights with the least torque count. At a constant
+/// reference V has no cross terms. The weights of full effort count only if none of these contains
+/// the start.
 struct CertifiedStart {
   bool decided = false;  ///< quick effort may leave it open where postures are sampled
   bool certified = false;
-  bool proved = false;  ///< of all postures; otherwise of the sampled ones
+  bool proved = false;  ///< proved for all postures; otherwise for the sampled postures
   /// The largest share of a torque limit from the start on. Nothing: not certified, flexible
   /// joints, or no limits.
   std::optional<double> torque_share;
@@ -29,7 +30,7 @@ struct CertifiedStart {
 
 /// The region that one choice of the weights certifies, and its bounds from the scenario's start.
 struct CertifiedRegion : Certified {
-  double V0 = 0;  ///< at the start [J]
+  double V0 = 0;  ///< V at the start [J]
   /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
   double rate_from_start = -1;
 
@@ -49,14 +50,15 @@ struct CertifiedRegion : Certified {
   /// |Kp e + Kd nu|. The feed-forward is that at sampled instants and errors.
   struct Torque {
     double level = 0;
-    Eigen::VectorXd e_at_rest;  ///< alone, of that level [rad; m]
+    Eigen::VectorXd e_at_rest;  ///< largest error of one joint alone, within that level [rad; m]
     Eigen::Index joint = 0;
     std::optional<double> share;
   };
   std::optional<Torque> torque;
 
-  /// The postures it is about: within that of q_ref(t), pi: of that joint all [rad; m]; empty:
-  /// every posture. No error leaves it while V <= level, so it is part of the region.
+  /// The postures for which the region is certified: each joint within `tube` of q_ref(t) [rad; m].
+  /// pi: all postures of that joint. Empty: every posture. No error leaves the tube while V <=
+  /// level, so the tube is part of the region.
   Eigen::VectorXd tube;
   bool starts_in_tube = true;
   double beyond_tube = 0;  ///< largest error over the tube, of the level without it
@@ -77,25 +79,25 @@ inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& reg
 }
 
 struct StabilityCertificate {
-  bool proved = false;       ///< of all postures; otherwise of the sampled ones
+  bool proved = false;       ///< proved for all postures; otherwise for the sampled postures
   double B_d = 0;            ///< sup |v_ref| [rad/s; m/s]
-  bool own_weights = false;  ///< the law's, of its integral: `fastest` has them
-  bool constant = false;     ///< of the reference: proved with both weights 0, by LaSalle
-  /// By weights of the fastest rate and of the largest ball; nothing: no weights are certified. At
-  /// a constant reference the ball has no limit and there is no largest one.
+  bool own_weights = false;  ///< the weights are those of the law's integral, in `fastest`
+  bool constant = false;     ///< the reference is constant: proved with both weights 0, by LaSalle
+  /// Regions by the weights of the fastest rate and of the largest ball; nothing: no weights are
+  /// certified. At a constant reference the ball has no limit, so there is no largest region.
   std::optional<CertifiedRegion> fastest, largest;
   CertifiedStart start;
-  /// Reasons why the certificate is not of this very scenario: payload, friction, drives.
+  /// Reasons why the certificate does not describe this very scenario: payload, friction, drives.
   std::vector<std::string> provisos;
 };
 
 inline constexpr int most_joints_of_certified_run = 16;
 
 /// Returns the certificate of a scenario. With sampled postures the region is about every posture,
-/// or about those near the reference if that gives more.
-/// @param effort quick leaves the largest region out where postures are sampled (7 joints take 5
-/// s), and all regions with more joints than `most_joints_of_certified_run` (28 would take a
-/// minute)
+/// or about postures near the reference if that gives more.
+/// @param effort quick leaves out the largest region where postures are sampled (7 joints take 5
+/// s). It leaves out all regions with more joints than `most_joints_of_certified_run` (28 would
+/// take a minute).
 /// @param why_not receives the reason of `no_certificate` where nothing is returned
 /// @throw base::Failure(bad_usage)
 std::optional<StabilityCertificate> stability_certificate(
@@ -103,12 +105,13 @@ std::optional<StabilityCertificate> stability_certificate(
     const linear::OnProgress& tell = linear::no_progress);
 
 /// Returns the outline of the certified starts in the plane of two joints' initial positions: 72
-/// points around q_ref(0). All else is as in the scenario. The outline is that of the region, or of
-/// the part that the torque limits allow. Empty: nothing is certified there, or everything.
+/// points around q_ref(0). Everything else is as in the scenario. The outline belongs to the
+/// region, or to the part that the torque limits allow. Empty: nothing is certified there, or
+/// everything.
 std::vector<Eigen::Vector2d> certified_outline(const scenario::Scenario& scenario, int i, int j);
 
 /// The constants and conditions that the paper prints, for the scenario's loop. The function below
-/// has errors and reason as above.
+/// throws and gives reasons as `stability_certificate`.
 struct PaperConditions {
   RobotConstants constants;
   PrintedConditions printed;
@@ -122,7 +125,7 @@ struct CertifiedRun {
   double V0 = 0;     ///< at the start [J]
   double level = 0;  ///< V <= level is invariant [J]; infinite at a constant reference
   double rate = 0;   ///< V <= V0 exp(-rate t) [1/s]; negative: the start is in no certified region
-  bool proved = false;  ///< of all postures; otherwise of the sampled ones
+  bool proved = false;  ///< proved for all postures; otherwise for the sampled postures
   std::vector<std::string> provisos;
   CertifiedStart start;
 
@@ -133,9 +136,9 @@ struct CertifiedRun {
   }
 };
 
-/// By `stability_certificate` with quick effort: of its weights those that certify the faster decay
-/// from the scenario's start; without cross terms at a constant reference, where V does not rise.
-/// Nothing where no weights are certified.
+/// Returns the bounds by `stability_certificate` with quick effort. They use the weights that
+/// certify the faster decay from the scenario's start. At a constant reference V has no cross terms
+/// and does not rise. Returns nothing where no weights are certified.
 std::optional<CertifiedRun> certified_run(const scenario::Scenario& scenario);
 
 }  // namespace tachless::lyapunov

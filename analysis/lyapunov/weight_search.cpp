@@ -8,11 +8,12 @@
 #include "lyapunov/matrix_condition.h"
 #include "numerics/linear_programme.h"
 
-// Rate and sqrt(2 level) are the least over postures and states of a quotient, num / den: -Vdot / V
-// at delta = 0, and with den what |C(q, delta)| can take of it on V = 1/2. In the weights num is
-// affine, but for the worst v_ref, and den affine or convex: the set of weights above a value is
-// convex. The search keeps the states that were found to bind and linearises their quotients. It
-// takes the best of a linear programme within a trust region.
+// Rate and sqrt(2 level) are the least quotient num / den over postures and states. For the rate
+// the quotient is -Vdot / V at delta = 0. For the level, den is the most that |C(q, delta)| can
+// take of Vdot on V = 1/2. In the weights num is affine except for the worst v_ref, and den is
+// affine or convex. The set of weights above a value is therefore convex. The search keeps the
+// states that were found to bind and linearises their quotients. It takes the best of a linear
+// programme within a trust region.
 namespace tachless::lyapunov {
 namespace {
 
@@ -98,8 +99,8 @@ class WeightSearch {
     const auto region = on_.region(weights_of(x));
     return region ? std::min(enough(), std::sqrt(2 * region->level)) : -infinity;
   }
-  /// Errors of 1000 rad from rest in each joint: where friction outweighs C(q, v_ref) there is no
-  /// largest level, and the largest weights of those that do are as good.
+  /// Returns errors of 1000 rad from rest in each joint as sqrt(2 level). Where friction outweighs
+  /// C(q, v_ref) there is no largest level, and weights that reach this level are as good as any.
   [[nodiscard]] double enough() const {
     return 1000 * std::sqrt(on_.systems[0].kp.diagonal().maxCoeff());
   }
@@ -149,7 +150,8 @@ class WeightSearch {
     }
   }
 
-  /// The best step relative to x of the linearised quotients, and what it promises.
+  /// Returns the best step of the linearised quotients relative to x, and the value that it
+  /// promises.
   [[nodiscard]] std::pair<VectorXd, double> programme(const VectorXd& x, double radius) {
     const Index n = x.size();
     const Index links = on_.postures.model.num_joints;
@@ -209,7 +211,8 @@ double merit(Goal goal, const Certified& c) {
   return goal == Goal::rate ? c.rate : std::sqrt(2 * c.region.level);
 }
 
-/// From x on; the postures that bind what is found join the coarse ones. At least `best`.
+/// Improves the weights x. Postures that bind the result join the coarse ones. Returns `best` at
+/// least.
 std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
                                   VectorXd x, std::optional<Certified> best) {
   constexpr int rounds = 6;

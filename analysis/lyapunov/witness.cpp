@@ -32,8 +32,8 @@ constexpr int samples = 32;        // of the ellipsoid
 constexpr int most_boxes = 40000;  // of the checker
 constexpr double pi = std::numbers::pi;
 
-/// M = M[0] + M[1] cos q2 + M[2] sin q2 and g_i = (1, cos q1, sin q1) g[i] (1, cos q2, sin q2)',
-/// the law's numbers, and the state x = (e, v, p, t) of check_witness.py.
+/// An arm with M = M[0] + M[1] cos q2 + M[2] sin q2 and g_i = (1, cos q1, sin q1) g[i] (1, cos q2,
+/// sin q2)'. It has the law's numbers, and the state x = (e, v, p, t) of check_witness.py.
 struct Arm {
   Vector q, kp, kd, phi, beta, D;
   std::array<MatrixXd, 3> M;
@@ -172,8 +172,8 @@ Arm arm_of(const scenario::Scenario& scenario, const robot::Model& model, const 
   return arm;
 }
 
-/// P of the least tr(P X) with rate² P - F' P F >= 0 for all maps F and P >= each of W, by
-/// barriers; nothing where there is none. Sizes of entries are about 1.
+/// Returns P of the least tr(P X) with rate² P - F' P F >= 0 for all maps F and P >= each of W, by
+/// barriers. Returns nothing where there is none. Sizes of entries are about 1.
 std::optional<MatrixXd> common_lyapunov(const std::vector<MatrixXd>& maps, double rate,
                                         const std::vector<MatrixXd>& W, const MatrixXd& X) {
   const Index m = X.rows(), count = m * (m + 1) / 2;

@@ -21,11 +21,12 @@ struct Bounds {
   Vector speed, acceleration, lower, upper;
 
   /// Fills lists of one entry and missing positions.
-  /// @throw base::Failure(bad_usage) for a wrong number of entries, or one that is out of range
+  /// @throw base::Failure(bad_usage) for a wrong number of entries, or an entry that is out of
+  /// range
   Bounds(const ReferenceBounds& given, const robot::Model& model);
 
   /// Returns the first joint that is beyond the bounds; -1: none. From the second reference on, the
-  /// way from the one before counts too.
+  /// way from the last reference counts too.
   /// @param before reference `passed_s` earlier [s]; null: none
   [[nodiscard]] int beyond(const messages::ReferencePoint& reference,
                            const messages::ReferencePoint* before, double passed_s) const;
@@ -38,7 +39,8 @@ struct Loop::Impl {
 
   /// Steps the law with `reference`, after the caller's reference got its status.
   Step step(std::int64_t tick, Numbers position, Status status, int joint) noexcept;
-  /// Fills `reference` with a reference of the caller's. @return false for another number of joints
+  /// Fills `reference` with a reference of the caller's.
+  /// @return false for another number of joints
   bool take(const Reference& given);
   /// Returns a step with views of the last torques.
   [[nodiscard]] Step shown_step(std::int64_t tick, Status status, int joint = -1) const;
@@ -49,7 +51,7 @@ struct Loop::Impl {
   scenario::Scenario scenario;
   bool has_reference;
   bool needs_bounds = false;  ///< certified: references of the caller's need bounds
-  bool arm_coordinates;       ///< the arm's differ from those of the URDF
+  bool arm_coordinates;       ///< the arm's coordinates differ from the URDF's
   std::optional<Bounds> bounds;
   controller::ScenarioLaw law;
   reference::Trajectory trajectory;

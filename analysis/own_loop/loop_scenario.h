@@ -14,8 +14,8 @@ struct LoopScenario {
   bool has_reference = false;   ///< the file or an override gives one
 };
 
-/// Reads a scenario's file. What a law does not need may be missing: the reference, the initial
-/// position and the duration, which need not be a whole number of periods either.
+/// Reads a scenario's file. The parts that a law does not need may be missing: the reference, the
+/// initial position and the duration. A given duration need not be a whole number of periods.
 /// @throw base::Failure(bad_usage) as `scenario::load_scenario`
 LoopScenario read_loop_scenario(const std::string& file, const std::vector<std::string>& set);
 

@@ -21,7 +21,7 @@
 ///
 /// Positions and torques are the arm's: the scenario's joint_signs, joint_offsets_rad and
 /// robot.compensates apply. References are in the coordinates of the URDF. After the constructor no
-/// call allocates, locks or throws, except those that return text. One thread uses an object at a
+/// call allocates, locks or throws, except calls that return text. One thread uses an object at a
 /// time.
 namespace tachless::own_loop {
 
@@ -93,7 +93,7 @@ enum class Status {
 struct [[nodiscard]] Step {
   Status status = Status::ok;  ///< result of the step
   int joint = -1;              ///< joint that the status is about, from 0; -1: none
-  std::int64_t tick = 0;       ///< as given
+  std::int64_t tick = 0;       ///< tick of the call
   std::int64_t skipped = 0;    ///< ticks without a step before this one: the law stepped over them
   bool restarted = false;      ///< the gap was too long, and the law's memory began anew
   bool saturated = false;      ///< guards: a torque was limited
@@ -103,13 +103,13 @@ struct [[nodiscard]] Step {
   Numbers position;            ///< q in the coordinates of the URDF [rad; m]
   Numbers desired;             ///< q_ref [rad; m]
 
-  /// Returns true if the torque is certified, as far as the loop is.
+  /// Returns true if the torque belongs to this step, within the bounds of a certified loop.
   [[nodiscard]] bool ok() const { return status == Status::ok; }
   /// Returns true if the torque is of this step: ok, or beyond the bounds.
   [[nodiscard]] bool has_torque() const { return ok() || status == Status::beyond_bounds; }
 };
 
-/// A law, not certified. `CertifiedLoop` is this with a certificate.
+/// A law without a certificate. `CertifiedLoop` adds the certificate.
 class Loop {
  public:
   /// Reads a scenario. `reference`, `plant` and `loop.duration_s` may be missing.
@@ -145,7 +145,7 @@ class Loop {
   std::shared_ptr<Impl> impl_;  ///< law, memory and scenario
 };
 
-/// Thrown if a loop has no certificate: unstable, or its law cannot be linearised.
+/// Error of a loop without a certificate: it is unstable, or its law cannot be linearised.
 struct NotCertified : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -182,8 +182,8 @@ class CertifiedLoop : public Loop {
   Certificate certificate_;
 };
 
-/// Guards of an arm: range and speed of each joint, the following error, torque and its rate. They
-/// are those of `tachless run --plant`. The first that is broken holds until `reset`.
+/// Guards of an arm: range and speed of each joint, the following error, torque and its rate.
+/// `tachless run --plant` has the same guards. The first broken guard holds until `reset`.
 class Guards {
  public:
   /// Takes the limits of the loop's URDF and scenario.

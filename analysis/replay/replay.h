@@ -60,7 +60,7 @@ using OnCompared =
     std::function<void(std::int64_t tick, const Vector& recorded, const Vector& replayed)>;
 
 /// Steps the law of `scenario` through the log's own measurements and references, from tick 0 on.
-/// Compares its commands with the recorded ones. Reads `log` from its start to its end.
+/// Compares its commands with the recorded commands. Reads `log` from its start to its end.
 ///
 /// A law's memory depends on all previous ticks, so a tick without measurement or reference ends
 /// the replay. A tick without a command is stepped through. Ticks after the last command belong to
@@ -70,8 +70,8 @@ using OnCompared =
 /// @param scenario the log's scenario, or that scenario with another law or other gains
 /// @param law the law of `scenario`
 /// @throw base::Failure(bad_usage) when the scenario does not fit the log: another number of
-/// joints, another period, rigid instead of flexible joints or the reverse, or a law that needs
-/// more than was measured
+/// joints, another period, or rigid instead of flexible joints or the reverse. Also for a law that
+/// needs more than was measured
 Replay replay(logger::RunLog& log, const scenario::Scenario& scenario, controller::ScenarioLaw law,
               const OnCompared& on_compared = {});
 

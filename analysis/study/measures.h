@@ -16,10 +16,10 @@
 /// file.
 namespace tachless::study {
 
-/// A run whose error exceeds it is broken off as diverging [rad; m].
+/// Error beyond which a run is broken off as diverging [rad; m].
 inline constexpr double diverged_error = 100;
 
-/// Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
+/// A run in numbers. Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
 struct Measures {
   Verdict verdict;
   std::int64_t ticks = 0;       ///< stepped
@@ -29,13 +29,14 @@ struct Measures {
   double torque_rms = 0;        ///< applied [N m; N]
   double torque_variation = 0;  ///< sum of |tau_k - tau_(k-1)| over the run's length [N m/s]
   double energy = 0;            ///< sum over the joints of the integral of |tau v| [J]
-  /// Root mean square of what stands in for the velocity, less the velocity, over the last quarter
-  /// of the run [rad/s; m/s]: of a law's v_hat, or v_ref + nu; NaN for a law that has neither.
+  /// Root mean square of the velocity's substitute less the velocity, over the last quarter of the
+  /// run [rad/s; m/s]. The substitute is a law's v_hat, or v_ref + nu; NaN for a law that has
+  /// neither.
   double velocity_error = 0;
 
-  // A comparison of laws has these too. They are NaN where they were not computed.
-  /// Root mean square, over ticks and joints, of what counts and noise of the sensors add to the
-  /// torque [N m; N]; NaN with exact sensors, and when the run was broken off.
+  // A comparison of laws has the members below too. They are NaN where they were not computed.
+  /// Root mean square, over ticks and joints, of the torque that counts and noise of the sensors
+  /// add [N m; N]. NaN with exact sensors, and when the run was broken off.
   double torque_noise = NAN;
   double largest_period_s = NAN;  ///< at which the linearised loop is stable [s]
 };
@@ -45,16 +46,18 @@ struct MeasureColumn {
   std::string_view name, unit;
   double (*value)(const Measures&);
 };
-/// Its unit on a robot with these joints: "rad", "m", or both where it has both kinds.
+/// Returns the column's unit on a robot with these joints: "rad", "m", or both for both kinds.
 std::string unit_of(const MeasureColumn& column, const robot::JointLabels& joints);
-/// @param comparison with those of a comparison of laws, which are the last ones
+/// Returns the columns.
+/// @param comparison adds the columns of a comparison of laws, at the end
 std::span<const MeasureColumn> measure_columns(bool comparison = false);
 
-/// `Measures::torque_noise` of the scenario: two runs, with its sensors and with exact ones.
+/// Returns `Measures::torque_noise` of the scenario from two runs, with its sensors and with exact
+/// sensors.
 double torque_noise(const scenario::Scenario& scenario);
 
-/// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
-/// m, at which the run is broken off as diverging.
+/// Runs the scenario. An end by a protective stop is a result. An error beyond 100 rad or m is a
+/// result too: the run is broken off as diverging.
 /// @param on_tick called with each tick; nothing is returned once it returns false
 /// @throw base::Failure(bad_usage) for a scenario that makes no sense.
 std::optional<Measures> measure(

@@ -10,9 +10,9 @@
 #include "study/measures.h"
 #include "study/sweep_plan.h"
 
-/// Carrying out a sweep, over all cores, so that it can be interrupted and resumed at any time:
-/// each finished run is a line in a file of its shard, and the result depends on the plan
-/// alone. A directory holds plan.json, rows-I-of-N.csv, and in the end results.csv.
+/// Sweeps over all cores that can be interrupted and resumed at any time. Each finished run is a
+/// line in a file of its shard, and the result depends on the plan alone. A directory holds
+/// plan.json, rows-I-of-N.csv, and in the end results.csv.
 namespace tachless::study {
 
 /// One of `count` parts of a sweep: the cases whose number modulo `count` is `index` - 1.
@@ -22,7 +22,7 @@ struct Shard {
 
 /// A finished run.
 struct SweepRow {
-  std::string line;  ///< of it in results.csv
+  std::string line;  ///< the run's line in results.csv
   SweepCase which;
   Outcome outcome = Outcome::not_judged;
   std::vector<double> measures;  ///< in the order of `measure_columns`; NaN: has none
@@ -31,10 +31,12 @@ struct SweepRow {
 
 class Sweep {
  public:
-  /// The sweep of that plan in `directory`: a new one, or the one begun there before.
-  /// @throw base::Failure(bad_usage) when there is another plan's, or it cannot be written.
+  /// Returns the sweep of that plan in `directory`: a new one, or the sweep that was begun there
+  /// before.
+  /// @throw base::Failure(bad_usage) when the directory has another plan or cannot be written.
   static Sweep begin(const std::filesystem::path& directory, const SweepPlan& plan);
-  /// The sweep begun in `directory`. @throw base::Failure(bad_usage) when there is none.
+  /// Returns the sweep that was begun in `directory`.
+  /// @throw base::Failure(bad_usage) when there is none.
   static Sweep open(const std::filesystem::path& directory);
 
   [[nodiscard]] const SweepPlan& plan() const { return plan_; }
@@ -45,10 +47,10 @@ class Sweep {
   /// @throw base::Failure(bad_usage) naming file and line that is no row of this plan.
   [[nodiscard]] std::vector<bool> finished() const;
 
-  /// Finished runs by file.
+  /// Returns the number of finished runs by file.
   [[nodiscard]] std::map<std::string, std::int64_t> counts() const;
 
-  /// Called while it runs with the number of the shard's cases that are finished.
+  /// Callback with the number of the shard's cases that are finished.
   using OnProgress = std::function<void(std::int64_t done, std::int64_t all)>;
   /// Fills in what a comparison measures besides the run itself.
   using Complete = std::function<void(const scenario::Scenario&, Measures&)>;
@@ -64,11 +66,11 @@ class Sweep {
   bool run(const Shard& shard, int threads, const std::function<bool()>& go_on,
            const OnProgress& on_progress, const Complete& complete = {}) const;
 
-  /// All rows, in the order of their cases.
-  /// @throw base::Failure(check_said_no) with the number of those missing.
+  /// Returns all rows, in the order of their cases.
+  /// @throw base::Failure(check_said_no) with the number of missing rows.
   [[nodiscard]] std::vector<SweepRow> rows() const;
-  /// The table of all rows that results.csv holds, the same to the last byte however the sweep was
-  /// run.
+  /// Returns the table of all rows that results.csv holds. It is the same to the last byte however
+  /// the sweep was run.
   [[nodiscard]] std::string table(const std::vector<SweepRow>& rows) const;
 
  private:

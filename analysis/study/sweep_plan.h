@@ -8,8 +8,8 @@
 
 #include "scenario/scenario.h"
 
-/// Which runs a sweep consists of: a function from the number of a case to a scenario. Runs
-/// nothing. Cases are numbered from 0, laws outermost, the last axis innermost; a drawn value
+/// The runs of a sweep: a function from the number of a case to a scenario. This header runs
+/// nothing. Cases are numbered from 0, laws outermost, the last axis innermost. A drawn value
 /// depends on seed, case and axis alone.
 namespace tachless::study {
 
@@ -17,23 +17,24 @@ namespace tachless::study {
 struct Axis {
   std::string text;          ///< as it was given
   std::string key;           ///< "controller.gains.kp"
-  std::optional<int> entry;  ///< of a list, from 0; nothing: all of it
+  std::optional<int> entry;  ///< entry of a list, from 0; nothing: the whole list
   bool factor = false;       ///< the values multiply what the scenario has
   bool logarithmic = false;
   std::vector<double> values;  ///< of a grid
   double low = 0, high = 0;    ///< of a drawn value
 
-  /// "controller.gains.kp*", as in the header of a table.
+  /// Returns e.g. "controller.gains.kp*", as in the header of a table.
   [[nodiscard]] std::string name() const { return text.substr(0, text.find('=')); }
 };
 
-/// "loop.period_s=1e-4:1e-2:9:log" (from, to, how many), "plant.encoder.resolution_bits=12,16,20",
-/// "plant.initial.position_rad[0]=-1:1:21" (one joint), "controller.gains.kp*=0.1:10:13:log" (times
-/// what the scenario has). A drawn one is without the number: "controller.gains.kp*=0.1:10:log".
+/// Parses an axis: "loop.period_s=1e-4:1e-2:9:log" (from, to, number of values),
+/// "plant.encoder.resolution_bits=12,16,20", "plant.initial.position_rad[0]=-1:1:21" (one joint),
+/// "controller.gains.kp*=0.1:10:13:log" (times the scenario's value). A drawn axis has no number of
+/// values: "controller.gains.kp*=0.1:10:log".
 /// @throw base::Failure(bad_usage) naming `text` and what is wrong with it
 Axis parse_axis(const std::string& text, bool drawn);
 
-/// A law of a sweep and what it changes in the scenario.
+/// A law of a sweep, and the law's changes of the scenario.
 struct SweepLaw {
   std::string name;
   std::vector<std::string> overrides;  ///< its parameters
@@ -55,20 +56,23 @@ struct SweepPlan {
   std::int64_t drawn = 0;  ///< cases that are drawn; 0: the grid of all axes
   std::uint64_t seed = 1;
 
-  /// Without axes it compares laws: a run of each.
+  /// Returns true without axes: the sweep then compares laws, with a run of each.
   [[nodiscard]] bool is_comparison() const { return axes.empty(); }
-  /// Adds an axis. @throw base::Failure(bad_usage) if another axis varies the same number.
+  /// Adds an axis.
+  /// @throw base::Failure(bad_usage) if another axis varies the same number.
   void add(Axis axis);
   [[nodiscard]] std::int64_t cases_per_law() const;
   [[nodiscard]] std::int64_t num_cases() const {
     return cases_per_law() * static_cast<std::int64_t>(laws.size());
   }
   [[nodiscard]] SweepCase at(std::int64_t index) const;
-  /// When loop.period_s is varied, the run's length becomes the nearest whole number of periods.
+  /// Returns the scenario of a case. If loop.period_s is varied, the run's length becomes the
+  /// nearest whole number of periods.
   /// @throw base::Failure(bad_usage) when the scenario does not take the values.
   [[nodiscard]] scenario::Scenario scenario(const SweepCase& which) const;
 
   [[nodiscard]] std::string json() const;
+  /// Reads a plan.
   /// @throw base::Failure(bad_usage) naming `source` when it is no plan
   static SweepPlan from_json(const std::string& json, const std::string& source);
 };

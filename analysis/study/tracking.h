@@ -14,17 +14,19 @@ struct Point {
   bool operator==(const Point&) const = default;
 };
 
-/// A curve of any length in at most `max_points` points, such that every peak survives: where
-/// samples are many, each stretch of equally many samples is represented by its lowest and its
-/// highest sample. Memory does not grow with the curve.
+/// A curve of any length in at most `max_points` points that keeps every peak. Many samples are
+/// divided into stretches of equally many samples. Each stretch is represented by its lowest and
+/// its highest sample. Memory does not grow with the curve.
 class Envelope {
  public:
   static constexpr std::size_t max_points = 4000;
 
-  /// @param x not below that of the sample before
+  /// Adds a sample.
+  /// @param x not below the x of the sample before
   void add(double x, double y);
 
-  /// In the order of the samples; at most `at_most` of them (or 2), by wider stretches.
+  /// Returns the points in the order of the samples; at most `at_most` of them (or 2), by wider
+  /// stretches.
   [[nodiscard]] std::vector<Point> points(std::size_t at_most = max_points) const;
 
  private:
@@ -56,7 +58,7 @@ class Extent {
   std::int64_t count_ = 0;
 };
 
-/// How well one joint followed its reference.
+/// Tracking of one joint's reference.
 struct JointTracking {
   Extent error;   ///< q - q_ref [rad; m if prismatic]
   Extent torque;  ///< applied [N m; N if prismatic]
@@ -70,7 +72,7 @@ class Tracking {
  public:
   explicit Tracking(int num_joints);
 
-  /// One tick at time `t_s`. `theta` is empty on a robot with rigid joints.
+  /// Adds one tick at time `t_s`. `theta` is empty on a robot with rigid joints.
   /// @param tau torque applied over the tick
   void add(double t_s, const Vector& q, const Vector& q_ref, const Vector& theta,
            const Vector& tau);

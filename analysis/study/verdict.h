@@ -91,8 +91,8 @@ struct Verdict {
 double rests_from_s(const std::vector<Point>& q_ref);
 
 /// Judges a run. A joint's scale is the larger of the extent of its reference and its initial
-/// error. If that is below its noise or a thousandth of the largest scale, the largest scale is
-/// taken; if no joint has a scale, the joint's largest error.
+/// error. A scale below the joint's noise, or below a thousandth of the largest scale, is replaced
+/// by the largest scale. If no joint has a scale, each joint's largest error replaces it.
 Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks);
 
 /// Returns a sentence: "converged, settled within 0.21 s", "rests beside: joint 2 (elbow) …".

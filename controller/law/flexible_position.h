@@ -36,9 +36,9 @@ struct FlexiblePositionGains {
 ///   nu1 = diag{ b1 p / (p + a1) } e1,   nu2 = diag{ b2 p / (p + a2) } em.
 ///
 /// The rigid law of eq. 4 is the set point of a torque loop, which the two encoders close. A filter
-/// of the motors' own error damps the motors. theta_d depends on the reference alone, so that its
-/// second derivative is exact with the reference's derivatives up to snap. With a lead, v_ref and
-/// vdot_ref of t1 are taken ahead; theta_d is not.
+/// of the motors' own error damps the motors. theta_d depends on the reference alone. Its second
+/// derivative is exact, because the reference is given up to snap. With a lead, v_ref and vdot_ref
+/// of t1 are taken ahead; theta_d is not.
 class FlexiblePosition : public FlexibleLaw<FlexiblePositionGains> {
  public:
   static constexpr std::string_view name = "flexible_position";
@@ -64,8 +64,9 @@ class FlexiblePosition : public FlexibleLaw<FlexiblePositionGains> {
   };
   using LawOf::LawOf;
 
-  /// Computes gains for the inertia of link and rotor together. The rotor's share of it decides how
-  /// much of the damping acts at the motors: damping at light links destabilises heavy rotors.
+  /// Computes gains for the inertia of link and rotor together. The rotor's share of this inertia
+  /// decides how much of the damping acts at the motors: damping at light links destabilises heavy
+  /// rotors.
   static Gains tuned(const Tuning& t) {
     const Vector felt = t.inertia + t.rotor;
     const Vector at_links = (1 - 2.5 * t.rotor.cwiseQuotient(felt).array()).max(0.02).matrix();

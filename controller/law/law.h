@@ -82,6 +82,7 @@ inline constexpr bool made_of_vectors<T> = std::apply(
 template <class Memory>
 concept MadeOfVectors = made_of_vectors<Memory>;
 
+/// A memory that either is made of vectors or declares why the step has no useful derivative.
 template <class Memory>
 concept DeclaredMemory = MadeOfVectors<Memory>
 != requires {
@@ -136,6 +137,7 @@ concept PositionOnly = std::same_as<Measurement, messages::PositionMeasurement> 
     std::same_as<Measurement, messages::MotorPositionMeasurement> ||
     std::same_as<Measurement, messages::BothPositionsMeasurement>;
 
+/// A law that measures positions alone.
 template <class L>
 concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 
@@ -174,6 +176,7 @@ struct Tuning {
   [[nodiscard]] Vector motor_kd() const { return 0.5 * rotor.cwiseProduct(resonance()); }
 };
 
+/// A law that declares a rule of thumb for its gains.
 template <class L>
 concept Tuned = requires(const Tuning& tuning) {
   { L::tuned(tuning) } -> std::same_as<typename L::Gains>;

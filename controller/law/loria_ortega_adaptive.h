@@ -62,9 +62,9 @@ struct AdaptiveGains {
 ///   tau = ID(q, v_ref, vdot_ref) + Yd pihat - Kp e - Kd nu,   Yd = Y(q_ref, v_ref, vdot_ref),
 ///   pihatdot = -Gamma Yd' (edot + eps_1 e - eps_2 nu), projected onto a box.
 ///
-/// Y pi is the torque of the unknown parameters pi, in which the dynamics are linear: mass and mass
-/// times centre of the load in its link's frame, and the friction of each joint. The velocity in
-/// pihatdot is integrated by parts between ticks, because Yd is known at both ends.
+/// Y pi is the torque of the unknown parameters pi, in which the dynamics are linear. These are
+/// mass and mass times centre of the load in its link's frame, and the friction of each joint. The
+/// velocity in pihatdot is integrated by parts between ticks, because Yd is known at both ends.
 class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_adaptive";

@@ -27,8 +27,8 @@ struct Child {
 
 /// Settings of a start.
 struct StartOptions {
-  std::optional<sigset_t> mask;  ///< signals that the child blocks; empty: those of this thread
-  std::vector<int> cpus;         ///< CPUs on which it may execute; empty: those of this process
+  std::optional<sigset_t> mask;  ///< signals that the child blocks; empty: as this thread
+  std::vector<int> cpus;         ///< CPUs on which it may execute; empty: as this process
   int input = -1;                ///< descriptor that becomes its stdin; -1: /dev/null
   /// A process between the child and this one empties the child's pipe and never waits for this
   /// one. It keeps the newest 256 kB, drops what is older, and reports the number of dropped bytes

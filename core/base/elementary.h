@@ -1,12 +1,12 @@
 #pragma once
 
 /// Elementary functions that give the same bits on every processor. The C library chooses its own
-/// by the processor (with or without fused multiply-add) and changes them from version to version.
-/// These use additions, multiplications, divisions and integer operations alone, and IEEE 754
-/// fixes the result of each. Every value is within 1 ulp of the exact one. All code whose results
-/// go round the control loop or into a log uses these functions instead of those of <cmath>. (From
-/// <cmath> it may use sqrt, fmod, round, floor, ldexp, abs, copysign: they are exact or correctly
-/// rounded.)
+/// functions by the processor (with or without fused multiply-add) and changes them from version to
+/// version. These functions use additions, multiplications, divisions and integer operations alone,
+/// and IEEE 754 fixes the result of each. Every value is within 1 ulp of the exact one. All code
+/// whose results go round the control loop or into a log uses these functions instead of those of
+/// <cmath>. From <cmath> it may use sqrt, fmod, round, floor, ldexp, abs and copysign, which are
+/// exact or correctly rounded.
 namespace tachless::base {
 
 /// Returns the sine of `x` [rad]; NaN for an infinite `x`.

@@ -20,8 +20,8 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-/// Error that ends a program with `code` and one line on stderr: what, where, what to do.
-/// one_line() removes the line ends of names and values.
+/// Error that ends a program with `code` and one line on stderr. The line says what failed, where,
+/// and what to do. one_line() removes the line ends of names and values.
 class Failure : public std::runtime_error {
  public:
   Failure(ExitCode code, std::string_view what);

@@ -8,8 +8,8 @@
 
 #include "base/file_descriptor.h"
 
-/// Whole-file helpers: reads a file, writes a file so that nobody sees a half of it, makes a
-/// temporary directory. Knows no format.
+/// Whole-file helpers: reading a file, writing a file so that no process sees a half of it, and
+/// making a temporary directory. This header knows no format.
 namespace tachless::base {
 
 /// Longest text of a scenario or a URDF that is read, from files and from logs.
@@ -24,9 +24,9 @@ std::optional<std::string> file_text(const std::filesystem::path& path);
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
 
 /// A file that gets its name when it is complete. Until then, and if it never is, the earlier file
-/// stays. It has no name before, and a signal leaves nothing of it. Where the file system needs a
-/// name, that name (X.1a2b3c4d.partial) is random and is created exclusively: two writers of one
-/// file never share it. A pipe or a terminal is written to directly.
+/// stays. The new file has no name before, and a signal leaves nothing of the file. If the file
+/// system needs a name, that name (X.1a2b3c4d.partial) is random and is created exclusively: two
+/// writers of one file never share it. A pipe or a terminal is written to directly.
 class UnfinishedFile {
  public:
   /// @param remedy what to do if the file cannot be written: "name another file with -o"
@@ -36,18 +36,21 @@ class UnfinishedFile {
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
   ~UnfinishedFile();
 
-  /// The name to write to, for writers that open a file by its name.
+  /// Returns the name to write to, for writers that open a file by its name.
   [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : name_; }
 
-  /// Writes all of the content, and finishes. @throw as `finish`
+  /// Writes all of the content, and finishes.
+  /// @throw as `finish`
   void write(std::string_view content);
   /// Writes all of the content unless `path` exists by then.
-  /// @return false if another writer was first; its file stays  @throw as `finish`
+  /// @return false if another writer was first; its file stays
+  /// @throw as `finish`
   bool write_new(std::string_view content);
   /// Puts the complete and closed file in its place.
   /// @throw Failure(bad_usage) naming `path`, cause and remedy
   void finish();
 
+  /// Throws the failure of a write.
   /// @throw Failure(bad_usage) "<path>: cannot be written: <cause>; <remedy>"
   [[noreturn]] void refuse(std::string_view cause) const;
 

@@ -5,8 +5,8 @@
 
 namespace tachless::base {
 
-/// `json` as text, for every JSON that is written: bytes that are not UTF-8 (of a name of a file,
-/// of a message from the bus) become U+FFFD, where the library would throw.
+/// Returns `json` as text, for every JSON that is written. Bytes that are not UTF-8, such as a
+/// file's name or a text from the bus, become U+FFFD; the library would throw.
 /// @param indent spaces a level; -1: all on one line
 template <class Json>
 std::string json_text(const Json& json, int indent = -1) {

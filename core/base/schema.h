@@ -14,8 +14,8 @@
 
 #include "base/quantities.h"
 
-/// Named values: a struct that is filled from outside (a spec of the scenario, the gains of a law)
-/// declares, beside its members, one `Key` for each:
+/// Named values. A struct that is filled from outside, such as the gains of a law, declares one
+/// `Key` for each of its members:
 ///
 ///   struct Gains {
 ///     Vector kp;
@@ -43,19 +43,19 @@ struct Range {
            (max_open ? value < max : value <= max) &&
            (!whole || value == static_cast<double>(static_cast<long long>(value)));
   }
-  /// "in (0, 1]", ">= 0", "> 0"; empty when every finite number is allowed.
+  /// Returns e.g. "in (0, 1]", ">= 0", "> 0"; empty when every finite number is allowed.
   [[nodiscard]] std::string text() const;
 };
 
 inline constexpr Range positive{0, std::numeric_limits<double>::infinity(), true, false};
 inline constexpr Range not_negative{0, std::numeric_limits<double>::infinity(), false, false};
 
-// The names of an enum's values in files stand beside the enum, in its namespace and in
-// its order:
+// An enum declares the names of its values in files beside itself, in its namespace and in its
+// order:
 //   enum class Side { link, motor };
 //   constexpr std::array<std::string_view, 2> names(Side /*type*/) { return {"link", "motor"}; }
 
-/// @return the name of `value`; "?" when it has none.
+/// Returns the name of `value`; "?" when it has none.
 template <class Enum>
 constexpr std::string_view name_of(Enum value) {
   constexpr auto all = names(Enum());
@@ -63,7 +63,7 @@ constexpr std::string_view name_of(Enum value) {
   return at < all.size() ? all[at] : "?";
 }
 
-/// All values of an enum.
+/// Returns all values of an enum.
 template <class Enum>
 constexpr auto values_of() {
   std::array<Enum, names(Enum()).size()> all{};
@@ -71,7 +71,7 @@ constexpr auto values_of() {
   return all;
 }
 
-/// @return the value called `name`; nothing when there is none.
+/// Returns the value called `name`; nothing when there is none.
 template <class Enum>
 constexpr std::optional<Enum> value_of(std::string_view name) {
   for (const Enum value : values_of<Enum>()) {
@@ -82,10 +82,10 @@ constexpr std::optional<Enum> value_of(std::string_view name) {
 
 /// Default of a value that is not given.
 enum class Default {
-  required,   ///< nothing: it must be given
-  of_struct,  ///< what the struct initialises the member with
+  required,   ///< there is none: the value must be given
+  of_struct,  ///< the struct's own initial value
   of_joints,  ///< one number, for every joint
-  described,  ///< whoever uses the value decides; the member stays as the struct initialises it
+  described,  ///< the user of the value decides; the member stays as the struct initialises it
 };
 
 /// The declaration of one value. `Member` is the type of a data member, or a function type
@@ -106,19 +106,19 @@ struct Key {
                 std::string_view key_meaning = {})
       : name(key_name), member(filled), unit(key_unit), meaning(key_meaning) {}
 
-  /// The allowed numbers; for vectors and lists, of each entry.
+  /// Returns the key with these allowed numbers. For vectors and lists they hold for each entry.
   [[nodiscard]] constexpr Key in(Range allowed) const {
     Key key = *this;
     key.range = allowed;
     return key;
   }
-  /// May be left out: the member then keeps the struct's own initial value.
+  /// Returns the key of an optional value: the member then keeps the struct's own initial value.
   [[nodiscard]] constexpr Key by_default() const {
     Key key = *this;
     key.fallback = Default::of_struct;
     return key;
   }
-  /// May be left out: the vector then has this number for every joint.
+  /// Returns the key of an optional value: the vector then has this number for every joint.
   [[nodiscard]] constexpr Key by_default(double for_each_joint) const {
     static_assert(std::is_same_v<Member, Vector>, "others have their default in the struct");
     Key key = *this;
@@ -126,14 +126,14 @@ struct Key {
     key.each_joint = for_each_joint;
     return key;
   }
-  /// May be left out: what happens then, in words.
+  /// Returns the key of an optional value, with words for what happens without it.
   [[nodiscard]] constexpr Key by_default(std::string_view in_words) const {
     Key key = *this;
     key.fallback = Default::described;
     key.described_default = in_words;
     return key;
   }
-  /// `null` may be written, and gives an empty std::optional.
+  /// Returns the key of a value that may be `null`, which gives an empty std::optional.
   [[nodiscard]] constexpr Key or_null() const {
     Key key = *this;
     key.nullable = true;
@@ -153,14 +153,14 @@ constexpr void for_each_key(Visit&& visit) {
   std::apply([&](const auto&... key) { (visit(key), ...); }, Struct::keys);
 }
 
-/// A rule across several keys that a filled struct breaks: returned by its member function
-/// `std::optional<base::Refusal> refusal() const`, if it has one.
+/// A rule across several keys that a filled struct breaks. The struct's member function
+/// `std::optional<base::Refusal> refusal() const`, if it has one, returns it.
 struct Refusal {
   std::string key;      ///< "name", "map.name"
   std::string problem;  ///< "<value>; allowed: <…>"
 };
 
-// ---- what a member's type says ----------------------------------------------------------------
+// ---- shapes of members ------------------------------------------------------------------------
 
 enum class Shape {
   text,
@@ -190,7 +190,7 @@ struct ValueOf<std::optional<T>> : ValueOf<T> {};
 template <class T>
 struct ValueOf<void(T)> : ValueOf<T> {};
 
-/// True if `T` is made by `Template`: a list, an alternative.
+/// True if `T` is made by `Template`: a list or an alternative.
 template <template <class...> class Template, class T>
 inline constexpr bool is_made_by = false;
 template <template <class...> class Template, class... T>
@@ -216,7 +216,7 @@ constexpr Shape shape_of_member() {
   return Shape::map;
 }
 
-/// The shape of values of type `Member`; that of an optional is the shape of what it may hold.
+/// Shape of values of type `Member`. An optional has the shape of its content.
 template <class Member>
 inline constexpr Shape shape_of = shape_of_member<Member>();
 
@@ -225,7 +225,7 @@ inline constexpr Shape shape_of = shape_of_member<Member>();
 std::string allowed_text(Shape shape, const Range& range,
                          const std::vector<std::string_view>& choices, bool nullable);
 
-/// The names among which a value chooses; empty for what is no choice.
+/// Returns the names among which a value chooses; empty for a value that is no choice.
 template <class T>
 std::vector<std::string_view> choices_of(const T* /*type*/) {
   if constexpr (std::is_enum_v<T>) {

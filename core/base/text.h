@@ -31,9 +31,9 @@ std::string one_line(std::string_view text);
 /// these bytes are no UTF-8.
 std::size_t utf8_length(std::string_view text);
 
-/// Replaces by question marks whatever confuses a terminal or a JSON writer: control characters (up
-/// to U+001F and U+007F to U+009F) and bytes that are not UTF-8. Every line for people passes
-/// through this function.
+/// Replaces by question marks all that confuses a terminal or a JSON writer. This is control
+/// characters (up to U+001F and U+007F to U+009F) and bytes that are not UTF-8. Every line for
+/// people passes through this function.
 std::string printable(std::string_view text);
 
 /// Quotes a file's name for a shell: in '…' if necessary, with ./ before a leading dash.
@@ -56,7 +56,7 @@ std::string csv_field(std::string_view text);
 
 /// Returns the candidate that a misspelt or shortened `word` probably means; nothing if none is
 /// similar. Names may have parts, separated by dots. These are similar, the best first:
-/// - the same but for upper and lower case;
+/// - the same, except for upper and lower case;
 /// - `word` (two characters or more) is the beginning of the candidate, or its last parts:
 ///   "loria" for "loria_ortega_rigid", "kp" for "controller.gains.kp";
 /// - at most a third of `word`'s characters (at least one; two from four characters on) have to be

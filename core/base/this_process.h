@@ -8,16 +8,16 @@
 /// lasts until the process ends.
 namespace tachless::base {
 
-/// Lets signals set the returned flag that would otherwise end the process: SIGINT, SIGTERM,
-/// SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGUSR1, … and the real-time signals, not those of errors in
-/// the program. A waiting system call ends early.
+/// Makes signals that would otherwise end the process set the returned flag: SIGINT, SIGTERM,
+/// SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGUSR1, … and the real-time signals. Signals of errors in
+/// the program still end it. A waiting system call ends early.
 const std::atomic<bool>& catch_interruptions();
 
 /// Lowers the priority (nice 10) of this thread and of the threads that it starts later. A failure
 /// is ignored.
 void set_low_priority();
 
-/// The CPUs that this process may use, in ascending order; never empty.
+/// Returns the CPUs that this process may use, in ascending order; never empty.
 std::vector<int> allowed_cpus();
 
 /// Restricts this thread to these CPUs. Changes nothing if there are none.
@@ -35,8 +35,8 @@ void survive_broken_pipes();
 /// its number. For the start of a `main`.
 void open_standard_streams();
 
-/// Sends stdout and stderr to /dev/null from now on, each that cannot be written within a second:
-/// nobody reads the pipe, or the terminal is stopped.
+/// Sends stdout and stderr to /dev/null from now on if they cannot be written within a second. In
+/// that case nobody reads the pipe, or the terminal is stopped.
 void give_up_blocked_output();
 
 /// Forbids core dumps of this process, and forbids other processes of its user to trace it or to
@@ -55,7 +55,7 @@ void enter_private_network();
 std::filesystem::path program_directory();
 
 /// Returns the folder of scenarios/, templates and tachless_types.jar: share/tachless/ beside bin/.
-/// In a build directory also of the script that builds and tests the tree.
+/// In a build directory it is also the folder of the script that builds and tests the tree.
 std::filesystem::path shared_directory();
 
 }  // namespace tachless::base

@@ -4,8 +4,9 @@
 #include "robot/model.h"
 
 /// Mechanics of a constant model: inertia matrix by composite bodies, inverse dynamics by recursive
-/// Newton-Euler, forward dynamics, energy. Free functions of values, templates for the scalars
-/// double and Jet2. Nothing is allocated. Friction, springs and drives are not part of it.
+/// Newton-Euler, forward dynamics, energy. The functions are free functions of values, templates
+/// for the scalars double and Jet2. They allocate nothing. Friction, springs and drives are left
+/// out.
 ///
 /// C is the Christoffel one: Mdot - 2C is skew and C(q,x) y = C(q,y) x, so C(q,x) y is the
 /// polarisation of the quadratic term C(q,v) v that the recursion computes. With mimic joints,

@@ -23,10 +23,10 @@ using IncludedText = std::function<std::string(const std::string& file)>;
 bool is_mjcf(std::string_view text);
 
 /// Reads a MuJoCo model (MJCF) and returns the URDF with the same mechanics. Follows includes and
-/// applies the defaults of classes. Each body is a link with its body frame. Joints, inertials,
-/// masses of primitive geoms, ranges, damping, frictionloss, armature and force limits are read, a
-/// linear <equality><joint> becomes a mimic joint, and geoms of the groups 0 to 2 become visuals.
-/// A free body that carries no joint of an arm is left out, with a warning.
+/// applies the defaults of classes. Each body is a link with its body frame. Reads joints,
+/// inertials, masses of primitive geoms, ranges, damping, frictionloss, armature and force limits.
+/// A linear <equality><joint> becomes a mimic joint. Geoms of the groups 0 to 2 become visuals. A
+/// free body that carries no joint of an arm is left out, with a warning.
 /// @param source name of the file, for messages
 /// @throw std::invalid_argument, one line with file, line, element, value and remedy, for an
 /// unknown element or attribute, and for mechanics that a URDF cannot hold

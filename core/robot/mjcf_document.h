@@ -18,7 +18,7 @@ namespace tachless::robot {
 
 class MjcfDocument;
 
-/// Attributes of one element: its own, and those of its class that the element does not give.
+/// Attributes of one element: its own, and the attributes of its class that it does not give.
 class MjcfAttributes {
  public:
   using Values = std::map<std::string, std::string>;
@@ -29,7 +29,8 @@ class MjcfAttributes {
   [[nodiscard]] bool has(const std::string& name) const { return values_.contains(name); }
   [[nodiscard]] std::string text(const std::string& name, const std::string& otherwise = "") const;
   [[nodiscard]] double number(const std::string& name, double otherwise) const;
-  /// Returns the first of several coefficients from 0 on. Those of higher powers have to be 0.
+  /// Returns the first of several coefficients from 0 on. The coefficients of higher
+  /// powers have to be 0.
   [[nodiscard]] double coefficient(const std::string& name) const;
   /// Returns `least` to `most` numbers, or none if the attribute is not given.
   [[nodiscard]] std::vector<double> numbers(const std::string& name, std::size_t least,
@@ -38,8 +39,8 @@ class MjcfAttributes {
                                        const Eigen::Vector3d& otherwise) const;
   /// Returns true or false; `otherwise` for auto, and if the attribute is not given.
   [[nodiscard]] bool flag(const std::string& name, bool otherwise) const;
-  /// Returns the range `name` if it limits: the flag `limited` says so, or is auto and the range is
-  /// given.
+  /// Returns the range `name` if it is in force: the flag `limited` is true, or is auto and the
+  /// range is given.
   [[nodiscard]] std::optional<std::pair<double, double>> range(const std::string& name,
                                                                const std::string& limited) const;
   /// @throw std::invalid_argument "source: line N: <element> 'name': problem"
@@ -59,8 +60,8 @@ struct MjcfPose {
   MjcfPose operator*(const MjcfPose& inner) const { return {q * inner.q, p + q * inner.p}; }
 };
 
-/// An MJCF's elements with its includes in place, and the defaults of its classes. Checks the names
-/// of elements and attributes. Knows no mechanics.
+/// An MJCF's elements with included files in place, and the defaults of its classes. Checks the
+/// names of elements and attributes. Knows no mechanics.
 class MjcfDocument {
  public:
   /// @throw std::invalid_argument for malformed XML, a file that is included twice, and faults of
@@ -69,7 +70,8 @@ class MjcfDocument {
   MjcfDocument(const MjcfDocument&) = delete;
   MjcfDocument& operator=(const MjcfDocument&) = delete;
 
-  /// Returns the children of an element, those of included files in the place of <include>.
+  /// Returns the children of an element, with an included file's elements in the place of
+  /// <include>.
   [[nodiscard]] std::vector<const TiXmlElement*> children(const TiXmlElement& of) const;
   /// Returns the children of all sections of a name, such as "equality".
   [[nodiscard]] std::vector<const TiXmlElement*> in_sections(std::string_view section) const;

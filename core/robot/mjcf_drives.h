@@ -17,7 +17,7 @@ struct MjcfMimic {
   const TiXmlElement* equality = nullptr;
 };
 
-/// Returns the attributes of an actuator. Refuses one with armature or damping of its own.
+/// Returns the attributes of an actuator. Refuses an actuator with armature or damping.
 MjcfAttributes actuator_attributes(const MjcfDocument& document, const TiXmlElement& actuator);
 
 /// The actuators, tendons and equalities of an MJCF: force limits of joints, and mimic joints.
@@ -47,7 +47,8 @@ class MjcfDrives {
   const MjcfDocument& document_;
   std::map<std::string, double> efforts_;  ///< by joint
   std::map<std::string, MjcfMimic> mimics_;
-  std::vector<std::pair<std::string, const TiXmlElement*>> named_;  ///< joints, and who names them
+  /// joints, with the elements that name them
+  std::vector<std::pair<std::string, const TiXmlElement*>> named_;
   std::vector<std::string> warnings_;
 };
 

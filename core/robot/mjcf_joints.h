@@ -17,8 +17,9 @@ struct JointNumbers {
 /// Reads `armature`, `damping` and `frictionloss` of the named joints of a MuJoCo model, by name.
 /// Follows includes and applies the defaults of classes. Reads nothing else of the file.
 /// @param source the file's name, for messages
-/// @throw std::invalid_argument, one line, for a text that is no MJCF, an armature of an actuator,
-/// an unknown class, element or attribute, and a value that is no finite number from 0 on
+/// @throw std::invalid_argument, one line, for a text that is no MJCF and an armature of an
+/// actuator. Also for an unknown class, element or attribute, and a value that is negative or not
+/// finite
 std::map<std::string, JointNumbers> read_mjcf_joints(const std::string& text,
                                                      const std::string& source,
                                                      const IncludedText& included);

@@ -63,7 +63,7 @@ struct Frame {
   bool leaf = false;  ///< no joint, not even a fixed one, goes on from this link
 };
 
-/// A robot: a tree of revolute and prismatic joints, some of which may mimic others.
+/// A robot: a tree of revolute and prismatic joints. Some joints may mimic others.
 struct Model {
   /// Value of a limit that a joint does not have.
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
@@ -91,7 +91,7 @@ struct JointLabels {
   std::vector<std::string> length;  ///< "rad" or "m"
   std::vector<std::string> effort;  ///< "N m" or "N"
 
-  /// "joint 2 (elbow)"; counts from 0.
+  /// Returns e.g. "joint 2 (elbow)" for i = 1.
   [[nodiscard]] std::string joint(std::size_t i) const;
 };
 /// Returns the labels of all joints.
@@ -113,7 +113,7 @@ constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
 
 /// Options of reading a URDF.
 struct UrdfOptions {
-  CheckInertia check_inertia = CheckInertia::refuse;  ///< of a body that cannot have its inertia
+  CheckInertia check_inertia = CheckInertia::refuse;  ///< for a body with an impossible inertia
   std::map<std::string, double> locked;  ///< joints fixed at a position [rad; m]; no coordinates
   Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero();  ///< of the root link in the world [rad]
   Eigen::Vector3d base_xyz = Eigen::Vector3d::Zero();  ///< its origin there [m]
@@ -130,15 +130,17 @@ std::string urdf_mechanics(const std::string& text, const std::string& source);
 ///
 /// Coordinates and bodies are numbered depth-first from the root, the children of a link in the
 /// order of their joints in the file. A mimic joint adds a body, not a coordinate. Its limits are
-/// not read; its damping and friction are added to those of the joint that drives it. Links behind
-/// fixed and locked joints are merged into the body that carries them. The inertia of the merged
-/// body is checked, unless it is fixed to the ground. An effort or velocity limit of 0 or below
-/// means none. Visuals, collisions, safety controllers and transmissions are not read.
-/// @throw std::invalid_argument in one line naming source, link or joint, value and remedy: XML or
-/// URDF that does not parse, remains of xacro, duplicated or unknown names, links that are no tree,
-/// joints of other types, a mimic cycle, an axis of zero length, limits that enclose nothing, more
-/// than `max_joints` coordinates or `max_bodies` bodies, and inertias no body can have, all of them
-/// at once, unless `check_inertia` is `warn`. Does not look at the inertia matrix.
+/// not read. Its damping and friction add to those of the joint that drives it. Links behind fixed
+/// and locked joints are merged into the body that carries them. The inertia of the merged body is
+/// checked, unless it is fixed to the ground. An effort or velocity limit of 0 or below means none.
+/// Visuals, collisions, safety controllers and transmissions are not read. The inertia matrix is
+/// not checked.
+/// @throw std::invalid_argument in one line naming source, link or joint, value and remedy. Errors
+/// of the text: XML or URDF that does not parse, remains of xacro, duplicated or unknown names.
+/// Errors of the tree: links that are no tree, joints of other types, a mimic cycle, an axis of
+/// zero length, limits that enclose nothing. Too many: above `max_joints` coordinates or
+/// `max_bodies` bodies. Impossible inertias are named all at once, unless `check_inertia` is
+/// `warn`.
 Model read_urdf(const std::string& text, const std::string& source,
                 const UrdfOptions& options = {});
 
@@ -162,15 +164,16 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// Returns the leaf link farthest from the root, which usually carries the tool: farthest by moving
-/// joints, then by distance along the joints' origins at q = 0. Of several links at one place it
-/// returns the first by name. Links at different places, such as fingers, are all returned.
+/// Returns the leaf link farthest from the root, which usually carries the tool. The distance
+/// counts moving joints first, then metres along the joints' origins at q = 0. If several links are
+/// at one place, the first by name is returned. Links at different places, such as fingers, are all
+/// returned.
 std::vector<std::string> farthest_leaves(const Model& model);
 
 /// Returns the model with a payload fixed to `link` and given in the link's frame. Default link:
 /// the only one of `farthest_leaves`.
-/// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
-/// it does not move, or the default is ambiguous: equally far links at different places.
+/// @throw std::invalid_argument for a mass that is negative or not finite, an unknown link, a link
+/// that does not move, or an ambiguous default.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});
 
 }  // namespace tachless::robot

@@ -18,7 +18,7 @@ const ElementRule* rule_of(std::string_view element);
 /// Returns whether the name is that of an attribute with mechanics in it, such as rpy.
 bool is_mechanics(std::string_view attribute);
 
-/// Names of the children of <robot> that URDF or a known dialect has.
+/// Returns the names of the children of <robot> that URDF or a known dialect has.
 const std::vector<std::string_view>& robot_children();
 
 }  // namespace tachless::robot

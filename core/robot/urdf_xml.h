@@ -60,14 +60,14 @@ struct UrdfTree {
 
 /// Reads a URDF's XML.
 /// @param locked joints that are to be fixed; their type may be any, at position 0
-/// @throw std::invalid_argument on malformed XML, remains of xacro, duplicated, missing or unknown
-/// names, unsupported types, values that are no finite number, and links that are not one tree
+/// @throw std::invalid_argument on malformed XML, remains of xacro, or duplicated, missing or
+/// unknown names. Also on unsupported types, values that are no finite number, and links that are
+/// not one tree
 UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
                        const std::map<std::string, double>& locked);
 
-/// Returns a line for each number that a URDF may have and that is improbable: effort or velocity
-/// limits of 0, degrees, millimetres, grams, a radius of gyration beyond the link, mass without
-/// inertia.
+/// Returns a line for each number that a URDF may have and that is improbable: limits of 0,
+/// degrees, millimetres, grams, a radius of gyration beyond the link, mass without inertia.
 /// @throw std::invalid_argument as `read_urdf_xml`
 std::vector<std::string> improbable_numbers(const std::string& text, const std::string& source,
                                             const std::map<std::string, double>& locked);
@@ -85,9 +85,9 @@ std::string urdf_with_inertials(const std::string& text,
 /// Returns an empty text if it is not.
 std::string why_too_large(std::string_view text);
 
-/// Returns the line of the first markup below `node` that is no element, text or comment, such as
-/// `<&axis …>` or `<?axis …>`: the parser passes it over. Returns 0 if there is none. A document
-/// may have a document type and instructions beside its root.
+/// Returns the line of the first markup below `node` that is no element, text or comment; 0 if
+/// there is none. The parser passes over such markup, for example `<&axis …>` or `<?axis …>`. A
+/// document may have a document type and instructions beside its root.
 int line_of_unread_markup(const TiXmlNode& node);
 
 /// Returns true if a link or joint may have this name (not empty). Names get into files, pages and

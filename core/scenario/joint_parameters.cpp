@@ -54,7 +54,7 @@ JointParameters read_yaml(const std::string& text, const std::string& source) {
   return parameters;
 }
 
-/// The map at `path` below `root`, made where there is none, also of "rigid" alone.
+/// Returns the map at `path` below `root`. Creates missing maps, and replaces a bare "rigid".
 YamlNode* map_at(YamlNode& root, const std::vector<std::string>& path) {
   YamlNode* node = &root;
   for (const std::string& name : path) {

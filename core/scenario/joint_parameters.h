@@ -16,7 +16,8 @@ using JointParameters = std::map<std::string, robot::JointNumbers>;
 
 /// Reads the numbers of the tree's file, by joint. Removes the key from the tree, whose text then
 /// needs no file (`add_joint_parameters`). Returns nothing if the tree names no file.
-/// @param scenario for complaints @param directory of the scenario
+/// @param scenario for complaints
+/// @param directory of the scenario
 /// @throw Failure(bad_usage) when the file cannot be read or has other contents
 JointParameters take_joint_parameters(YamlNode& root, const Scenario& scenario,
                                       const std::filesystem::path& directory);

@@ -10,8 +10,9 @@
 /// The table of `reference: {file: …}`.
 namespace tachless::scenario {
 
-/// Writes the digest of the table that the tree names into the tree, where it is not given.
-/// @param scenario for complaints @param directory of the scenario
+/// Writes the digest of the table that the tree names into the tree, if the tree has none.
+/// @param scenario for complaints
+/// @param directory of the scenario
 /// @throw Failure(bad_usage) when the table cannot be read
 void pin_motion(YamlNode& root, const Scenario& scenario, const std::filesystem::path& directory);
 
@@ -22,7 +23,8 @@ void pin_motion(YamlNode& root, const Scenario& scenario, const std::filesystem:
 void read_motion(Scenario& scenario, const std::filesystem::path& directory);
 
 /// Returns a spline through the rows of a table (docs/trajectories.md).
-/// @param source the file's name @param file which column is the time, and its unit
+/// @param source the file's name
+/// @param file which column is the time, and its unit
 /// @throw std::invalid_argument "source:line: …" for a field that is no number, times that do not
 /// increase, missing columns, and positions or speeds beyond the model's limits
 reference::trajectory::WaypointSpline parse_motion(

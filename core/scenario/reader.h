@@ -14,36 +14,38 @@
 #include "scenario/scenario.h"
 #include "scenario/yaml_tree.h"
 
-/// From a tree of YAML to any struct with keys (core/base/schema.h); a key that the struct does not
-/// declare is refused. Knows no rule between structs (scenario_rules.cpp).
+/// Reading of any struct with keys (core/base/schema.h) from a tree of YAML. A key that the struct
+/// does not declare is refused. This header knows no rule between structs (scenario_rules.cpp).
 namespace tachless::scenario {
 
-/// A value, or the lack of it, and where it stands in the scenario.
+/// A value, or a missing value, and its place in the scenario.
 struct Place {
   const Scenario& scenario;  ///< for lines, and for the number of joints
   const YamlNode* node;      ///< null: not given
   std::string path;          ///< "loop.period_s"; empty for the whole scenario
 
-  /// The value of `name` in this map. @throw Failure(bad_usage) when this is given and no map.
+  /// Returns the place of `name` in this map.
+  /// @throw Failure(bad_usage) when the value of this place is given and is no map.
   [[nodiscard]] Place child(std::string_view name) const;
   [[nodiscard]] base::Failure complaint(const std::string& problem) const {
     return scenario.complaint(path, problem);
   }
 };
 
-/// Thrown for an invalid value; holds its text. Made only when it is needed: a message about an
-/// entry of a list shows the list, which may be long.
+/// Error of an invalid value, with the value's text. The text is made only when it is needed: a
+/// message about an entry of a list shows the list, which may be long.
 struct InvalidValue {
   std::string value;
 };
 
-/// A value as it is written, and what it has to be.
+/// A value as it is written, and its allowed numbers.
 struct Written {
   const YamlNode& node;
   const base::Range& range;  ///< of each number in it
   int num_joints;
 };
 
+/// Reads a value.
 /// @throw InvalidValue.
 void read_value(const Written& written, std::string& to);
 void read_value(const Written& written, bool& to);
@@ -51,7 +53,7 @@ void read_value(const Written& written, double& to);
 void read_value(const Written& written, std::int64_t& to);
 void read_value(const Written& written, Vector& to);
 void read_value(const Written& written, std::vector<double>& to);
-/// A vector of joints, or a matrix with a list per joint, which becomes one vector, row by row.
+/// Reads a vector of joints, or a matrix as a list per joint, which becomes one vector, row by row.
 void read_vector_or_matrix(const Written& written, Vector& to);
 void read_value(const Written& written, std::vector<Vector>& to);
 template <class Value>
@@ -68,11 +70,12 @@ void read_value(const Written& written, Value& to) {
   }
 }
 
-/// @throw Failure(bad_usage) when the map at `place`, if one is given, has a key that is not among
-/// `names`: with its right section, the nearest key or all of them.
+/// Refuses unknown keys of the map at `place`, if one is given.
+/// @throw Failure(bad_usage) when a key is not among `names`. The message names its right section,
+/// the nearest key, or all keys.
 void require_known(const Place& place, const std::vector<std::string_view>& names);
 
-/// The same for the keys of `Struct`.
+/// Refuses the keys that `Struct` does not declare.
 template <class Struct>
 void require_known_keys(const Place& place) {
   std::vector<std::string_view> names;
@@ -80,24 +83,25 @@ void require_known_keys(const Place& place) {
   require_known(place, names);
 }
 
-/// The only one of `names` that the map at `place` has; or, if `first_by_name`, the first of them,
-/// which may be given by its name alone, or not at all.
-/// @throw InvalidValue; Failure(bad_usage) when the map has none of them or several.
+/// Returns the only one of `names` that the map at `place` has. If `first_by_name`, the first of
+/// them may be given by its name alone, or not at all.
+/// @throw InvalidValue
+/// @throw Failure(bad_usage) when the map has none of them or several.
 std::string_view read_alternative(const Place& place, const std::vector<std::string_view>& names,
                                   bool first_by_name);
 
 template <class Struct>
 void read(const Place& place, Struct& to);
 
-/// Reads a value into `to`, from `place`, which has one (but for alternatives).
-/// @throw InvalidValue when it is not what `key` allows, Failure(bad_usage) for what is inside of
-/// it.
+/// Reads the value at `place` into `to`. Only an alternative may be missing there.
+/// @throw InvalidValue when `key` does not allow the value
+/// @throw Failure(bad_usage) for an error inside of the value.
 template <class Key, class Value>
 void read_place(const Place& place, const Key& key, Value& to) {
   read_value({*place.node, key.range, place.scenario.num_joints}, to);
 }
 
-/// A map whose keys are names of the user's choice.
+/// Reads a map whose keys are names of the user's choice.
 template <class Key, class Entry>
 void read_place(const Place& place, const Key& key, std::map<std::string, Entry>& to) {
   if (place.node->kind != YamlNode::Kind::map) throw InvalidValue{emit_line(*place.node)};
@@ -116,7 +120,7 @@ void read_place(const Place& place, const Key& key, std::map<std::string, Entry>
   }
 }
 
-/// A list of maps.
+/// Reads a list of maps.
 template <class Key, class Struct>
 requires base::has_keys<Struct>
 void read_place(const Place& place, const Key& /*key*/, std::vector<Struct>& to) {
@@ -129,8 +133,8 @@ void read_place(const Place& place, const Key& /*key*/, std::vector<Struct>& to)
   }
 }
 
-/// One of several structs: a map with the name of one, or the name of the first alone if that is
-/// the default.
+/// Reads one of several structs: a map with the name of one, or the name of the first alone if it
+/// is the default.
 template <class Key, class... T>
 void read_place(const Place& place, const Key& key, std::variant<T...>& to) {
   const std::string_view chosen =
@@ -145,7 +149,7 @@ void read_place(const Place& place, const Key& key, std::variant<T...>& to) {
   (read_if_chosen(T{}), ...);
 }
 
-/// Fills the member of `key`, from `place` or with its default.
+/// Fills the member of `key` from `place` or with its default.
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
 template <class Struct, class Member>
 void read_key(const Place& place, const base::Key<Struct, Member>& key,
@@ -183,7 +187,7 @@ void read_key(const Place& place, const base::Key<Struct, Member>& key,
   }
 }
 
-/// Fills all members of `to` that have keys, and asks it for rules that it breaks.
+/// Fills all members of `to` that have keys, and asks `to` for rules that it breaks.
 /// @throw Failure(bad_usage) as `read_key`.
 template <class Struct>
 void read(const Place& place, Struct& to) {

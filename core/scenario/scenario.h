@@ -54,8 +54,8 @@ struct CompensationSpec {
   bool gravity = false;
   bool coriolis = false;
   double friction = 0;           ///< share that it cancels, 0 to 1
-  std::vector<double> base_rpy;  ///< of its own model [rad]; empty: that of robot.base
-  std::string urdf_path;         ///< of its own model, as written; empty: robot.urdf
+  std::vector<double> base_rpy;  ///< base of its own model [rad]; empty: robot.base
+  std::string urdf_path;         ///< path of its own model, as written; empty: robot.urdf
 
   /// Returns true if the arm adds a torque of its own model.
   [[nodiscard]] bool adds_torque() const { return gravity || coriolis; }
@@ -91,7 +91,7 @@ struct RobotSpec {
   std::string name = "arm";
   std::string channel_prefix = "ARM";  ///< name in upper case
   std::string urdf_path;               ///< as written in the scenario
-  /// robot::urdf_mechanics of the file, followed by that of controller.urdf if there is one
+  /// robot::urdf_mechanics of the file, then of controller.urdf if there is one
   std::string urdf_text;
   robot::CheckInertia check_inertia = robot::CheckInertia::refuse;
   std::map<std::string, std::string> xacro;  ///< arguments of a urdf_path that ends in .xacro
@@ -221,7 +221,8 @@ struct Scenario {
   /// Robot of controller.urdf; null without that key: the law's model is the plant's.
   std::shared_ptr<const robot::Model> believed_model;
   int num_joints = 0;
-  std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
+  /// YAML with `--set` applied: parse(text, urdf_text) gives this scenario again
+  std::string text;
   std::int64_t digest = 0;  ///< of text and URDF
   std::string source;       ///< file name for messages
   /// "controller.gains.kp" -> "<file>:<line>", or the "--set <key=value>" that gave its value
@@ -297,8 +298,8 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
 robot::Model with_payload(const Scenario& scenario, robot::Model model);
 
-/// Returns the model whose torques the arm's own controller adds: that of
-/// robot.compensates.urdf, which is read now, else the plant's. Its gravity is that of
+/// Returns the model whose torques the arm's own controller adds. It is the model of
+/// robot.compensates.urdf, which is read now, or else the plant's. Its gravity is by
 /// robot.compensates.base_rpy.
 /// @throw Failure(bad_usage) when the file cannot be read or has other joints
 robot::Model own_model(const Scenario& scenario);

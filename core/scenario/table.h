@@ -19,33 +19,38 @@ inline constexpr std::size_t max_table_rows = 5'000'000;
 /// % are comments; a # after a blank or a separator begins a comment too.
 class Table {
  public:
-  /// Reads the first row. @param text has to outlive the table @param source the file's name
+  /// Reads the first row.
+  /// @param text has to outlive the table
+  /// @param source the file's name
   /// @throw std::invalid_argument "source:line: …", as every function here
   Table(std::string_view text, std::string source);
 
-  /// Names of the columns; empty where the first row has numbers.
+  /// Returns the names of the columns; empty where the first row has numbers.
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
-  /// How many columns the table has.
+  /// Returns the number of columns.
   [[nodiscard]] std::size_t width() const { return width_; }
-  /// Line of the row, from 1 on.
+  /// Returns the line of the row, from 1 on.
   [[nodiscard]] std::size_t line() const { return row_line_; }
 
-  /// The index of the only column of that name.
+  /// Returns the index of the only column of that name.
   [[nodiscard]] std::size_t column(std::string_view name) const;
-  /// The index of a column given by its name or by its number from 1 on.
+  /// Returns the index of a column given by its name or by its number from 1 on.
   [[nodiscard]] std::size_t column_by_name_or_number(const std::string& given) const;
-  /// The index of the column for the time: `chosen`, or the only one with a usual name of the time
-  /// (time, time_s, t_s, t, timestamp, __time, time_from_start; capitals and a unit in brackets do
-  /// not matter), or the first where there are no names.
+  /// Returns the index of the column for the time: `chosen`, or the only column with a usual name
+  /// of the time. Usual names are time, time_s, t_s, t, timestamp, __time and time_from_start;
+  /// capitals and a unit in brackets do not matter. In a table without names it is the first
+  /// column.
   /// @param has_scale false: a unit other than seconds is refused
   [[nodiscard]] std::size_t time_column(const std::string& chosen, bool has_scale) const;
 
-  /// Moves to the next row of numbers. @return false at the end
+  /// Moves to the next row of numbers.
+  /// @return false at the end
   bool next();
-  /// The number in a field of the row. @throw also for an empty field
+  /// Returns the number in a field of the row.
+  /// @throw also for an empty field
   [[nodiscard]] double number(std::size_t column) const;
 
-  /// The text of a field of the row, without its quotes.
+  /// Returns the text of a field of the row, without its quotes.
   [[nodiscard]] const std::string& text(std::size_t column) const { return fields_[column]; }
 
   [[noreturn]] void refuse(const std::string& problem) const;

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-/// A YAML document as a plain value that remembers where each part came from. Strict where
-/// yaml-cpp is not: a key given twice, a tag, a second document and control characters are errors.
+/// A YAML document as a plain value that remembers where each part came from. It is stricter than
+/// yaml-cpp: a key given twice, a tag, a second document and control characters are errors.
 namespace tachless::scenario {
 
 struct YamlNode {
@@ -20,12 +20,13 @@ struct YamlNode {
   /// "file:line" of the key or the list's entry, or the "--set …" that gave it
   std::string where = {};
 
-  /// The value of `key`; nullptr when this is not a map or has no such key.
+  /// Returns the value of `key`; nullptr when this is no map or has no such key.
   [[nodiscard]] const YamlNode* find(std::string_view key) const;
   [[nodiscard]] YamlNode* find(std::string_view key) {
     return const_cast<YamlNode*>(std::as_const(*this).find(key));
   }
-  /// Adds a key to a map. @return its value, which is null
+  /// Adds a key to a map.
+  /// @return its value, which is null
   YamlNode& add(std::string key);
 };
 
@@ -33,19 +34,19 @@ struct YamlNode {
 /// @throw Failure(bad_usage): "source:line: …".
 YamlNode parse_yaml(std::string_view text, const std::string& source);
 
-/// Applies "key.path=value" to a map: the value (YAML) takes the place of what is there, whatever
-/// it is; keys on the way are created.
+/// Applies "key.path=value" to a map. The value (YAML) replaces whatever is there. Missing keys of
+/// the path are created.
 /// @throw Failure(bad_usage): "--set key.path=value: …".
 void apply_override(YamlNode& root, const std::string& assignment);
 
-/// "key=text" for `apply_override`, in quotes where YAML needs them.
+/// Returns "key=text" for `apply_override`, in quotes where YAML needs them.
 std::string text_override(std::string_view key, const std::string& text);
 
-/// YAML text of the tree: block maps, flow lists, scalars character for character as they were
-/// written. Parsing it gives the same tree again, but for lines.
+/// Returns YAML text of the tree: block maps, flow lists, scalars character for character as they
+/// were written. Parsing the text gives the same tree again, except for lines.
 std::string emit_yaml(const YamlNode& node);
 
-/// The same on one line, shortened to about 80 characters, for messages.
+/// Returns the same text on one line, shortened to about 80 characters, for messages.
 std::string emit_line(const YamlNode& node);
 
 }  // namespace tachless::scenario

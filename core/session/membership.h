@@ -24,7 +24,7 @@ namespace tachless::session {
 ///
 /// A process is believed only if it answers one of this process's last announcements
 /// (core/session/peers.h). A recording therefore has one effect only: announcements name its
-/// sender, who may answer. On a bus without a key, a process that uses no counters is believed
+/// sender, which may answer. On a bus without a key, a process that uses no counters is believed
 /// without an answer.
 ///
 /// The plant chooses the run. The others adopt the run from the plant's announcement if the digests

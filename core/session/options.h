@@ -23,6 +23,7 @@ class Option;
 /// programs.
 namespace tachless::session {
 
+/// Bus of this host alone.
 inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0";
 
 /// Returns the path of a scenario or URDF file: `given` if it exists, else an installed file. An

@@ -11,8 +11,10 @@ bool Peers::is_new(const messages::Participant& who) const {
   const auto known = std::ranges::find(peers_, who.instance, instance_of);
   if (known == peers_.end()) return true;
   if (known->lived && who.role != known->participant.role) return false;
-  return who.counter > known->counter ? known->counter > 0 || !known->lived
-                                      : who.counter == 0 && known->counter == 0;
+  // A process that has proven to be alive keeps counting, or keeps not counting.
+  const bool counts_on = who.counter > known->counter && (known->counter > 0 || !known->lived);
+  const bool never_counts = who.counter == 0 && known->counter == 0;
+  return counts_on || never_counts;
 }
 
 std::optional<Peers::Time> Peers::answered(const messages::Participant& who, Time now) const {
@@ -107,7 +109,9 @@ const Peers::Peer* Peers::to_acknowledge(messages::Role role, bool holders_only)
   const std::size_t preferred = holders_only || counter_ % 2 == 0 ? size[1] > 0 : size[0] == 0;
   std::int64_t turn = size[preferred] > 0 ? counter_ / 2 % size[preferred] : 0;
   for (const Peer& each : peers_) {
-    if (each.participant.role == role && group_of(each) == preferred && turn-- == 0) return &each;
+    if (each.participant.role != role || group_of(each) != preferred) continue;
+    if (turn == 0) return &each;
+    --turn;
   }
   return nullptr;
 }

@@ -80,8 +80,9 @@ class Peers {
   /// Subtracts the time for which this process was suspended from the silence of others.
   void excuse(std::chrono::nanoseconds suspended);
 
-  /// Sets the next counter and the acknowledged process of each role. Every other time the process
-  /// is a holder, or one that has proven to be alive. In between, the other processes take turns.
+  /// Sets the next counter and the acknowledged process of each role. Every other time that process
+  /// is a holder, or a process that has proven to be alive. In between, the other processes take
+  /// turns.
   /// @param holders_only this process is ending, so only the run's members still have to believe it
   void fill_acknowledgements(messages::Participant& mine, bool holders_only, Time now);
 

@@ -176,7 +176,7 @@ class MissedCommandMonitor {
 
   /// Ends the tick.
   void end();
-  /// Counts ticks that passed before the next `begin` as ones without a command.
+  /// Counts ticks that passed before the next `begin` as ticks without a command.
   void skip(std::int64_t ticks);
 
   /// Returns the number of ticks without a command.

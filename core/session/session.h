@@ -137,7 +137,7 @@ class Session {
   /// @return whether one arrived
   bool receive(Time deadline);
   /// Makes `attend` call `each` once a `period` from now on, for a process that has to keep
-  /// something going until it ends. An empty function ends that.
+  /// something going until it ends. An empty function ends these calls.
   void while_attending(std::chrono::nanoseconds period, std::function<void()> each);
   /// Handles the announcements that arrive before the deadline, or until it is `over`.
   void attend(

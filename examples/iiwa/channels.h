@@ -13,8 +13,7 @@
 
 namespace tachless::iiwa {
 
-inline constexpr const char* status_channel = "IIWA_STATUS";
-inline constexpr const char* command_channel = "IIWA_COMMAND";
+inline constexpr const char *status_channel = "IIWA_STATUS", *command_channel = "IIWA_COMMAND";
 
 /// A socket that publishes one type of message and receives another.
 template <class Sent, class Heard>
@@ -31,9 +30,7 @@ class Channels {
     transport_.publish(send_to_, bytes_);
   }
 
-  /// Waits for a message until `deadline` and takes the newest received one. Damaged messages are
-  /// ignored.
-  /// @return whether a message arrived
+  /// Waits until `deadline` and takes the newest message that is not damaged; false: none arrived.
   bool receive(Heard& message, base::Clock::time_point deadline) {
     bool heard = false;
     do {  // a signal ends a wait before the deadline
@@ -48,8 +45,7 @@ class Channels {
   }
 
  private:
-  /// Decodes the bytes into `next_`.
-  /// @return whether they are a message
+  /// Decodes the bytes into `next_`; false: they are no message.
   bool decode(std::span<const std::byte> bytes) try {
     const auto size = static_cast<int>(bytes.size());
     return next_.decode(bytes.data(), 0, size) == size;

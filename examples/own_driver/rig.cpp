@@ -7,13 +7,9 @@
 #include <tachless/robot/dynamics.h>
 
 namespace tachless::own_driver {
-namespace {
 
-constexpr double step_s = 1e-4;
-constexpr double brake_time_constant_s = 0.02;
+constexpr double step_s = 1e-4, brake_time_constant_s = 0.02;
 constexpr double count = 2 * std::numbers::pi / (1 << 20);
-
-}  // namespace
 
 Rig::Rig(const robot::Model& model)
     : model_(model), q_(Vector::Zero(model.num_joints)), v_(q_), tau_(q_), now_(Clock::now()) {}

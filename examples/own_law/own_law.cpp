@@ -1,93 +1,59 @@
-// A controller program with a user's own control law: docs/install.md. `MyLaw` holds the code
-// specific to the law, equations and declarations.
-
-#include <array>
-#include <string_view>
-#include <tuple>
-#include <utility>
-
-#include <tachless/base/schema.h>
-#include <tachless/controller/law/law.h>
+// A controller program with a law of one's own: docs/own_law.md.
+#include <tachless/controller/law/parts.h>
 #include <tachless/controller/program.h>
-#include <tachless/robot/dynamics.h>
-#include <tachless/robot/model.h>
 
 using namespace tachless;
+using namespace controller::law;
 
 namespace {
 
-/// Loria and Ortega's law for rigid joints, from positions alone:
-///
-///   tau = ID(q, v_ref, a_ref) - Kp e - Kd nu,   nudot = -A nu + B edot,   e = q - q_ref,
-///
-/// with a backward Euler filter: nu_k = (nu_{k-1} + B (e_k - e_{k-1})) / (1 + A h).
-class MyLaw {
+// The scenario's controller.gains: names, units, meaning. All are above 0.
+struct MyGains {
+  Vector kp, kd, a, b;
+
+  static constexpr std::tuple keys{
+      gain("kp", &MyGains::kp, "N m/rad", "Weight of the position error"),
+      gain("kd", &MyGains::kd, "N m s/rad", "Weight of the filter output"),
+      gain("a", &MyGains::a, "1/s", "Filter pole"), gain("b", &MyGains::b, "1/s", "Filter gain")};
+};
+
+/// Loria and Ortega's law for rigid joints, tau = ID(q, v_ref, a_ref) - Kp e - Kd nu, with a
+/// backward Euler filter nu_k = (nu_{k-1} + B (e_k - e_{k-1})) / (1 + A h).
+class MyLaw : public RigidLaw<MyGains> {
  public:
   // Texts that report, info and error messages print.
-  static constexpr std::string_view name = "my_law";
-  static constexpr std::array signals = {messages::Signal{"error", "rad"},
-                                         messages::Signal{"nu", "rad/s"}};
-  static constexpr std::string_view source = "own work";
-  static constexpr std::string_view proved = "nothing yet";
-  static constexpr std::string_view conditions = "none known";
-  static constexpr bool regulation_only = false;
-  static constexpr bool has_feedforward_lead = false;
+  static constexpr std::string_view name = "my_law", source = "own work";
+  static constexpr std::string_view proved = "nothing yet", conditions = "none known";
+  static constexpr std::array signals = {Signal{"error", "rad"}, Signal{"nu", "rad/s"}};
 
-  // The measurement, which is all that the law receives.
-  using Measurement = messages::PositionMeasurement;
-  using Robot = robot::Model;
+  using Measurement = messages::PositionMeasurement;  // all that the law receives
 
-  // The scenario's controller.gains: names, units, allowed values.
-  struct Gains {
-    Vector kp, kd, a, b;
-
-    static constexpr std::tuple keys{
-        base::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(base::positive),
-        base::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(base::positive),
-        base::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(base::positive),
-        base::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(base::positive)};
-  };
-
-  // The memory between ticks.
-  struct Memory {
-    Vector nu;          // [rad/s]
-    Vector e_previous;  // [rad]
-
+  struct Memory {           // kept between ticks
+    Vector nu, e_previous;  // [rad/s], [rad]
     static constexpr std::tuple members{&Memory::nu, &Memory::e_previous};
   };
 
-  MyLaw(Robot model, Gains gains, const controller::law::Settings& settings)
-      : model_(std::move(model)), gains_(std::move(gains)), period_s_(settings.period_s) {}
+  using LawOf::LawOf;
 
-  [[nodiscard]] Memory start(const Measurement& measurement,
-                             const messages::ReferencePoint& reference) const {
-    const Vector e = measurement.q - reference.q_ref;
-    return {Vector::Zero(e.size()), e};
+  Memory start(const Measurement& measured, const ReferencePoint& reference) const {
+    return {Vector::Zero(measured.q.size()), measured.q - reference.q_ref};
   }
 
   /// Computes the command; called once per period. The caller interpolates lost measurements.
-  [[nodiscard]] controller::law::Step<Memory> step(
-      const Memory& memory, const Measurement& measurement,
-      const messages::ReferencePoint& reference) const {
-    const Vector e = measurement.q - reference.q_ref;
-    const Vector shrinks = (1 + gains_.a.array() * period_s_).inverse();
+  Step<Memory> step(const Memory& memory, const Measurement& measured,
+                    const ReferencePoint& reference) const {
+    const auto [v_ref, a_ref] = ahead(reference);
+    const Vector e = measured.q - reference.q_ref,
+                 growth = 1 + gains_.a.array() * settings_.period_s;
     const Vector nu =
-        shrinks.cwiseProduct(memory.nu + gains_.b.cwiseProduct(e - memory.e_previous));
-    controller::law::Step<Memory> result{{nu, e}, {}, {}};
-    result.command.tau =
-        robot::inverse_dynamics(model_, measurement.q, reference.v_ref, reference.a_ref) -
-        gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
-    result.signals = {signals.size(), {e, nu}};
-    return result;
+        (memory.nu + gains_.b.cwiseProduct(e - memory.e_previous)).cwiseQuotient(growth);
+    const Vector tau = robot::inverse_dynamics(robot_, measured.q, v_ref, a_ref) -
+                       gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
+    return {{nu, e}, {tau}, {signals.size(), {e, nu}}};
   }
-
- private:
-  Robot model_;
-  Gains gains_;
-  double period_s_;
 };
 
-static_assert(controller::law::OutputFeedbackLaw<MyLaw>);
+static_assert(OutputFeedbackLaw<MyLaw>);
 
 }  // namespace
 

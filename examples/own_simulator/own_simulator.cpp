@@ -1,79 +1,18 @@
-// Mechanics in the emulator's place: docs/plant.md. Semi-implicit Euler steps move the scenario's
-// arm beside a wall, which pushes its tip back like a spring with damping.
-
-#include <algorithm>
-#include <cmath>
+// Mechanics in the emulator's place: docs/plant.md.
 
 #include <tachless/plant/node.h>
 #include <tachless/plant/plant_model.h>
-#include <tachless/plant/simulator.h>
-#include <tachless/robot/dynamics.h>
-#include <tachless/robot/kinematics.h>
 #include <tachless/session/options.h>
 #include <tachless/session/run_role.h>
+#include "arm_at_a_wall.h"
 
 using namespace tachless;
-
-namespace {
-
-constexpr double longest_step_s = 1e-4;
-constexpr double wall_m = 0.3, stiffness_N_per_m = 2e4, damping_Ns_per_m = 200;
-
-class ArmAtAWall final : public plant::Simulator {
- public:
-  explicit ArmAtAWall(const robot::Model& model)
-      : model_(model), tip_(model.frames.at("tip")), braking_(Vector::Zero(model.num_joints)) {}
-
-  void reset(const plant::ArmState& initial) override {
-    q_ = initial.q;
-    v_ = initial.v;
-    braking_.setZero();
-    now_s_ = 0;
-  }
-
-  plant::ArmState state() override {
-    plant::ArmState state{q_, v_, {}, {}};
-    state.disturbance = contact();
-    return state;
-  }
-
-  void advance(const Vector& tau, double until_s) override {
-    const double whole_s = until_s - now_s_;
-    const double steps = std::ceil(whole_s / longest_step_s - 1e-9), h = whole_s / steps;
-    for (double k = 0; k < steps; ++k) {
-      const Vector torque = tau + contact() - braking_.cwiseProduct(v_);
-      v_ += h * robot::forward_dynamics(model_, q_, v_, torque);
-      q_ += h * v_;
-    }
-    now_s_ = until_s;
-  }
-
-  void brake(const Vector& damping) override { braking_ = damping; }
-
- private:
-  /// Returns the torques of the wall at x = `wall_m`; zero without contact.
-  [[nodiscard]] Vector contact() const {
-    constexpr double h = 1e-6;
-    const double x = robot::frame_pose(model_, tip_, q_).p.x();
-    const double speed = (robot::frame_pose(model_, tip_, q_ + h * v_).p.x() - x) / h;
-    if (x <= wall_m) return Vector::Zero(model_.num_joints);
-    const double push = stiffness_N_per_m * (x - wall_m) + damping_Ns_per_m * speed;
-    return robot::force_torque(model_, tip_, {0, 0, 0}, {-std::max(push, 0.0), 0, 0}, q_);
-  }
-
-  robot::Model model_;
-  robot::Frame tip_;
-  Vector q_, v_, braking_;
-  double now_s_ = 0;
-};
-
-}  // namespace
 
 int main(int argc, char** argv) {
   constexpr auto role = messages::Role::plant;
   return session::run_process(role, argc, argv, [](const session::ProcessOptions& options) {
     return session::run_role(role, options, [](const auto& scenario, auto& link) {
-      ArmAtAWall arm(plant::plant_model(scenario));
+      own_simulator::ArmAtAWall arm(plant::plant_model(scenario));
       plant::run_simulator(scenario, link, arm);
     });
   });

@@ -10,7 +10,7 @@
 /// links MuJoCo, so that no program needs it.
 namespace tachless::plant {
 
-/// Returns the simulator of plant.mujoco, after a comparison of its inertia matrix and gravity
+/// Returns the simulator of plant.mujoco. Before that, it compares the inertia matrix and gravity
 /// torque with those of `model` at the initial posture and ten others.
 /// @throw base::Failure(bad_usage) without the module, for a model that does not fit, and for other
 /// mechanics unless plant.mujoco.may_differ

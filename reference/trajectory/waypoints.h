@@ -56,8 +56,8 @@ struct Waypoints {
 
   using Shape = WaypointSpline;
 
-  /// Returns the problem if there are too few times, the times do not increase, or the positions do
-  /// not match: one per time, all of one length.
+  /// Returns the problem if there are too few times or the times do not increase. Also refuses
+  /// positions that are not one per time, or not all of one length.
   [[nodiscard]] std::optional<base::Refusal> refusal() const;
 };
 

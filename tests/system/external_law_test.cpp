@@ -214,7 +214,7 @@ TEST_F(ExternalLaw, GetsNoMeasurementThatTheScenarioDoesNotName) {
 TEST_F(ExternalLaw, StopsTheRunByATorqueThatIsNotFinite) {
   setenv("OWN_LAW", "nan message", 1);
   EXPECT_EQ(tachless(with_program(run("no", {"--in-process"}))), 5);
-  EXPECT_THAT(errors_, HasSubstr("what it computed at tick 0 is not finite"));
+  EXPECT_THAT(errors_, HasSubstr("its torque at tick 0 is not finite"));
 }
 
 /// Answers to earlier questions are still under way then.
@@ -228,9 +228,9 @@ TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
       20, messages::PositionMeasurement{reference.q_ref});
   controller::LawProgram law(scenario, program());
   for (int time = 0; time < 3; ++time) {
-    EXPECT_THAT([&] { law.answers(scenario.loop.period_s, false, measured, reference); },
-                ::testing::ThrowsMessage<base::Failure>(
-                    HasSubstr("what it computed at tick 0 is not finite")))
+    EXPECT_THAT(
+        [&] { law.answers(scenario.loop.period_s, false, measured, reference); },
+        ::testing::ThrowsMessage<base::Failure>(HasSubstr("its torque at tick 0 is not finite")))
         << time;
   }
 }

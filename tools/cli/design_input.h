@@ -31,8 +31,8 @@ class DesignInput {
 
   [[nodiscard]] bool bare_urdf() const { return urdf_.has_value(); }
 
-  /// Returns the scenario, or that of a bare URDF, with these overrides.
-  /// @param structure of its gains; nothing: those of its own law
+  /// Returns the scenario with these overrides. A bare URDF gives the scenario that is made of it.
+  /// @param structure of the gains; nothing: the structure of the law
   [[nodiscard]] scenario::Scenario scenario(std::optional<design::Structure> structure,
                                             std::vector<std::string> more = {}) const;
 

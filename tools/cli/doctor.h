@@ -20,9 +20,9 @@ struct Finding {
   [[nodiscard]] bool ok() const { return !remedy.has_value(); }
 };
 
-/// Checks everything that a run on the bus `lcm_url` uses: the bus, its buffers and other
-/// publishers on it, private networks, real-time rights, clock, disk space of `directory`. Takes
-/// about a second.
+/// Checks everything that a run on the bus `lcm_url` uses, in about a second. This is the bus, its
+/// buffers and other publishers on it, private networks, real-time rights, clock, and disk space of
+/// `directory`.
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory);
 
 /// Returns the problems of this machine's punctuality that can be mended: real-time rights, locked

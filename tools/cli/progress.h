@@ -68,7 +68,7 @@ class LaggingOutput {
 };
 
 /// Lines of progress, and other lines between them. On a terminal each line of progress replaces
-/// the one before, and the last one is removed. Elsewhere at most one appears in 30 s.
+/// the line before, and the last line is removed. Elsewhere at most one appears in 30 s.
 class Screen {
  public:
   /// @param quiet no progress

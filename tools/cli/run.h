@@ -37,9 +37,9 @@ struct RunOptions {
   std::string lcm_url = session::default_lcm_url;
   std::string key_file;
   std::string placement = "auto";  ///< see choose_placement
-  std::string law_program;    ///< shell command of the program with the law; empty: none of its own
-  std::string plant_program;  ///< shell command of the plant, a driver's; empty: the emulator
-  std::string measurement;    ///< that `law_program` is fed with, where the scenario does not say
+  std::string law_program;         ///< shell command of the program with the law; empty: none
+  std::string plant_program;       ///< shell command of the plant, a driver's; empty: the emulator
+  std::string measurement;  ///< measurement for `law_program`, where the scenario does not say
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_outcome = false;  ///< no verdict is a failure
@@ -93,10 +93,10 @@ struct PlannedRun {
 };
 
 /// Returns the runs of `scenarios`. It refuses everything that a process would refuse later: a
-/// scenario, limits of the machine, channels that two robots would share, an unstable loop without
-/// --force. The remarks name the stability of the linearised loop, and the source of the plant's
-/// friction. They also name faults of the URDF, and references beyond the limits of drives and
-/// joints.
+/// scenario, limits of the machine, channels that two robots would share. It also refuses an
+/// unstable loop without --force. The remarks name the stability of the linearised loop, and the
+/// source of the plant's friction. They also name faults of the URDF, and references beyond the
+/// limits of drives and joints.
 /// @param options as of `run`
 /// @throw base::Failure(bad_usage)
 std::vector<PlannedRun> plan_runs(RunOptions options,
@@ -196,8 +196,8 @@ base::ExitCode run_on_bus(const std::vector<PlannedRun>& runs);
 /// the same logs to the last bit. Each run gets log, summary, figure and report. If one fails, the
 /// others are interrupted, or not begun.
 /// @param options of all of them; without scenario and robot  @param scenarios at least one
-/// @return the exit code (see supervise.h) of the first that did not end well; a run that failed by
-/// itself comes before a run that ended because of another
+/// @return the exit code (see supervise.h) of the first run that did not end well. A run that
+/// failed by itself comes before a run that ended because of another
 /// @throw base::Failure if a run is refused before anything is started
 base::ExitCode run(const RunOptions& options, const std::vector<std::filesystem::path>& scenarios);
 

@@ -17,9 +17,8 @@
 
 namespace tachless::cli {
 
-/// A process to start. Its stdout and stderr come line by line to `SuperviseOptions::on_line`; but
-/// a line that is marked as an error (base::error_mark) is the process's
-/// `ProcessEnd::cause`.
+/// A process to start. Its stdout and stderr come line by line to `SuperviseOptions::on_line`. A
+/// line that is marked as an error (base::error_mark) becomes `ProcessEnd::cause` instead.
 struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
@@ -28,7 +27,7 @@ struct Process {
   bool drives_robot = false;         ///< it may hold a robot's torque: base::give_notice
 };
 
-/// On which CPUs the four processes of a run execute.
+/// CPUs on which the four processes of a run execute.
 struct Placement {
   std::string words = "spread over CPUs";                  ///< for people: "together on CPU 1"
   std::array<std::vector<int>, messages::num_roles> cpus;  ///< by role; empty: all that are allowed
@@ -38,26 +37,27 @@ struct Placement {
   }
 };
 
-/// `auto`: in lock-step plant, controller and reference on one CPU, the logger on the others; in
-/// realtime, or with one CPU, as `none`. `none`: the kernel places them.
-/// @param index of the robot among those of the run: each has another CPU, as far as there are any
+/// Returns the CPUs of a run's processes. `auto` in lock-step: plant, controller and reference on
+/// one CPU, the logger on the others. `auto` in realtime, or with one CPU: as `none`. `none`: the
+/// kernel places them.
+/// @param index of the robot in the run: each robot has another CPU, as far as there are any
 /// @throw base::Failure(bad_usage) naming --placement and what is allowed
 Placement choose_placement(const std::string& wanted, scenario::Mode mode, std::size_t index);
 
-/// How a process ended.
+/// End of a process.
 struct ProcessEnd : base::End {
   std::string name;
   bool on_order = false;  ///< it ended after it was signalled
   bool overdue = false;   ///< it was still running long after another had ended well
   std::string last_line;  ///< the last it wrote that may tell why it ended, without program's name
   std::string cause;      ///< why it ended, from its error line, without mark and program's name
-  std::int64_t dropped_bytes = 0;  ///< of its output, which came faster than this process read
-  std::int64_t hidden_lines = 0;   ///< of its output, beyond `most_lines_per_s`
+  std::int64_t dropped_bytes = 0;  ///< bytes of its output that came faster than this process read
+  std::int64_t hidden_lines = 0;   ///< lines of its output beyond `most_lines_per_s`
   bool robot_started = false;      ///< it has begun to start its robot
   bool robot_stopped = false;      ///< its robot's `stop` has returned
 };
 
-/// How to supervise: callbacks, and how long to wait before ending what does not end by itself.
+/// Options of supervision: callbacks, and waiting times before processes are ended.
 struct SuperviseOptions {
   std::function<void(std::string_view name, std::string_view line)> on_line;
   std::function<void()> on_wake;             ///< called at least every 50 ms
@@ -71,12 +71,12 @@ struct SuperviseOptions {
 
 struct Supervision {
   std::vector<ProcessEnd> ends;        ///< in the order of the processes given
-  std::optional<std::size_t> culprit;  ///< index of the process because of which the run ended
+  std::optional<std::size_t> culprit;  ///< index of the process that ended the run
   bool begun = true;                   ///< when the first process ended
   bool interrupted = false;            ///< by a signal to this process, or by another run's failure
   std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
 
-  /// Returns true if it ended because of one of its processes.
+  /// Returns true if one of its processes ended the run.
   [[nodiscard]] bool failed() const { return culprit.has_value() && !interrupted; }
 };
 
@@ -86,27 +86,31 @@ struct Supervised {
   SuperviseOptions options;
 };
 
-/// Starts the processes of all runs, each in a process group of its own (so that Ctrl-C reaches
-/// this process alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
-/// SIGPIPE are passed on once, as SIGINT (also to processes already sent SIGTERM); a second one
-/// kills. When one process fails, the others of its run get `grace` to end by themselves, then
-/// SIGTERM, then SIGKILL; the other runs are interrupted at once. Should this process die, its
-/// children get SIGTERM. A process whose robot is started and not stopped gets SIGKILL by a third
-/// signal of the user alone; until then a line each second names the emergency stop.
+/// Starts the processes of all runs, and returns when all have ended. Each process has a process
+/// group of its own, so Ctrl-C reaches this process alone. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
+/// SIGPIPE are passed on once, as SIGINT, also to processes already sent SIGTERM. A second signal
+/// kills. If this process dies, its children get SIGTERM.
+///
+/// When one process fails, the others of its run get `grace` to end by themselves, then SIGTERM,
+/// then SIGKILL. The other runs are interrupted at once. A process whose robot is started and not
+/// stopped gets SIGKILL by a third signal of the user alone. Until then a line each second names
+/// the emergency stop.
 /// @return in the order of the runs
-/// @throw base::Failure(bad_usage) naming the program that cannot be started; what had been
-/// started has then been killed.
+/// @throw base::Failure(bad_usage) naming the program that cannot be started; programs started
+/// before it have then been killed.
 std::vector<Supervision> supervise(const std::vector<Supervised>& runs);
 
-/// One line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at tick …".
+/// Returns one line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at
+/// tick …".
 std::string describe(const ProcessEnd& end);
 
-/// The other processes that failed: "plant (exit code 3), logger (exit code 3)"; empty: none.
+/// Returns the other processes that failed: "plant (exit code 3), logger (exit code 3)"; empty:
+/// none.
 std::string others_that_failed(const Supervision& supervision);
 
-/// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal
-/// killed it, say, or it ended with 1 before the run) 5 if another brought the robot to a
-/// protective stop, else 3.
+/// Returns the run's exit code: 130 when interrupted, else the culprit's own. A lost culprit gives
+/// 5 if another process brought the robot to a protective stop, else 3. Lost means: a signal killed
+/// it, or it ended with 1 before the run.
 base::ExitCode exit_code(const Supervision& supervision);
 
 }  // namespace tachless::cli

@@ -9,14 +9,15 @@
 /// runs and schedules nothing.
 namespace tachless::cli {
 
-/// Writes results.csv, index.html and map.svg (of laws trade_off.svg) of a finished sweep into its
-/// directory.
+/// Writes results.csv, index.html and map.svg of a finished sweep into its directory. A comparison
+/// of laws gets trade_off.svg instead of map.svg.
 /// @param colour as for `report::measures_shown`
 /// @return number of runs for each way to end, over all laws: lines for people, or JSON
 /// @throw base::Failure as `study::Sweep::rows` and `report::write_sweep_page`
 std::string write_sweep_results(const study::Sweep& sweep, const std::string& colour, bool json);
 
-/// Submits the array, and the job that merges its results after it. @param colour as above
+/// Submits the array, and the job that merges its results after it.
+/// @param colour as for `report::measures_shown`
 /// @return lines for people: the jobs, and how to look after them
 /// @throw base::Failure(bad_usage) when sbatch cannot be started or refuses
 std::string submit_to_slurm(const study::Sweep& sweep, int tasks, const std::string& colour);

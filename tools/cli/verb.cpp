@@ -21,7 +21,7 @@
 
 namespace tachless::cli {
 
-void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
+void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "Prints JSON"); }
 void add_quiet(CLI::App& command, bool& quiet) {
   command.add_flag("-q,--quiet", quiet, "No progress on stderr");
 }

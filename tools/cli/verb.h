@@ -66,7 +66,7 @@ inline constexpr std::string_view write_remedy = "name another file with --write
 /// function also refuses a name that is no scenario's.
 void require_scenario_writable(const std::filesystem::path& file, bool force);
 void require_writable(const std::filesystem::path& file, bool force);
-/// Makes a scenario's name of its file's name: replaces each forbidden character by _.
+/// Makes a scenario's name from its file's name: replaces each forbidden character by _.
 std::string scenario_name(const std::filesystem::path& file);
 /// Returns the path of `file` for a scenario written to `output`: relative to `output`, or absolute
 /// if there is none.
@@ -86,7 +86,7 @@ void warn(const scenario::Scenario& scenario);
 /// @throw base::Failure(bad_usage) for another count of numbers
 Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints);
 /// Returns the overrides that put a program's law in the place of the scenario's. `overrides` are
-/// those of the command line.
+/// the command line's.
 std::vector<std::string> of_program(const std::filesystem::path& scenario,
                                     std::vector<std::string> overrides,
                                     const std::string& law_program);

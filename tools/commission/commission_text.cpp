@@ -47,9 +47,9 @@ std::string text(const Commissioned& found, const std::string& name) {
       "{}. {:.3g} s of motion.\n\n",
       name, turning,
       says(found.adds_gravity, "The arm adds gravity itself.", "The arm does not add gravity.",
-           "Whether the arm adds gravity was not determined."),
+           "It was not determined whether the arm adds gravity."),
       says(found.adds_friction, "It adds friction.", "It does not add friction.",
-           "Whether it adds friction was not determined."),
+           "It was not determined whether it adds friction."),
       found.delay
           ? fmt::format("Delay from reading to torque in ticks: {}, +- {:.2g} between joints.",
                         *found.delay, found.delay_spread / 2)

@@ -41,8 +41,8 @@ struct Glance {
 /// @param fields if not null, gets all fields after utime, run and tick, unless rejected
 Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
 
-/// Counts of everything received on a bus, per channel and per sender.
-/// It neither receives nor prints. Its memory is bounded, whatever the traffic.
+/// Counts of everything received on a bus, per channel and per sender. It neither receives nor
+/// prints. Its memory is bounded, whatever the traffic.
 class BusMonitor {
  public:
   static constexpr std::size_t max_channels = 500;
@@ -58,8 +58,7 @@ class BusMonitor {
   void end_interval(double seconds);
 
   /// Returns one row per channel, then the newest values, for people. It has at most `rows` lines;
-  /// 0: no limit.
-  /// The last line counts what does not fit.
+  /// 0: no limit. The last line counts what does not fit.
   [[nodiscard]] std::vector<std::string> table(std::size_t rows = 0) const;
 
   /// Returns the counts, for programs. `undecodable` counts messages of our types that could not be
@@ -92,8 +91,8 @@ class BusMonitor {
     messages::Stamp newest_stamp;
     std::vector<std::byte> newest;  ///< message that could be decoded
 
-    /// Returns the number of messages of our types that could not be decoded, and of messages of
-    /// another type on a channel that carries one of ours.
+    /// Returns the number of messages of our types that could not be decoded. Messages of another
+    /// type on a channel that carries one of ours count too.
     [[nodiscard]] std::uint64_t undecodable() const;
   };
   struct Sender {

@@ -16,8 +16,8 @@
 namespace tachless::live {
 
 /// Serves the pages of running robots to browsers on this computer. It listens on the loopback
-/// interface alone and answers GET alone. It refuses other host names, which stops DNS rebinding.
-/// A request cannot change anything.
+/// interface alone and answers GET alone. It refuses other host names, which stops DNS rebinding. A
+/// request cannot change anything:
 ///   /?robot=ARM          the page; without `robot`: the page of the only robot, or a list
 ///   /events?robot=ARM    server-sent events of the robot, from the oldest kept stretch on
 /// One thread does everything in `serve`. Connections, headers, time and memory are bounded.
@@ -43,7 +43,7 @@ class LiveServer {
   /// Replaces a robot's page at the begin of a run and forgets its stretches. Robots beyond
   /// `most_robots` are left out.
   void begin(const std::string& robot, std::string page);
-  /// Adds a stretch of that run, one line of JSON. The oldest ones make place for it.
+  /// Adds a stretch of that run, one line of JSON. The oldest stretches make place for it.
   void add(const std::string& robot, std::string stretch);
 
   /// Serves browsers until `until`.
@@ -53,7 +53,7 @@ class LiveServer {
   using Text = std::shared_ptr<const std::string>;
   struct Robot {
     Text page;
-    std::deque<Text> stretches;  ///< newest ones
+    std::deque<Text> stretches;  ///< newest stretches
     std::int64_t first = 0;      ///< number of the oldest kept stretch
     std::size_t bytes = 0;       ///< of the stretches
   };

@@ -7,11 +7,11 @@
 
 namespace tachless::live {
 
-/// Which of consecutive numbers have not been seen, where numbers repeat and come out of order.
-/// Memory does not grow.
+/// Count of the consecutive numbers that have not been seen, where numbers repeat and come out of
+/// order. Memory does not grow.
 class SequenceGaps {
  public:
-  /// A number may be this much behind the newest; one further behind starts the count over.
+  /// How far a number may be behind the newest; a number further behind starts the count over.
   static constexpr std::int64_t window = 1024;
 
   void see(std::int64_t number) {
@@ -41,13 +41,14 @@ class SequenceGaps {
   /// Forgets the numbers seen and keeps the counts: the next number is a first one.
   void start_over() { any_ = false; }
 
-  /// Numbers between the first and the newest that have not been seen, of all beginnings.
+  /// Returns the count of numbers between the first and the newest that have not been seen, of all
+  /// beginnings.
   [[nodiscard]] std::uint64_t missing() const { return missing_; }
   [[nodiscard]] std::uint64_t repeated() const { return repeated_; }
-  /// How often the numbers jumped back by more than the window.
+  /// Returns how often the numbers jumped back by more than the window.
   [[nodiscard]] std::uint64_t restarts() const { return restarts_; }
   [[nodiscard]] bool any() const { return any_; }
-  /// Precondition: `any`.
+  /// Returns the newest number. Precondition: `any`.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 
  private:

@@ -11,25 +11,25 @@
 #include "bus/udp_transport.h"
 #include "live/bus_monitor.h"
 
-/// Between a bus, its monitor and a terminal.
+/// Connection between a bus, its monitor and a terminal.
 namespace tachless::live {
 
 /// Calls `take` with every message that has arrived by now.
 void drain(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take);
 
-/// Calls `take` with what comes until `end` or an interruption. It does not wait on the socket,
-/// because a sender to a socket that a process waits on pays for the wake-up: it sleeps for a
-/// millisecond, which the socket's buffer holds, and then takes all there is.
+/// Calls `take` with each message that comes until `end` or an interruption. It does not wait on
+/// the socket, because that makes senders slower: they pay for the wake-up. It sleeps for a
+/// millisecond, which the socket's buffer holds, and then takes all messages.
 void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
             base::Clock::time_point end, const std::atomic<bool>& interrupted);
 
-/// Gives to the monitor what comes, and what the transport lost, and ends the monitor's interval,
-/// which began at `begin`.
+/// Gives to the monitor the messages that come and the transport's losses, and ends the monitor's
+/// interval, which began at `begin`.
 void listen(bus::UdpTransport& transport, BusMonitor& monitor, base::Clock::time_point begin,
             base::Clock::time_point end, const std::atomic<bool>& interrupted);
 
-/// Shows a monitor's table on stdout again and again: on a terminal in place and cut to its size,
-/// elsewhere one after the other. Keys are read on a terminal.
+/// Shows a monitor's table on stdout again and again. A terminal shows it in place and cut to its
+/// size. Elsewhere the tables follow each other. Keys are read on a terminal.
 class TableScreen {
  public:
   TableScreen();  ///< hides the cursor until destruction

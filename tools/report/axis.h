@@ -22,8 +22,8 @@ struct Axis {
   std::vector<Tick> ticks = {};
   int exponent = 0;  ///< the ticks' numbers are in units of 10^exponent
 
-  /// Takes the range from the chart where it is finite, otherwise from the chart's curves and cells
-  /// with room around them. The range is never empty.
+  /// Takes the range from the chart if it is finite. Otherwise takes it from the chart's curves and
+  /// cells, with some space around them. The range is never empty.
   Axis(const Chart& chart, bool ordinate, double length_px);
 
   /// Returns the position in pixels from the left or from the top.

@@ -79,7 +79,7 @@ struct ColourScale {
 
 /// A diagram: axes and the curves, cells and marks between them.
 struct Chart {
-  std::string name;     ///< name of its place in a page; letters, digits and -
+  std::string name;     ///< anchor in a page; letters, digits and -
   std::string caption;  ///< alternative text (screen readers)
   std::string heading;  ///< text above it, "Joint 1 · shoulder"
   Label x_label = words("time", "s");

@@ -23,7 +23,6 @@ struct Decay {
 ///
 /// Returns nothing in three cases: the envelope falls by less than a factor of two along the line;
 /// the rms deviation exceeds 20 % of the fall; there are too few points.
-/// it (by 20 % of the fall, rms), or there are too few points.
 std::optional<Decay> fit_decay(const std::vector<study::Point>& magnitude);
 
 }  // namespace tachless::report

@@ -17,8 +17,8 @@
 /// here.
 namespace tachless::report {
 
-/// Returns the figure of a run: link angle and reference for each joint (with the motor angle if
-/// there is one), position error on a logarithmic axis, torque.
+/// Returns the figure of a run: link angle and reference for each joint, position error on a
+/// logarithmic axis, torque. A flexible joint has its motor angle too.
 /// @param title scenario, law and period
 /// @param end_s end of the time axis
 /// @param max_points of a curve: two points per pixel of the figure's width show every peak
@@ -27,7 +27,7 @@ Figure tracking_figure(const study::Tracking& tracking, const std::string& title
 
 /// A heading of a report with the charts under it.
 struct ReportSection {
-  std::string name;     ///< name of its anchor
+  std::string name;     ///< anchor in the page
   std::string heading;  ///< plain text
   std::string without;  ///< replaces the charts when there is nothing to draw; plain text
   Html text = {};       ///< paragraphs and lists that explain the charts

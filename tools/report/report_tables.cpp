@@ -276,8 +276,9 @@ Html alarms(const std::vector<RecordedRun>& runs) {
   for (const RecordedRun& run : runs) {
     const Html of_run = runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html();
     if (run.damage.any()) {
-      text += html("<p class=\"alarm\">{}The log is damaged: {}. What is intact is shown.</p>\n",
-                   of_run, run.damage.text());
+      text += html(
+          "<p class=\"alarm\">{}The log is damaged: {}. Only its readable part is shown.</p>\n",
+          of_run, run.damage.text());
     }
   }
   return text;

@@ -107,9 +107,9 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
   /// Advances delta and x2 by one period, in which q moves linearly from `q_previous` to `q` under
   /// the acting torque. It uses the implicit midpoint rule,
   ///   d = delta + h/2 (qdot - x - k_D d),   x = x2 + h/2 M^-1 [tau - C v_hat - g + KO d],
-  /// with (d, x) the midpoint of (delta, x2), and M, C and g at the midpoint of q. v_hat in the
-  /// slow term C v_hat is the one at the period's start. After x is eliminated, the equation is
-  /// linear in d, with a positive definite matrix.
+  /// with (d, x) the midpoint of (delta, x2), and M, C and g at the midpoint of q. The slow term C
+  /// v_hat uses v_hat at the period's start. After x is eliminated, the equation is linear in d,
+  /// with a positive definite matrix.
   void observe(Memory& memory, const Vector& q) const {
     const double h = settings_.period_s, kd = gains_.observer_kd;
     const Vector advance = q - memory.q_previous;

@@ -34,7 +34,7 @@ TypeList<Value..., truth::PlantTruth> with_truth(TypeList<Value...>);
 /// Every type of message.
 using AllMessages = decltype(with_truth(Messages()));
 
-/// True for types of which every tick of a run has one message in a slot.
+/// True for message types with a slot: every tick of a run has one such message.
 template <class Value>
 constexpr bool once_per_tick =
     !std::is_same_v<Value, Participant> && !std::is_same_v<Value, RunInfo> &&

@@ -50,7 +50,7 @@ constexpr std::array<std::string_view, 19> names(Model /*type*/) {
           "rs03",   "rs04",      "rs05",     "rs06",    "cybergear"};
 }
 
-/// Ends of a drive's ranges: a number of its frames is a share of them.
+/// Ends of a drive's ranges. A frame holds each number as a share of its range.
 struct Ranges {
   double q = 0;     ///< [rad], both ways
   double v = 0;     ///< [rad/s], both ways
@@ -99,19 +99,19 @@ Frame answer_frame(const Drive& drive, const Answer& answer);
 /// emulated drive.
 std::optional<Setpoint> setpoint_in(const Drive& drive, const Frame& frame);
 
-/// A drive's fault in words.
+/// Returns a drive's fault in words.
 std::string fault_text(Family family, int fault);
 
 /// Registers by their role.
 enum class Register { mode, watchdog, q_range, v_range, tau_range };
 /// Returns the watchdog's time as both families' registers hold it, in units of 50 us. The unit is
-/// documented for RobStride ("20000 is 1 s"); for Damiao it is believed.
+/// documented for RobStride ("20000 is 1 s"); for Damiao it is an assumption.
 std::uint32_t watchdog_bits(double seconds);
 inline constexpr std::uint32_t mit_mode_damiao = 1, mit_mode_robstride = 0;
 Frame read_register(const Drive& drive, Register which);
 Frame write_register(const Drive& drive, Register which, std::uint32_t bits);
-/// Returns the register's bits in the frame; nothing if it is no answer about this register. A
-/// Damiao drive's answers of both kinds cannot be told apart once it is enabled: ask before that.
+/// Returns the register's bits in the frame; nothing if it is no answer about this register. Once a
+/// Damiao drive is enabled, its answers of both kinds look alike: ask before.
 std::optional<std::uint32_t> register_in(const Drive& drive, Register which, const Frame& frame);
 
 }  // namespace tachless::mit_can

@@ -30,9 +30,9 @@ struct Trouble {
 };
 
 /// Drives and arm of a scenario on an emulated bus, `plant.driver.bus: unix:PATH`. The arm is the
-/// scenario's with its viscous friction, without brakes: while no drive is enabled somebody holds
-/// it. Frames take their time on the bus. A drive without a command for the time of its watchdog
-/// stops, with its fault.
+/// scenario's with its viscous friction. It has no brakes and stays in place while no drive is
+/// enabled. Frames take their time on the bus. A drive whose watchdog gets no command in time stops
+/// with its fault.
 class EmulatedDrives {
  public:
   /// Listens on the bus's path, which it replaces.

@@ -122,7 +122,8 @@ class MitDriver final : public plant::RobotDriver {
   /// Takes what has arrived, and waits until all motors have answered or the time is over.
   void collect(std::chrono::nanoseconds longest);
   void take(const Frame& frame);
-  /// Notes who has not answered. @throw base::Failure(protective_stop) after too many ticks
+  /// Counts the ticks in a row without an answer of each motor.
+  /// @throw base::Failure(protective_stop) after too many ticks
   void count_silence();
   void require_sound(const Motor& motor) const;
   void set_brake();

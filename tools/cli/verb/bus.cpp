@@ -141,11 +141,11 @@ struct Watch {
         .add_option("--seconds", seconds,
                     "How long to listen [s]; default: --once 2, else until Ctrl-C")
         ->check(CLI::Range(0.01, 1e6));
-    command.add_flag("--json", json, "As JSON; without --once one line per second");
+    command.add_flag("--json", json, "Prints JSON; without --once one line per second");
     auto* const on_page =
-        command.add_flag("--web", web, "As a page for a browser on this computer: curves, robot");
+        command.add_flag("--web", web, "Shows a page in a browser of this computer: curves, robot");
     on_page->excludes("--once")->excludes("--json");
-    command.add_option("--port", port, "Of the page; 0: any that is free")
+    command.add_option("--port", port, "Port of the page; 0: any free port")
         ->needs(on_page)
         ->check(CLI::Range(0, 65535))
         ->capture_default_str();

@@ -52,7 +52,7 @@ struct Commission {
         command.add_option("--plant", options.plant_program,
                            "The arm's driver, as typed in a shell; default: an emulated arm of the "
                            "scenario");
-    command.add_option("--out", options.out, "Where the logs go; default: out/NAME-commission")
+    command.add_option("--out", options.out, "Folder of the logs; default: out/NAME-commission")
         ->needs(driver);
     command.add_option("--write", output, "The scenario with what was found, as a file");
     command.add_flag("--force", replace, "Replace that file if it exists");

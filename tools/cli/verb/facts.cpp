@@ -268,8 +268,7 @@ const Verb laws_verb = verb_of<Laws>(
     "  tachless laws --json");
 
 const Verb robot_verb = verb_of<Robot>(
-    "robot",
-    "What was parsed from a URDF: joints, limits, masses; torques and inertia at a position",
+    "robot", "A URDF as it is read: joints, limits, masses; torques and inertia at a position",
     "  tachless robot robot.urdf\n"
     "  tachless robot ur.urdf.xacro --set robot.xacro.ur_type=ur5e\n"
     "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json");

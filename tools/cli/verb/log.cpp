@@ -152,15 +152,14 @@ struct Replay {
   void declare(CLI::App& command) {
     add_logs(command, log, "The log of a run, or its directory");
     add_run_id(command, run_id, "the log holds");
-    auto* of_name = command.add_option("--law", law, "What would this law have commanded?");
+    auto* of_name = command.add_option("--law", law, "Computes the commands of this law instead");
     command
         .add_option("--controller", law_program,
                     "The recorded law, or one in its place, is in this program, as typed in a "
                     "shell; it is given the recorded measurements and references")
         ->excludes(of_name);
-    session::add_overrides(
-        command, overrides,
-        "key.path=value: what would have been commanded with it? May be repeated");
+    session::add_overrides(command, overrides,
+                           "key.path=value: computes the commands with it. May be repeated");
     command.add_option("--out", out,
                        "With --law or --set: where replay.csv goes; default: beside the log");
     add_json(command, json);
@@ -255,7 +254,7 @@ struct Replay {
 }  // namespace
 
 const Verb info_verb =
-    verb_of<Info>("info", "What is in a log: channels, rates, the run's facts, gaps, damage",
+    verb_of<Info>("info", "The contents of a log: channels, rates, the run's facts, gaps, damage",
                   "  tachless info out/paper_rigid\n"
                   "  tachless info lcmlog-2024-05-01.00 --json");
 

@@ -22,7 +22,7 @@ struct Run : RunOptions {
     session::add_overrides(command, overrides);
     command.add_option(
         "--out", out,
-        "Where log, summary and figure go; default: out/NAME/DATE-TIME, with the link "
+        "Folder of log, summary and figure; default: out/NAME/DATE-TIME, with the link "
         "out/NAME/latest; of several robots each into a folder there with its name");
     session::as_run_id(command.add_option(
         "--run-id", run_id, "Positive number in every message of the run; default: the time"));
@@ -42,7 +42,7 @@ struct Run : RunOptions {
         "lockstep a simulator");
     command
         .add_flag("--dry-run", dry_run,
-                  "All of a run, but --plant's robot is sent nothing: what would it be sent?")
+                  "Makes a whole run, but sends nothing to the robot of --plant")
         ->needs(driver);
     command
         .add_flag("--ramp", ramp,
@@ -84,7 +84,7 @@ struct Run : RunOptions {
     auto* no_words = command.add_flag("-q,--quiet", quiet, "No progress and no table");
     command
         .add_flag("-v,--verbose", verbose,
-                  "What each of the four programs works with, and why each of them ended")
+                  "Shows how each of the four programs is set up, and why each of them ended")
         ->excludes(no_words);
     command.add_flag("--json", json, "The summary on stdout, instead of the table");
   }

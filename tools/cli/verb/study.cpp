@@ -85,9 +85,9 @@ struct Sweep {
         "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone");
     session::add_overrides(command, overrides, "key.path=value; may be repeated");
     command
-        .add_option("--random", random, "That many runs with values drawn from KEY=from:to[:log]")
+        .add_option("--random", random, "Number of runs with values drawn from KEY=from:to[:log]")
         ->check(above_zero);
-    command.add_option("--seed", seed, "Of the draws; default: 1")
+    command.add_option("--seed", seed, "Seed of the draws; default: 1")
         ->needs(command.get_option("--random"));
     command
         .add_option("--laws", laws,
@@ -96,7 +96,7 @@ struct Sweep {
         ->delimiter(',');
     add_bandwidth(command)->needs("--laws");
     command.add_option("--colour", colour,
-                       "What the map shows: outcome, or a measure by its name in results.csv");
+                       "Colour of the map: outcome, or a measure by its name in results.csv");
     command.add_option("--out", out, "Default: out/sweep-<the scenario's name>");
     command.add_option("--threads", threads, "Runs at once; default: all cores")
         ->check(CLI::Range(1, 4096));
