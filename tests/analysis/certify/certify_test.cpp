@@ -40,7 +40,7 @@ TEST(Certify, OfThePapersRigidScenario) {
   EXPECT_THAT(text, HasSubstr("Certified region (proved for all postures; continuous time"));
   EXPECT_FALSE(to_json(certify(scenario, false)).contains("paper"));
   const std::string brief = page(certify(scenario, false), scenario, false);
-  EXPECT_EQ(std::ranges::count(brief, '\n'), 5) << brief;
+  EXPECT_EQ(std::ranges::count(brief, '\n'), 6) << brief;
   EXPECT_THAT(brief, HasSubstr("proved in continuous time: this start is in it"));
   EXPECT_THAT(brief, HasSubstr(" N m (shoulder, no limit), 1 rad/s (elbow, no limit)\n"));
 }
