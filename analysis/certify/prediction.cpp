@@ -13,6 +13,7 @@
 #include "linear/law_answers.h"
 #include "numerics/decompositions.h"
 #include "numerics/postures.h"
+#include "scenario/drive_loop.h"
 
 namespace tachless::certify {
 namespace {
@@ -191,8 +192,11 @@ void find_stiffness(Prediction& result, const scenario::Scenario& scenario,
   const VectorXd springs = drive ? VectorXd(drive->stiffness) : VectorXd();
   const VectorXd scale = scenario.plant.drive.torque_scale;
   VectorXd least = VectorXd::Constant(held.size(), infinity), error = 0 * held, gain = error;
+  const auto loop = scenario::drive_loop(scenario);
+  const VectorXd inside = loop ? VectorXd(scale.cwiseProduct(VectorXd(loop->kp))) : 0 * held;
   for (const linear::LinearLaw& law : laws) {
-    const MatrixXd K = linear::stiffness_at_rest(law, scale, springs, h);
+    MatrixXd K = linear::stiffness_at_rest(law, scale, springs, h);
+    K.diagonal() += inside;
     gain = gain.cwiseMax(own_gain(law));
     least = least.cwiseMin(K.diagonal());
     const auto moved = numerics::solution(K, held.asDiagonal());

@@ -79,9 +79,12 @@ std::vector<MatrixXd> scalings(const SampledLoop& loop, double period_s) {
   MatrixXd mobility = MatrixXd::Zero(n, n);
   // Behind current loops, which come last, that of their torques; scaled torques break its
   // symmetry.
-  const Index x = loop.plant.A.rows();
+  const auto& drive = loop.plant.drive;
+  const Index x = loop.plant.arm_states();
   const bool lags = x % (2 * n) != 0;
-  const MatrixXd& B = lags ? MatrixXd(loop.plant.A.topRightCorner(x - n, n)) : loop.plant.B;
+  const MatrixXd B = lags    ? MatrixXd(loop.plant.A.block(0, x - n, x - n, n))
+                     : drive ? MatrixXd(loop.plant.A.block(0, drive->acting(n), x, n))
+                             : loop.plant.B;
   for (Index k = 0; k < B.rows(); k += n) mobility += B.middleRows(k, n);
   const auto [values, vectors] = numerics::symmetric_eigen((mobility + mobility.transpose()) / 2);
   const LinearLaw law = loop.law(period_s);
