@@ -6,8 +6,8 @@
 
 namespace tachless::plant {
 
-EmulatedDriveLoop::EmulatedDriveLoop(std::unique_ptr<RobotDriver> robot, DriveLoopSpec loop,
-                                     Vector count, Vector limit)
+EmulatedDriveLoop::EmulatedDriveLoop(std::unique_ptr<RobotDriver> robot,
+                                     scenario::DriveLoopSpec loop, Vector count, Vector limit)
     : robot_(std::move(robot)),
       loop_(std::move(loop)),
       count_(std::move(count)),

@@ -8,7 +8,7 @@
 #include "base/quantities.h"
 #include "plant/arm_state.h"
 #include "plant/robot_driver.h"
-#include "plant/spec.h"
+#include "scenario/drive_loop.h"
 
 namespace tachless::plant {
 
@@ -33,7 +33,7 @@ class DriveLoopDriver : public RobotDriver {
 struct VelocityFilter {
   double forget = 0, rate = 0;
 };
-inline VelocityFilter velocity_filter(const DriveLoopSpec& loop) {
+inline VelocityFilter velocity_filter(const scenario::DriveLoopSpec& loop) {
   if (!loop.velocity_filter_hz) return {0, 1 / loop.period_s};
   const double cutoff = 2 * std::numbers::pi * *loop.velocity_filter_hz;
   const double both = 1 + cutoff * loop.period_s;
@@ -47,7 +47,7 @@ class EmulatedDriveLoop final : public DriveLoopDriver {
  public:
   /// @param count of the drives' own encoders (scenario::drive_count)
   /// @param limit of each drive's torque [N m; N]; empty: none
-  EmulatedDriveLoop(std::unique_ptr<RobotDriver> robot, DriveLoopSpec loop, Vector count,
+  EmulatedDriveLoop(std::unique_ptr<RobotDriver> robot, scenario::DriveLoopSpec loop, Vector count,
                     Vector limit);
 
   [[nodiscard]] bool measures_velocity() const override { return robot_->measures_velocity(); }
@@ -71,7 +71,7 @@ class EmulatedDriveLoop final : public DriveLoopDriver {
   Vector delayed(const Vector& tau);
 
   std::unique_ptr<RobotDriver> robot_;
-  DriveLoopSpec loop_;
+  scenario::DriveLoopSpec loop_;
   Vector count_, limit_;
   VelocityFilter filter_;
   Command used_;  ///< by the drives

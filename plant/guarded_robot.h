@@ -160,8 +160,8 @@ class GuardedRobot {
   Encoder encoder_;
   messages::AnyMeasurement measurement_;
   MotionGuard guard_;
-  std::optional<DriveLoopSpec> drive_loop_;  ///< of plant.drive.loop
-  DriveLoopDriver* follower_ = nullptr;      ///< `driver_` with plant.drive.loop; else null
+  std::optional<scenario::DriveLoopSpec> drive_loop_;  ///< of plant.drive.loop
+  DriveLoopDriver* follower_ = nullptr;  ///< `driver_` with plant.drive.loop; else null
   /// Where the guard watches the following error, or the drives have a loop.
   std::optional<reference::Trajectory> trajectory_;
   ArmState state_;

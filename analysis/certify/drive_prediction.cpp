@@ -23,7 +23,7 @@ struct AtPosture {
 
 DrivePrediction predict_drives(const scenario::Scenario& scenario,
                                const linear::LawAnswers& answers) {
-  const plant::DriveLoopSpec drive = scenario::drive_loop(scenario).value();
+  const scenario::DriveLoopSpec drive = scenario::drive_loop(scenario).value();
   const linear::ScenarioLoop loop(scenario, answers);
   const auto rests = loop.rest_points(drive_postures);
   const auto all = base::parallel_map(rests.size(), [&](std::size_t i) {

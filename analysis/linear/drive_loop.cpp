@@ -16,21 +16,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 
-/// Returns the largest x from `inside`, where `is` holds, to `most` that a search by doubled and
-/// halved steps finds.
-template <class Is>
-int largest(int inside, int most, const Is& is) {
-  int step = 1;
-  while (inside + step <= most && is(inside + step)) {
-    inside += step;
-    step *= 2;
-  }
-  for (; step >= 1; step /= 2) {
-    if (inside + step <= most && is(inside + step)) inside += step;
-  }
-  return inside;
-}
-
 bool stable(const SplitLoop& loop) { return spectral_radius(loop.map()) < 1; }
 
 /// Returns the loop with its host's torque later by that many ticks of the drives.
@@ -126,7 +111,7 @@ double drive_modulus(const SplitLoop& loop) {
 
 }  // namespace
 
-LinearPlant with_drive_loop(const LinearPlant& plant, const plant::DriveLoopSpec& loop,
+LinearPlant with_drive_loop(const LinearPlant& plant, const scenario::DriveLoopSpec& loop,
                             double host_period_s) {
   const Index n = plant.num_joints, x = plant.A.rows(), difference = x, velocity = x + n,
               acting = velocity + n, newest = acting + loop.delay_ticks * n, used = newest + n,
@@ -177,7 +162,7 @@ DriveMargins drive_margins(const SplitLoop& loop) {
     result.gain = edge(gain, gain * factor, 20, stable_with);
     break;
   }
-  result.delay_ticks = largest(0, most_drive_ticks, [&](int ticks) {
+  result.delay_ticks = largest_whole(0, most_drive_ticks, [&](int ticks) {
     SplitLoop slower = loop;
     slower.drive.delay_ticks += ticks;
     return stable(slower);
@@ -189,11 +174,11 @@ DriveMargins drive_margins(const SplitLoop& loop) {
 int host_delay_margin(const SplitLoop& loop) {
   if (!stable(loop)) return -1;
   const auto period = static_cast<int>(std::lround(loop.period_s / loop.drive.period_s));
-  return largest(0, most_host_ticks * period,
-                 [&](int ticks) { return stable(later(loop, ticks)); });
+  return largest_whole(0, most_host_ticks * period,
+                       [&](int ticks) { return stable(later(loop, ticks)); });
 }
 
-Vector drive_count_torque(const plant::DriveLoopSpec& loop, const Vector& count) {
+Vector drive_count_torque(const scenario::DriveLoopSpec& loop, const Vector& count) {
   return (loop.kp + plant::velocity_filter(loop).rate * loop.kd).cwiseProduct(count);
 }
 

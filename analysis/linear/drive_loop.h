@@ -5,14 +5,14 @@
 #include "base/quantities.h"
 #include "linear/linear_loop.h"
 #include "linear/sampled_limit.h"
-#include "plant/spec.h"
+#include "scenario/drive_loop.h"
 
 /// The loop inside the drives (plant.drive.loop) and its margins, by the exact map of one period.
 namespace tachless::linear {
 
 /// Returns the plant whose drives close that loop. `plant.B` has their scale.
 /// @param host_period_s to which the loop's `late_ticks` belong
-LinearPlant with_drive_loop(const LinearPlant& plant, const plant::DriveLoopSpec& loop,
+LinearPlant with_drive_loop(const LinearPlant& plant, const scenario::DriveLoopSpec& loop,
                             double host_period_s);
 
 /// Returns the plant that `with_drive_loop` was given.
@@ -35,7 +35,7 @@ inline constexpr int most_host_ticks = 32;
 /// A host's law around drives with a loop of their own, at one posture and period.
 struct SplitLoop {
   LinearPlant arm;  ///< without that loop
-  plant::DriveLoopSpec drive;
+  scenario::DriveLoopSpec drive;
   LinearLaw law;
   double period_s = 0;
   int delay = 0;  ///< the host's whole periods from measurement to torque
@@ -53,6 +53,6 @@ DriveMargins drive_margins(const SplitLoop& loop);
 int host_delay_margin(const SplitLoop& loop);
 
 /// Returns the torque of one count of the drives' own encoders: (kp + kd rate) count [N m; N].
-Vector drive_count_torque(const plant::DriveLoopSpec& loop, const Vector& count);
+Vector drive_count_torque(const scenario::DriveLoopSpec& loop, const Vector& count);
 
 }  // namespace tachless::linear

@@ -14,6 +14,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+MatrixXd power(MatrixXd base, std::int64_t exponent) {
+  MatrixXd result = MatrixXd::Identity(base.rows(), base.cols());
+  for (; exponent > 0; exponent /= 2) {
+    if (exponent % 2 == 1) result = base * result;
+    base = base * base;
+  }
+  return result;
+}
+
 messages::ReferencePoint constant_reference(const Vector& q) {
   const Vector zero = Vector::Zero(q.size());
   return {q, zero, zero, zero, zero};
@@ -107,15 +116,6 @@ MatrixXd measured_rows(const std::vector<Part>& measured, Index n, Index states)
 }
 
 namespace {
-
-MatrixXd power(MatrixXd base, Index exponent) {
-  MatrixXd result = MatrixXd::Identity(base.rows(), base.cols());
-  for (; exponent > 0; exponent /= 2) {
-    if (exponent % 2 == 1) result = base * result;
-    base = base * base;
-  }
-  return result;
-}
 
 /// Returns `held` of a plant with a loop inside the drives: R^(N-r) X R^r, where R is one tick of
 /// the drives and X puts the new torque into use.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -26,6 +27,24 @@ double edge(double inside, double outside, int halvings, const Inside& is) {
   }
   return inside;
 }
+
+/// Returns the largest whole number from `inside`, where `is` holds, to `most`, if `is` holds up to
+/// some number and then not. Steps are doubled, then halved.
+template <class Inside>
+int largest_whole(int inside, int most, const Inside& is) {
+  int step = 1;
+  while (inside + step <= most && is(inside + step)) {
+    inside += step;
+    step *= 2;
+  }
+  for (; step >= 1; step /= 2) {
+    if (inside + step <= most && is(inside + step)) inside += step;
+  }
+  return inside;
+}
+
+/// Returns base^exponent. Precondition: 0 <= exponent.
+Eigen::MatrixXd power(Eigen::MatrixXd base, std::int64_t exponent);
 
 /// Loop inside the drives, as part of a plant. At the beginning of each of its ticks x <- jump x;
 /// in between A holds its states. They follow the arm's: q less its value at the last tick, the

@@ -96,20 +96,6 @@ std::vector<MatrixXd> scalings(const SampledLoop& loop, double period_s) {
           MatrixXd(own.cwiseSqrt().asDiagonal())};
 }
 
-/// The largest m for which `stable(m)`, which is true up to some m and then false.
-template <class Stable>
-int largest(const Stable& stable) {
-  int inside = 0, step = 1;
-  while (inside + step <= most_missed && stable(inside + step)) {
-    inside += step;
-    step *= 2;
-  }
-  for (; step >= 1; step /= 2) {
-    if (inside + step <= most_missed && stable(inside + step)) inside += step;
-  }
-  return inside;
-}
-
 bool measures_positions_alone(const std::vector<Part>& measured) {
   return std::ranges::all_of(measured,
                              [](Part part) { return part == Part::q || part == Part::theta; });
@@ -148,8 +134,9 @@ MissedTicks missed_ticks(const SampledLoop& loop, double period_s) {
   for (const MatrixXd& S : scalings(loop, period_s)) {
     const Gains gains(loop, period_s, S);
     const double uu = gains.largest(0, 0);
-    result.commands = std::max(result.commands,
-                               largest([&](int m) { return gain_of_missed_commands(m) * uu < 1; }));
+    result.commands = std::max(result.commands, largest_whole(0, most_missed, [&](int m) {
+                                 return gain_of_missed_commands(m) * uu < 1;
+                               }));
     if (!positions) continue;
     const double uy = gains.largest(0, 1), yu = gains.largest(1, 0), yy = gains.largest(1, 1);
     const auto stable = [&](int m) {
@@ -158,7 +145,7 @@ MissedTicks missed_ticks(const SampledLoop& loop, double period_s) {
       const double sum = u * uu + y * yy, difference = u * uu - y * yy;
       return sum + std::sqrt(difference * difference + 4 * u * uy * y * yu) < 2;
     };
-    result.measurements = std::max(*result.measurements, largest(stable));
+    result.measurements = std::max(*result.measurements, largest_whole(0, most_missed, stable));
   }
   return result;
 }

@@ -459,7 +459,7 @@ YamlNode driver_node(const Scenario& scenario) {
   return taken(root.find("plant"), "driver").value_or(YamlNode());
 }
 
-std::optional<plant::DriveLoopSpec> drive_loop(const Scenario& scenario) {
+std::optional<DriveLoopSpec> drive_loop(const Scenario& scenario) {
   const std::string key = "plant.drive.loop";
   if (!scenario.gives(key)) return {};
   YamlNode root = parse_yaml(scenario.text, scenario.source);
@@ -467,7 +467,7 @@ std::optional<plant::DriveLoopSpec> drive_loop(const Scenario& scenario) {
   const std::optional<YamlNode> node =
       taken(plant == nullptr ? nullptr : plant->find("drive"), "loop");
   if (!node) return {};
-  plant::DriveLoopSpec loop;
+  DriveLoopSpec loop;
   read(Place{scenario, &*node, key}, loop);
   if (scenario.robot.flexible) {
     throw scenario.complaint(key,
@@ -490,8 +490,7 @@ std::optional<plant::DriveLoopSpec> drive_loop(const Scenario& scenario) {
   return loop;
 }
 
-Vector drive_count(const Scenario& scenario, const plant::DriveLoopSpec& loop,
-                   const robot::Model& model) {
+Vector drive_count(const Scenario& scenario, const DriveLoopSpec& loop, const robot::Model& model) {
   Scenario drives = scenario;
   drives.plant.encoder.resolution_bits = loop.resolution_bits;
   return encoder_count(drives, model);

@@ -137,7 +137,7 @@ class MitDriver final : public plant::DriveLoopDriver {
 
   const scenario::Scenario& scenario_;
   Settings settings_;
-  std::optional<plant::DriveLoopSpec> drive_loop_;
+  std::optional<scenario::DriveLoopSpec> drive_loop_;
   robot::Model model_;
   CanBus bus_;
   std::vector<Motor> motors_;

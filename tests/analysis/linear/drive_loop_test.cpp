@@ -29,8 +29,8 @@ using Eigen::Vector2d;
 const Vector posture = Vector2d(0.3, 0.8), stiff = Vector2d(4000, 400), damped = Vector2d(300, 30),
              none = Vector::Zero(2);
 
-plant::DriveLoopSpec drives(const Vector& kp, const Vector& kd, int late_ticks) {
-  plant::DriveLoopSpec spec;
+scenario::DriveLoopSpec drives(const Vector& kp, const Vector& kd, int late_ticks) {
+  scenario::DriveLoopSpec spec;
   spec.period_s = 1e-4;
   spec.kp = kp;
   spec.kd = kd;
@@ -39,12 +39,11 @@ plant::DriveLoopSpec drives(const Vector& kp, const Vector& kd, int late_ticks) 
   return spec;
 }
 
-/// @param host kp and kd of the host's law, whose filter has the pole 200 1/s
-SplitLoop split(const plant::DriveLoopSpec& spec, double period_s, int delay, const Vector& host_kp,
-                const Vector& host_kd) {
-  const robot::Model model = robot::testing::two_link();
+SplitLoop split(const scenario::DriveLoopSpec& spec, double period_s, int delay,
+                const Vector& host_kp, const Vector& host_kd,
+                const robot::Model& model = robot::testing::two_link(), double host_rate = 200) {
   const messages::ReferencePoint rest = constant_reference(posture);
-  const Vector rate = Vector2d(200, 200);
+  const Vector rate = Vector2d(host_rate, host_rate);
   return {rigid_plant(model, rest), spec,
           linear_rigid_law(FilterGains{host_kp, host_kd, rate, rate}, gradient_by_q(model, rest),
                            {Discretisation::tustin, period_s}),
@@ -84,7 +83,7 @@ TEST(DriveLoop, BoundsTheDelayOfAHostThatHasTheWholeLaw) {
 /// Gains of 0 inside the drives leave the loop without them: its torque is one tick of the drives
 /// later.
 TEST(DriveLoop, OfGainsOfZeroIsTheLoopWithoutIt) {
-  plant::DriveLoopSpec spec = drives(none, none, 0);
+  scenario::DriveLoopSpec spec = drives(none, none, 0);
   spec.delay_ticks = 0;
   const SplitLoop loop = split(spec, 1e-3, 1, stiff, damped);
   EXPECT_NEAR(radius(loop), spectral_radius(cut(loop.arm, loop.law, 1e-3, 1).closed()), 1e-9);
@@ -96,19 +95,17 @@ TEST(DriveLoop, OfGainsOfZeroIsTheLoopWithoutIt) {
 TEST(DriveLoop, ModulusIsThatOfTheLiftedLoopBySingularValues) {
   // One tick of the drives in a period: the lifted loop is the loop, and its modulus the least
   // singular value of 1 + L, which Margins::modulus_independent is for the host's.
-  plant::DriveLoopSpec spec = drives(stiff, damped, 0);
+  scenario::DriveLoopSpec spec = drives(stiff, damped, 0);
   spec.period_s = 1e-3;
   spec.delay_ticks = 0;
   spec.velocity_filter_hz.reset();
-  const SplitLoop inside = split(spec, 1e-3, 0, none, none);
+  // A compensation of gravity would be cut with the torques of the one, not with the other's.
+  robot::Model model = robot::testing::two_link();
+  model.gravity.setZero();
+  const SplitLoop inside = split(spec, 1e-3, 0, none, none, model);
   // The same law in the host: a filter with a = 2 / h and b = a is a difference.
-  SplitLoop host = inside;
-  host.drive.kp = host.drive.kd = none;
-  const Vector rate = Vector2d(2000, 2000);
-  const robot::Model model = robot::testing::two_link();
-  host.law = linear_rigid_law(FilterGains{stiff, damped, rate, rate},
-                              gradient_by_q(model, constant_reference(posture)),
-                              {Discretisation::tustin, 1e-3});
+  spec.kp = spec.kd = none;
+  const SplitLoop host = split(spec, 1e-3, 0, stiff, damped, model, 2000);
   ASSERT_NEAR(radius(host), radius(inside), 1e-9);
   const Margins of_host = margins({host.arm, [&](double) { return host.law; }, host.delay}, 1e-3);
   EXPECT_NEAR(drive_margins(inside).modulus, of_host.modulus_independent, 1e-4);
@@ -185,7 +182,7 @@ TEST(DriveLoop, IsReadFromTheScenarioAndRefusedInWords) {
   };
   EXPECT_THAT(fault("{period_s: 1.0e-4, kp: 100}"), HasSubstr("plant.drive.loop.kd: missing"));
   EXPECT_THAT(fault("{period_s: 3.0e-4, kp: 100, kd: 1}"),
-              HasSubstr("plant.drive.loop.period_s: 0.0003; loop.period_s (0.001) is 3.33333"));
+              HasSubstr("plant.drive.loop.period_s: 3e-04; loop.period_s (0.001) is 3.33333"));
   EXPECT_THAT(fault("{period_s: 1.0e-4, kp: 1, kd: 1, late_ticks: 10}"),
               HasSubstr("plant.drive.loop.late_ticks: 10"));
   EXPECT_THAT(fault("{period_s: 1.0e-4, kp: 1, kd: 1, rate: 3}"),
