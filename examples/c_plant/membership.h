@@ -7,7 +7,7 @@
 #include "tachless_participant_t.h"
 
 enum { waiting = 0, ready = 1, running = 2, finished = 3, fault = 4 };
-static const char *roles[4] = {"plant", "reference", "controller", "logger"};
+static const char* roles[4] = {"plant", "reference", "controller", "logger"};
 static tachless_participant_t me;
 static tachless_participant_t others[4]; /* by role; the numbers alone */
 
@@ -17,8 +17,8 @@ static double now(void) { /* [s] */
   return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static void on_participant(const lcm_recv_buf_t *buffer, const char *channel,
-                           const tachless_participant_t *who, void *user) {
+static void on_participant(const lcm_recv_buf_t* buffer, const char* channel,
+                           const tachless_participant_t* who, void* user) {
   (void)buffer, (void)channel, (void)user;
   for (int role = 1; role < 4; ++role) {
     if (strcmp(who->role, roles[role]) == 0) others[role] = *who;
@@ -29,7 +29,7 @@ static void on_participant(const lcm_recv_buf_t *buffer, const char *channel,
 }
 
 /* Handles messages until `end`, and announces this process each 100 ms. */
-static void listen_until(lcm_t *lcm, double end) {
+static void listen_until(lcm_t* lcm, double end) {
   static double announced;
   do {
     if (me.scenario_digest != 0 && now() - announced > 0.1) {
@@ -44,7 +44,7 @@ static void listen_until(lcm_t *lcm, double end) {
 }
 
 /* Announces `state`. */
-static void enter(lcm_t *lcm, int8_t state) {
+static void enter(lcm_t* lcm, int8_t state) {
   me.state = state;
   tachless_participant_t_publish(lcm, "ARM_PARTICIPANT", &me);
 }
@@ -59,7 +59,7 @@ static int all_are(int8_t state) {
 }
 
 /* Chooses a run and waits until the others have joined it. */
-static void join(lcm_t *lcm) {
+static void join(lcm_t* lcm) {
   struct timespec seed;
   clock_gettime(CLOCK_REALTIME, &seed);
   srand48(seed.tv_nsec);
