@@ -33,7 +33,7 @@ struct ServoGains {
   bool implicit_joint_damping = true;  ///< in Euler's method
 };
 
-/// Where the loop is unstable first as the step grows.
+/// The joint and posture at which the loop is unstable first as the step grows.
 struct ServoLimit {
   double step_s = 0;  ///< largest stable step; infinite: none was found up to `longest_servo_step`
   Vector posture;     ///< [rad; m]
