@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -63,6 +64,16 @@ class AnyLaw {
   /// tolerates, at most `most_ticks`. Returns 1 in lockstep.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
+  /// Builds the law with the gains of a reference before the step of its tick, which then only
+  /// takes it. The next step with these gains does the same without this call, but takes longer.
+  /// @throw base::Failure(protective_stop) if the law cannot use the gains.
+  void prepare(const messages::ReferencePoint& reference) {
+    if (reference.gains == gains_ || reference.gains == prepared_) return;
+    prepared_.reset();
+    build(reference.gains);
+    prepared_ = reference.gains;
+  }
+
   /// Computes the step of `tick`. If the reference's gains differ from the last ones, the law takes
   /// the new gains and keeps its memory.
   /// @throw base::Failure(protective_stop) if the torque or a logged signal is not finite, or if
@@ -75,7 +86,8 @@ class AnyLaw {
     if (gap < 1) throw std::logic_error("controller::AnyLaw: ticks go forward");
     const bool anew = !started_ || gap > longest_gap_;
     if (reference.gains != gains_) {
-      retune(reference.gains);
+      prepare(reference);
+      retune();
       gains_ = reference.gains;
     }
     compute(tick, measurement, reference, anew ? 0 : static_cast<int>(gap));
@@ -98,17 +110,20 @@ class AnyLaw {
   virtual void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
                        const messages::ReferencePoint& reference, int ticks) = 0;
 
-  /// Takes other gains from this step on. `gains` has the form of scenario::gains_text; an empty
-  /// text selects the scenario's gains.
+  /// Builds the law with other gains, for `retune`. `gains` has the form of scenario::gains_text;
+  /// an empty text selects the scenario's gains.
   /// @throw base::Failure(protective_stop) if the law cannot use these gains.
-  virtual void retune(std::string_view gains) {
+  virtual void build(std::string_view gains) {
     throw gains_refused(gains, "this law does not change them");
   }
+  /// Takes the law that `build` made from this step on. Called after `build`, maybe repeatedly.
+  virtual void retune() {}
 
   int longest_gap_;
   std::int64_t tick_ = -1;
   bool started_ = false;
-  std::string gains_;  ///< gains of the last step's reference
+  std::string gains_;                    ///< gains of the last step's reference
+  std::optional<std::string> prepared_;  ///< gains of the last call of `build`
 };
 
 /// A law of C++ as an AnyLaw, with the friction feed-forward of the scenario, if any.
@@ -158,16 +173,19 @@ class LawWithMemory final : public AnyLaw {
     reference_ = reference;
   }
 
-  void retune(std::string_view gains) override {
+  void build(std::string_view gains) override {
     if (!retuned_) throw gains_refused(gains, "controller.gains_may_change is false");
     try {
-      law_ = retuned_(gains);
+      next_.emplace(retuned_(gains));
     } catch (const base::Failure& problem) {
       throw gains_refused(gains, problem.what());
     }
   }
 
+  void retune() override { law_ = *next_; }
+
   L law_;
+  std::optional<L> next_;  ///< law that `build` made
   typename L::Memory memory_;
   typename L::Measurement measurement_;
   messages::ReferencePoint reference_;

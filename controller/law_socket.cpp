@@ -246,7 +246,7 @@ class ExternalLaw final : public AnyLaw {
 
  private:
   /// Does nothing: the program retunes its law by the reference it receives.
-  void retune(std::string_view /*gains*/) override {}
+  void build(std::string_view /*gains*/) override {}
   /// Asks the program, which counts the ticks between two measurements itself.
   void compute(std::int64_t tick, const messages::AnyMeasurement& measurement,
                const messages::ReferencePoint& reference, int /*ticks*/) override {

@@ -221,9 +221,13 @@ class RealtimeNode final : public Node {
     return picker_.on_input(input_of(from), tick, datagram.payload);
   }
 
-  void act(Role from, std::int64_t /*tick*/, Verdict verdict) override {
+  void act(Role from, std::int64_t tick, Verdict verdict) override {
     if (verdict != Verdict::fresh) return;
-    if (from == Role::plant) session_.note_started(Clock::now());
+    if (from == Role::plant) {
+      session_.note_started(Clock::now());
+    } else {
+      law_->prepare(reference_.kept[tick].value);  // a reference is a tick ahead
+    }
     const auto due = picker_.due();
     if (!due) return;
     const auto outcome = compute(*due);

@@ -108,9 +108,10 @@ struct Spec {
       base::Key{"law", &Spec::law, "",
                 "Name of the control law: lower-case letters, digits, `_`; `external`: a program "
                 "of yours computes it (`run --controller`)"},
-      base::Key{"measurement", &Spec::measurement, "",
-                "What the law measures, and nothing else; an external one needs it: `POSITION`, "
-                "`MOTOR_POSITION`, `BOTH_POSITIONS`, `LINK_STATE`, `STATE`"}
+      base::Key{
+          "measurement", &Spec::measurement, "",
+          "Measurement of the law, the only one it gets; an external one needs it: `POSITION`, "
+          "`MOTOR_POSITION`, `BOTH_POSITIONS`, `LINK_STATE`, `STATE`"}
           .by_default("the law's own"),
       urdf_key,
       base::Key{"gains", &Spec::gains, "",

@@ -15,6 +15,7 @@
 #include "plant/mujoco/mujoco.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
+#include "scenario/drive_loop.h"
 
 namespace tachless::plant {
 namespace {
@@ -68,14 +69,25 @@ std::unique_ptr<Simulator> mujoco(const scenario::Scenario& scenario, const robo
   return mujoco_simulator(scenario, model);
 }
 
-std::unique_ptr<RobotDriver> emulator(const scenario::Scenario& scenario, const robot::Model& model,
-                                      Simulator* simulator) {
+std::unique_ptr<RobotDriver> emulated_robot(const scenario::Scenario& scenario,
+                                            const robot::Model& model, Simulator* simulator) {
   const Motors& motors = scenario.robot.flexible;
   if (simulator == nullptr) {
     return std::make_unique<EmulatedRobot>(scenario.plant, motors, scenario.loop.period_s, model);
   }
   require_simulable(scenario);
   return std::make_unique<EmulatedRobot>(scenario.plant, motors, model, *simulator);
+}
+
+/// Returns the emulated robot with the loop of its drives, if there is one.
+std::unique_ptr<RobotDriver> emulator(const scenario::Scenario& scenario, const robot::Model& model,
+                                      Simulator* simulator) {
+  auto robot = emulated_robot(scenario, model, simulator);
+  const auto loop = scenario::drive_loop(scenario);
+  if (!loop) return robot;
+  return std::make_unique<EmulatedDriveLoop>(
+      std::move(robot), *loop, scenario::drive_count(scenario, *loop, model),
+      scenario.plant.drive.torque_limit_Nm.value_or(Vector()));
 }
 
 }  // namespace
@@ -108,6 +120,7 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
                           : ideal_encoder(model_)),
       guard_(model_, scenario.robot.urdf_path,
              following_error(scenario.plant, driver, model_.num_joints)),
+      drive_loop_(scenario::drive_loop(scenario)),
       speed_(Vector::Zero(model_.num_joints)),
       meter_(model_.num_joints),
       past_(emulated() ? scenario.plant.encoder.latency_ticks + 1 : 1) {
@@ -123,7 +136,17 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
                              "given, but the robot is emulated; allowed: with a driver (--plant)");
   }
   stopped_ = spec.dry_run;
-  if (guard_.watches_following()) trajectory_ = reference::make_trajectory(scenario_);
+  if (drive_loop_) {
+    follower_ = dynamic_cast<DriveLoopDriver*>(&driver_);
+    if (follower_ == nullptr) {
+      throw scenario.complaint("plant.drive.loop",
+                               "given, but this driver sends the drives torques alone; allowed: a "
+                               "driver with plant::DriveLoopDriver::follow");
+    }
+  }
+  if (guard_.watches_following() || drive_loop_) {
+    trajectory_ = reference::make_trajectory(scenario_);
+  }
   base::log_detail(driver != nullptr ? "mechanics: the driver's robot"
                    : simulator != nullptr || mujoco_ != nullptr
                        ? "mechanics: the simulator's"
@@ -235,7 +258,7 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
   past_[newest] = state_;
   sensed_ = std::max<std::int64_t>(newest - past_.size() + 1, 0);
   watch_limits(tick);
-  if (trajectory_ && tick >= 0 && !stopped_) watch_following(tick);
+  if (guard_.watches_following() && tick >= 0 && !stopped_) watch_following(tick);
   return state_;
 }
 
@@ -351,9 +374,21 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
 void GuardedRobot::hold_or_rest(std::int64_t tick) {
   const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
   if (stopped_ || withheld(scenario_.plant, tick)) return driver_.rest(end_s);
-  driver_.hold(emulated() ? drive_.applied().tau
-                          : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent())),
-               end_s);
+  const Vector tau = emulated() ? drive_.applied().tau
+                                : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
+  if (follower_ == nullptr) return driver_.hold(tau, end_s);
+  follower_->follow(tau, set_point(tick), end_s);
+}
+
+SetPoint GuardedRobot::set_point(std::int64_t tick) const {
+  // A set point is held over a tick: that of its middle has half the error.
+  const double late = drive_loop_->late_ticks * drive_loop_->period_s;
+  const messages::ReferencePoint at =
+      trajectory_->at((static_cast<double>(tick) + 0.5) * scenario_.loop.period_s + late);
+  if (emulated()) return {at.q_ref, at.v_ref};
+  const scenario::RobotSpec& robot = scenario_.robot;
+  return {robot.joint_signs.cwiseProduct(at.q_ref - robot.joint_offsets_rad),
+          robot.joint_signs.cwiseProduct(at.v_ref)};
 }
 
 void GuardedRobot::move_emulator(std::int64_t tick) {

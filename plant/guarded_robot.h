@@ -14,6 +14,7 @@
 #include "messages/measurements.h"
 #include "plant/arm_state.h"
 #include "plant/drive.h"
+#include "plant/drive_loop.h"
 #include "plant/encoder.h"
 #include "plant/motion_guard.h"
 #include "plant/own_torque.h"
@@ -39,8 +40,9 @@ class GuardedRobot {
   /// @param driver a real robot's driver, which outlives this object
   /// @param simulator mechanics in the place of the emulator's own, which outlive this object; null
   /// with a driver
-  /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit, and for a
-  /// key of mechanics that a simulator has itself.
+  /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit, for a key of
+  /// mechanics that a simulator has itself, and for plant.drive.loop with a driver that is no
+  /// DriveLoopDriver.
   explicit GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driver = nullptr,
                         Simulator* simulator = nullptr);
   GuardedRobot(const GuardedRobot&) = delete;
@@ -132,6 +134,8 @@ class GuardedRobot {
   void try_to_stop() noexcept;
   /// Calls the driver's `hold` or `rest` for this tick.
   void hold_or_rest(std::int64_t tick);
+  /// Returns the set point of the drives' loop over this tick, in the driver's signs.
+  [[nodiscard]] SetPoint set_point(std::int64_t tick) const;
   /// Moves the emulator by this tick. Its errors have other words than a driver's.
   void move_emulator(std::int64_t tick);
   void require_sound(std::int64_t tick) const;
@@ -157,7 +161,10 @@ class GuardedRobot {
   Encoder encoder_;
   messages::AnyMeasurement measurement_;
   MotionGuard guard_;
-  std::optional<reference::Trajectory> trajectory_;  ///< if the guard watches the following error
+  std::optional<scenario::DriveLoopSpec> drive_loop_;  ///< of plant.drive.loop
+  DriveLoopDriver* follower_ = nullptr;  ///< `driver_` with plant.drive.loop; else null
+  /// Where the guard watches the following error, or the drives have a loop.
+  std::optional<reference::Trajectory> trajectory_;
   ArmState state_;
   Vector speed_;  ///< of each joint [rad/s; m/s]
   SpeedMeter meter_;

@@ -82,9 +82,10 @@ struct InitialState {
       base::Key{"motor_velocity_rad_per_s", &InitialState::motor_velocity_rad_per_s, "rad/s",
                 "Motor velocity, flexible joints only"}
           .by_default("at rest"),
-      base::Key{"torque", &InitialState::torque, "",
-                "Of the drives until the first command acts (`loop.command_delay`): none, or "
-                "what holds the robot at rest in its initial posture"}
+      base::Key{
+          "torque", &InitialState::torque, "",
+          "Torque of the drives until the first command acts (`loop.command_delay`): none, or "
+          "what holds the robot at rest in its initial posture"}
           .by_default("zero; hold with a real robot")};
 };
 
@@ -176,17 +177,19 @@ struct EncoderSpec {
                 "rad/s (m/s)", "Gaussian noise on velocities, for the laws that measure them"}
           .in(base::not_negative)
           .by_default(),
-      base::Key{"seed", &EncoderSpec::seed, "", "Of the noise: the same seed gives the same run"}
+      base::Key{"seed", &EncoderSpec::seed, "",
+                "Seed of the noise: the same seed gives the same run"}
           .in({0, 9007199254740992.0})
           .by_default(),
-      base::Key{"side", &EncoderSpec::side, "", "Where encoders are; `motor` needs flexible joints"}
+      base::Key{"side", &EncoderSpec::side, "",
+                "Side of the encoders; `motor` needs flexible joints"}
           .by_default(),
       base::Key{"eccentricity_rad", &EncoderSpec::eccentricity_rad, "rad",
                 "a of q + a sin(q + phase), which encoders of links that turn read"}
           .in({0, 1, false, true})
           .by_default(0),
       base::Key{"eccentricity_phase_rad", &EncoderSpec::eccentricity_phase_rad, "rad",
-                "Of the eccentricity"}
+                "Phase of the eccentricity"}
           .by_default(0)};
 };
 
@@ -253,7 +256,7 @@ struct DriveSpec {
                 "Age beyond `loop.command_delay`, drawn for each tick from 0 to this"}
           .in({0, max_delay_ticks})
           .by_default(),
-      base::Key{"seed", &DriveSpec::seed, "", "Of that age: the same seed gives the same run"}
+      base::Key{"seed", &DriveSpec::seed, "", "Seed of that age: the same seed gives the same run"}
           .in({0, 9007199254740992.0})
           .by_default()};
 };
@@ -345,10 +348,10 @@ struct DisturbanceSpec {
       base::Key{"force_N", &DisturbanceSpec::force_N, "N", "On `link`, [x, y, z] of the world"}
           .by_default("none"),
       base::Key{"point_m", &DisturbanceSpec::point_m, "m",
-                "Where the force acts, in the link's frame"}
+                "Point at which the force acts, in the link's frame"}
           .by_default("[0, 0, 0]"),
       base::Key{"shape", &DisturbanceSpec::shape, "",
-                "What the value is multiplied by from `start_s` to `end_s`: 1; half a sine wave "
+                "Factor of the value from `start_s` to `end_s`: 1; half a sine wave "
                 "from start to end; sin(2π frequency (t - start) + phase)"}
           .by_default(),
       base::Key{"start_s", &DisturbanceSpec::start_s, "s", "Nothing before"}
@@ -357,10 +360,11 @@ struct DisturbanceSpec {
       base::Key{"end_s", &DisturbanceSpec::end_s, "s", "Nothing from then on; a pulse needs it"}
           .in(base::positive)
           .by_default("never"),
-      base::Key{"frequency_hz", &DisturbanceSpec::frequency_hz, "Hz", "Of a sinusoid"}
+      base::Key{"frequency_hz", &DisturbanceSpec::frequency_hz, "Hz", "Frequency of a sinusoid"}
           .in(base::not_negative)
           .by_default(),
-      base::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Of a sinusoid"}.by_default()};
+      base::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Phase of a sinusoid"}
+          .by_default()};
 };
 
 /// Reaction of the emulator to a joint beyond the URDF's range or velocity.
@@ -388,7 +392,7 @@ struct Spec {
   static constexpr std::tuple keys{
       base::Key{"initial", &Spec::initial},
       base::Key{"mechanics", &Spec::mechanics, "",
-                "What computes the robot's mechanics: Simbody, or this program's own recursions, "
+                "Code of the robot's mechanics: Simbody, or this program's own recursions, "
                 "which are some ten times as fast"}
           .by_default(),
       base::Key{"integrator", &Spec::integrator},

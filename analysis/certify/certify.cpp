@@ -116,6 +116,22 @@ Group loop_group(const Prediction& p) {
   return group;
 }
 
+Group drive_group(const DrivePrediction& d) {
+  Group group{"drive_loop", "Loop inside the drives (the host's loop is closed around it)", {}};
+  group.add("margins", "margins",
+            {{"gain", json_of(d.margins.gain)},
+             {"delay_ticks", d.margins.delay_ticks},
+             {"delay_s", d.delay_s},
+             {"modulus", d.margins.modulus}},
+            margins_text(d));
+  group.add("host_delay_s", "largest host delay", d.host_delay_ends ? Json(d.host_delay_s) : Json(),
+            host_delay_text(d));
+  group.add(
+      "count_torque_Nm", "torque per count of the drives", json_of(d.count_Nm),
+      d.count_Nm.isZero(0) ? "none: their encoders are ideal" : list_text(d.count_Nm) + " N m");
+  return group;
+}
+
 Group reference_group(const Feasibility& f) {
   Group group{"feasibility", "Demands of the reference (errors come on top)", {}};
   const auto of = [](double value, const std::optional<double>& limit) {
@@ -346,6 +362,7 @@ Json json_of(const Group& group) {
 std::vector<Group> groups(const Certificate& certificate) {
   std::vector<Group> all = {loop_group(certificate.loop), reference_group(certificate.feasibility),
                             region_group(certificate)};
+  if (certificate.drives) all.insert(all.begin() + 1, drive_group(*certificate.drives));
   if (certificate.nonlinear || !certificate.no_nonlinear.empty()) {
     all.push_back(nonlinear_group(certificate));
   }
@@ -409,7 +426,8 @@ std::string no_margins(const Prediction& loop) {
 }
 
 /// Returns the most important results in four lines. Missed commands in realtime, dry friction and
-/// uncounted parts of the arm add one line each, and so does the statement on every start.
+/// uncounted parts of the arm add one line each, and so does the statement on every start. A loop
+/// inside the drives adds up to three.
 std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const auto line = [](std::string_view label, std::string_view text) {
     return fmt::format("  {:<17} {}\n", label, text);
@@ -419,6 +437,13 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
                                   : no_margins(all.loop));
+  if (all.drives) {
+    text += line("margins of drives", margins_text(*all.drives));
+    text += line("host delay", host_delay_text(*all.drives));
+    if (!all.drives->count_Nm.isZero(0)) {
+      text += line("count of drives", list_text(all.drives->count_Nm) + " N m each");
+    }
+  }
   if (all.loop.missed && scenario.loop.mode == scenario::Mode::realtime) {
     const int most = scenario.loop.max_missed;
     text += line("missed commands",
@@ -453,6 +478,10 @@ Certificate certify(const scenario::Scenario& scenario, bool paper, const linear
   const bool may_miss = scenario.loop.mode == scenario::Mode::realtime;
   result.loop = analyse(scenario, full || may_miss ? linear::Effort::full : linear::Effort::margins,
                         tell, answers);
+  if (scenario.gives("plant.drive.loop") && result.loop.margins) {
+    tell("loop inside the drives");
+    result.drives = predict_drives(scenario, answers);
+  }
   result.no_stability = no_region(result.loop);
   if (result.no_stability.empty()) {
     result.stability =

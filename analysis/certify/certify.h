@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "certify/drive_prediction.h"
 #include "certify/feasibility.h"
 #include "certify/prediction.h"
 #include "lyapunov/global_convergence.h"
@@ -27,6 +28,7 @@ struct Certificate {
   std::optional<lyapunov::GlobalConvergence> global;
   std::optional<lyapunov::SampledRegion> nonlinear;  ///< where it was asked for
   std::string no_nonlinear;                          ///< why there is none; empty: not asked for
+  std::optional<DrivePrediction> drives;             ///< with plant.drive.loop, of a stable loop
 };
 
 /// Analyses a scenario before it runs.

@@ -13,6 +13,7 @@
 #include "linear/law_answers.h"
 #include "numerics/decompositions.h"
 #include "numerics/postures.h"
+#include "scenario/drive_loop.h"
 
 namespace tachless::certify {
 namespace {
@@ -66,15 +67,6 @@ void find_limit(Prediction& result, const linear::ScenarioLoop& scenario_loop,
   result.limit_q = found_posture(worst.q_ref);
 }
 
-MatrixXd power(MatrixXd base, std::int64_t exponent) {
-  MatrixXd result = MatrixXd::Identity(base.rows(), base.cols());
-  for (; exponent > 0; exponent /= 2) {
-    if (exponent % 2 == 1) result = base * result;
-    base = base * base;
-  }
-  return result;
-}
-
 /// Spectral radius of the product of the one-period maps over a motion.
 struct OverMotion {
   double per_period, product;
@@ -92,7 +84,7 @@ OverMotion radius_over_motion(const linear::ScenarioLoop& loop) {
         const auto k = static_cast<std::int64_t>(i);
         const std::int64_t begin = first_tick(k), length = first_tick(k + 1) - begin;
         const double middle = static_cast<double>(begin) + static_cast<double>(length - 1) / 2;
-        return power(loop.map_at(motion.begin_s + h * middle), length);
+        return linear::power(loop.map_at(motion.begin_s + h * middle), length);
       });
   const double over_pieces = linear::radius_along(
       [&](int k) { return maps[static_cast<std::size_t>(k)]; }, static_cast<int>(count));
@@ -191,8 +183,11 @@ void find_stiffness(Prediction& result, const scenario::Scenario& scenario,
   const VectorXd springs = drive ? VectorXd(drive->stiffness) : VectorXd();
   const VectorXd scale = scenario.plant.drive.torque_scale;
   VectorXd least = VectorXd::Constant(held.size(), infinity), error = 0 * held, gain = error;
+  const auto loop = scenario::drive_loop(scenario);
+  const VectorXd inside = loop ? VectorXd(scale.cwiseProduct(VectorXd(loop->kp))) : 0 * held;
   for (const linear::LinearLaw& law : laws) {
-    const MatrixXd K = linear::stiffness_at_rest(law, scale, springs, h);
+    MatrixXd K = linear::stiffness_at_rest(law, scale, springs, h);
+    K.diagonal() += inside;
     gain = gain.cwiseMax(own_gain(law));
     least = least.cwiseMin(K.diagonal());
     const auto moved = numerics::solution(K, held.asDiagonal());

@@ -14,6 +14,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+MatrixXd power(MatrixXd base, std::int64_t exponent) {
+  MatrixXd result = MatrixXd::Identity(base.rows(), base.cols());
+  for (; exponent > 0; exponent /= 2) {
+    if (exponent % 2 == 1) result = base * result;
+    base = base * base;
+  }
+  return result;
+}
+
 messages::ReferencePoint constant_reference(const Vector& q) {
   const Vector zero = Vector::Zero(q.size());
   return {q, zero, zero, zero, zero};
@@ -106,7 +115,28 @@ MatrixXd measured_rows(const std::vector<Part>& measured, Index n, Index states)
   return C;
 }
 
+namespace {
+
+/// Returns `held` of a plant with a loop inside the drives: R^(N-r) X R^r, where R is one tick of
+/// the drives and X puts the new torque into use.
+LinearPlant held_by_drives(const LinearPlant& plant, double period_s) {
+  const DriveTicks& drive = *plant.drive;
+  const Index n = plant.num_joints;
+  const Index ticks = std::max<Index>(1, std::llround(period_s / drive.period_s));
+  const Index late =
+      std::min<Index>(ticks - 1, std::llround(drive.late * static_cast<double>(ticks)));
+  const MatrixXd tick =
+      numerics::exponential(plant.A * (period_s / static_cast<double>(ticks))) * drive.jump;
+  MatrixXd before = power(tick, late);
+  before.bottomRows(n).setZero();
+  const MatrixXd after = power(tick, ticks - late);
+  return {after * before, after.rightCols(n), n};
+}
+
+}  // namespace
+
 LinearPlant held(const LinearPlant& plant, double period_s) {
+  if (plant.drive) return held_by_drives(plant, period_s);
   const Index m = plant.A.rows(), n = plant.B.cols();
   MatrixXd joined = MatrixXd::Zero(m + n, m + n);
   joined.topLeftCorner(m, m) = plant.A * period_s;

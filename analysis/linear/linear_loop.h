@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "controller/law/law.h"
@@ -26,11 +28,50 @@ double edge(double inside, double outside, int halvings, const Inside& is) {
   return inside;
 }
 
+/// Returns the largest whole number from `inside`, where `is` holds, to `most`, if `is` holds up to
+/// some number and then not. Steps are doubled, then halved.
+template <class Inside>
+int largest_whole(int inside, int most, const Inside& is) {
+  int step = 1;
+  while (inside + step <= most && is(inside + step)) {
+    inside += step;
+    step *= 2;
+  }
+  for (; step >= 1; step /= 2) {
+    if (inside + step <= most && is(inside + step)) inside += step;
+  }
+  return inside;
+}
+
+/// Returns base^exponent. Precondition: 0 <= exponent.
+Eigen::MatrixXd power(Eigen::MatrixXd base, std::int64_t exponent);
+
+/// Loop inside the drives, as part of a plant. At the beginning of each of its ticks x <- jump x;
+/// in between A holds its states. They follow the arm's: q less its value at the last tick, the
+/// drive's velocity, the torque that acts, those under way, and last the host's torque in use.
+struct DriveTicks {
+  double period_s = 0;
+  Eigen::MatrixXd jump;
+  Eigen::Index arm_states = 0;
+  /// Share of the host's period after which the drives use a torque, in [0, 1).
+  double late = 0;
+
+  /// First row of the torque that acts on the arm.
+  [[nodiscard]] Eigen::Index acting(Eigen::Index num_joints) const {
+    return arm_states + 2 * num_joints;
+  }
+};
+
 /// A plant xdot = A x + B tau in deviations x from the reference: (q, v), with flexible joints (q,
-/// v, theta, thetadot). Torques of current loops that lag come last.
+/// v, theta, thetadot). Torques of current loops that lag come last. With a loop inside the drives
+/// B tau is the host's torque in use.
 struct LinearPlant {
   Eigen::MatrixXd A, B;
   Eigen::Index num_joints = 0;
+  std::optional<DriveTicks> drive = {};
+
+  /// Number of states without those of a loop inside the drives.
+  [[nodiscard]] Eigen::Index arm_states() const { return drive ? drive->arm_states : A.rows(); }
 };
 
 /// Returns the reference at rest in `q`.
@@ -77,7 +118,8 @@ LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd&
                      const Eigen::VectorXd& measurement, std::vector<Part> measured,
                      double step = 1e-6);
 
-/// Returns the plant over one period with its torque held, exactly: x' = A x + B tau.
+/// Returns the plant over one period with its torque held, exactly: x' = A x + B tau. A loop inside
+/// the drives ticks as often as its period is nearest to; its ticks are stretched to fit.
 LinearPlant held(const LinearPlant& plant, double period_s);
 
 /// One period of (x, memory, torques under way) with the law's feedback terms cut. The torque

@@ -79,9 +79,12 @@ std::vector<MatrixXd> scalings(const SampledLoop& loop, double period_s) {
   MatrixXd mobility = MatrixXd::Zero(n, n);
   // Behind current loops, which come last, that of their torques; scaled torques break its
   // symmetry.
-  const Index x = loop.plant.A.rows();
+  const auto& drive = loop.plant.drive;
+  const Index x = loop.plant.arm_states();
   const bool lags = x % (2 * n) != 0;
-  const MatrixXd& B = lags ? MatrixXd(loop.plant.A.topRightCorner(x - n, n)) : loop.plant.B;
+  const MatrixXd B = lags    ? MatrixXd(loop.plant.A.block(0, x - n, x - n, n))
+                     : drive ? MatrixXd(loop.plant.A.block(0, drive->acting(n), x, n))
+                             : loop.plant.B;
   for (Index k = 0; k < B.rows(); k += n) mobility += B.middleRows(k, n);
   const auto [values, vectors] = numerics::symmetric_eigen((mobility + mobility.transpose()) / 2);
   const LinearLaw law = loop.law(period_s);
@@ -91,20 +94,6 @@ std::vector<MatrixXd> scalings(const SampledLoop& loop, double period_s) {
   }
   return {vectors * values.cwiseSqrt().cwiseInverse().asDiagonal() * vectors.transpose(),
           MatrixXd(own.cwiseSqrt().asDiagonal())};
-}
-
-/// The largest m for which `stable(m)`, which is true up to some m and then false.
-template <class Stable>
-int largest(const Stable& stable) {
-  int inside = 0, step = 1;
-  while (inside + step <= most_missed && stable(inside + step)) {
-    inside += step;
-    step *= 2;
-  }
-  for (; step >= 1; step /= 2) {
-    if (inside + step <= most_missed && stable(inside + step)) inside += step;
-  }
-  return inside;
 }
 
 bool measures_positions_alone(const std::vector<Part>& measured) {
@@ -145,8 +134,9 @@ MissedTicks missed_ticks(const SampledLoop& loop, double period_s) {
   for (const MatrixXd& S : scalings(loop, period_s)) {
     const Gains gains(loop, period_s, S);
     const double uu = gains.largest(0, 0);
-    result.commands = std::max(result.commands,
-                               largest([&](int m) { return gain_of_missed_commands(m) * uu < 1; }));
+    result.commands = std::max(result.commands, largest_whole(0, most_missed, [&](int m) {
+                                 return gain_of_missed_commands(m) * uu < 1;
+                               }));
     if (!positions) continue;
     const double uy = gains.largest(0, 1), yu = gains.largest(1, 0), yy = gains.largest(1, 1);
     const auto stable = [&](int m) {
@@ -155,7 +145,7 @@ MissedTicks missed_ticks(const SampledLoop& loop, double period_s) {
       const double sum = u * uu + y * yy, difference = u * uu - y * yy;
       return sum + std::sqrt(difference * difference + 4 * u * uy * y * yu) < 2;
     };
-    result.measurements = std::max(*result.measurements, largest(stable));
+    result.measurements = std::max(*result.measurements, largest_whole(0, most_missed, stable));
   }
   return result;
 }

@@ -63,7 +63,7 @@ MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law) {
   const Index n = loop.plant.num_joints, plant = loop.plant.A.rows(), memory = law.A.rows();
   MatrixXd state = MatrixXd::Zero(plant + memory + loop.delay * n, n);
   state.topRows(n).setIdentity();
-  if (plant >= 4 * n) state.middleRows(2 * n, n).setIdentity();
+  if (loop.plant.arm_states() >= 4 * n) state.middleRows(2 * n, n).setIdentity();
   state.middleRows(plant, memory) =
       first_memory(law, measured_rows(law.measured, n, plant) * state.topRows(plant));
   return state;

@@ -13,7 +13,9 @@
 #include "controller/law/parts.h"
 #include "controller/registry.h"
 #include "controller/stepped_law.h"
+#include "linear/drive_loop.h"
 #include "linear/law_answers.h"
+#include "scenario/drive_loop.h"
 #include "scenario/gains.h"
 
 namespace tachless::linear {
@@ -164,7 +166,11 @@ LinearPlant ScenarioLoop::plant_with(const robot::Model& model,
   const plant::DriveSpec& drives = scenario_->plant.drive;
   const VectorXd& friction = drives.viscous_friction_Nms_per_rad;
   const auto& drive = scenario_->robot.flexible;
-  if (!drive) return with_drives(rigid_plant(model, reference, friction), drives);
+  if (!drive) {
+    LinearPlant arm = with_drives(rigid_plant(model, reference, friction), drives);
+    const auto loop = scenario::drive_loop(*scenario_);
+    return loop ? with_drive_loop(arm, *loop, scenario_->loop.period_s) : arm;
+  }
   LinearPlant plant = flexible_plant(model, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);
   // The friction is that of the links. M^-1 K stands in the block beside.

@@ -301,6 +301,9 @@ std::optional<SampledRegion> sampled_region(const scenario::Scenario& scenario,
                           (flexible && !flexible->motor_coulomb_friction_Nm.isZero(0)))) {
     why_not = "dry friction holds joints beside the reference";
   }
+  if (why_not.empty() && scenario.gives("plant.drive.loop")) {
+    why_not = "the map of one tick has no loop inside the drives (plant.drive.loop)";
+  }
   if (!why_not.empty()) return {};
   tell("sampled loop, nonlinear");
   const OneTick F(scenario, linear::ScenarioLoop(scenario).rest_at(0).q_ref);

@@ -10,12 +10,14 @@
 #include "controller/any_law.h"
 #include "own_loop/loop_impl.h"
 #include "robot/model.h"
+#include "scenario/drive_loop.h"
 
 namespace tachless::own_loop {
 namespace {
 
 /// Returns the law of the scenario. It steps over missed readings as in realtime.
 controller::ScenarioLaw law_of(scenario::Scenario scenario) {
+  scenario::require_no_drive_loop(scenario, "a loop of one's own sends torques alone");
   scenario.loop.mode = scenario::Mode::realtime;
   controller::ScenarioLaw law = controller::scenario_law(scenario);
   if (law->measurement() != messages::PositionMeasurement::suffix) {

@@ -120,7 +120,7 @@ class Converter {
   /// Warns of options that a scenario has instead. Refuses those that switch mechanics off.
   void check_options() {
     for (const TiXmlElement* each : document_.sections("option")) {
-      const MjcfAttributes option(document_, *each, values_of(*each));
+      const MjcfAttributes option = document_.own_attributes(*each);
       const Eigen::Vector3d usual(0, 0, -9.81);
       if (option.vector("gravity", usual) != usual) {
         warn(*each, fmt::format("gravity=\"{}\" is not read; robot.gravity_m_per_s2 and robot.base "
@@ -132,7 +132,7 @@ class Converter {
       }
       for (const TiXmlElement* flag : document_.children(*each)) {
         if (flag->ValueStr() != "flag") continue;
-        const MjcfAttributes flags(document_, *flag, values_of(*flag));
+        const MjcfAttributes flags = document_.own_attributes(*flag);
         for (const char* name : {"equality", "frictionloss", "passive", "spring", "damper"}) {
           if (flags.text(name, "enable") == "enable") continue;
           flags.refuse(fmt::format("{}=\"{:.60}\" is not read; remove it, and what it switches off",
@@ -140,14 +140,6 @@ class Converter {
         }
       }
     }
-  }
-
-  static MjcfAttributes::Values values_of(const TiXmlElement& element) {
-    MjcfAttributes::Values values;
-    for (const auto* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
-      values[a->Name()] = a->ValueStr();
-    }
-    return values;
   }
 
   /// Remembers the files of meshes and the colours of materials, by name.

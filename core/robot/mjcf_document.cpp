@@ -324,6 +324,12 @@ MjcfAttributes MjcfDocument::attributes(const TiXmlElement& element, const std::
   return {*this, element, std::move(values)};
 }
 
+MjcfAttributes MjcfDocument::own_attributes(const TiXmlElement& element) const {
+  MjcfAttributes::Values values;
+  override_with(values, element);
+  return {*this, element, std::move(values)};
+}
+
 double MjcfDocument::angle_unit() const {
   const std::string unit = compiler().text("angle", "degree");
   if (unit == "degree") return std::numbers::pi / 180;

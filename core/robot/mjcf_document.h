@@ -80,6 +80,8 @@ class MjcfDocument {
   /// @param around class of elements without one  @param rule key of `mjcf_rule`; empty: the name
   [[nodiscard]] MjcfAttributes attributes(const TiXmlElement& element, const std::string& around,
                                           std::string_view rule = {}) const;
+  /// Returns the attributes that an element has itself. Their names are not checked.
+  [[nodiscard]] MjcfAttributes own_attributes(const TiXmlElement& element) const;
   [[nodiscard]] const MjcfAttributes& compiler() const { return *compiler_; }
   [[nodiscard]] const TiXmlElement& root() const { return *root_; }
   /// Returns `pos` and the orientation that an element gives in one of MuJoCo's forms.

@@ -19,8 +19,9 @@ void add_joints(const MjcfDocument& document, const TiXmlElement& of, std::strin
     if (kind != "joint") continue;
     const MjcfAttributes joint = document.attributes(*each, around);
     if (!joint.has("name")) continue;
+    const double unit = joint.text("type", "hinge") == "slide" ? 1 : document.angle_unit();
     const JointNumbers numbers{joint.coefficient("armature"), joint.coefficient("damping"),
-                               joint.coefficient("frictionloss")};
+                               joint.coefficient("frictionloss"), unit * joint.number("ref", 0)};
     if (!joints.emplace(joint.text("name"), numbers).second) {
       joint.refuse("there are two; rename one");
     }

@@ -12,6 +12,7 @@ struct JointNumbers {
   double rotor_inertia = 0;     ///< on the link side of the gear [kg m2; kg]
   double viscous_friction = 0;  ///< [N m s/rad; N s/m]
   double coulomb_friction = 0;  ///< [N m; N]
+  double reference = 0;         ///< position at which the bodies are as written [rad; m]
 };
 
 /// Reads `armature`, `damping` and `frictionloss` of the named joints of a MuJoCo model, by name.

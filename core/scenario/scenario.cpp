@@ -1,5 +1,6 @@
 #include "scenario/scenario.h"
 #include "scenario/description.h"
+#include "scenario/drive_loop.h"
 #include "scenario/driver_settings.h"
 
 #include <algorithm>
@@ -204,21 +205,29 @@ void take_rotors(Scenario& scenario, robot::Model& model, std::optional<robot::M
   if (believed) believed->rotor_inertia.setZero();
 }
 
-/// Takes `plant.driver` out of the tree. The scenario's text keeps it, for the driver that declares
-/// its keys.
-void take_driver_settings(YamlNode& root, const Scenario& scenario) {
+/// Takes the child `name` out of the map `of`; nothing without it.
+std::optional<YamlNode> taken(YamlNode* of, std::string_view name) {
+  if (of == nullptr || of->kind != YamlNode::Kind::map) return {};
+  const auto key = std::ranges::find(of->keys, name);
+  if (key == of->keys.end()) return {};
+  const auto value = of->children.begin() + (key - of->keys.begin());
+  YamlNode result = std::move(*value);
+  of->children.erase(value);
+  of->keys.erase(key);
+  return result;
+}
+
+/// Takes `plant.driver` and `plant.drive.loop` out of the tree. The scenario's text keeps both: the
+/// former for the driver that declares its keys, the latter for `drive_loop`.
+void take_kept_as_text(YamlNode& root, const Scenario& scenario) {
   YamlNode* plant = root.find("plant");
-  if (plant == nullptr || plant->kind != YamlNode::Kind::map) return;
-  const auto key = std::ranges::find(plant->keys, "driver");
-  if (key == plant->keys.end()) return;
-  const auto value = plant->children.begin() + (key - plant->keys.begin());
-  if (value->kind != YamlNode::Kind::map) {
-    throw scenario.complaint("plant.driver", emit_line(*value) +
+  const std::optional<YamlNode> driver = taken(plant, "driver");
+  if (driver && driver->kind != YamlNode::Kind::map) {
+    throw scenario.complaint("plant.driver", emit_line(*driver) +
                                                  "; allowed: a map of the driver's "
                                                  "own keys");
   }
-  plant->children.erase(value);
-  plant->keys.erase(key);
+  taken(plant == nullptr ? nullptr : plant->find("drive"), "loop");
 }
 
 Scenario read_scenario(YamlNode root, const Description& plant, const Description& believed,
@@ -241,7 +250,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
         scenario.text.size(), mechanics.size(), max_message_bytes);
   }
   scenario.num_joints = model.num_joints;
-  take_driver_settings(root, scenario);
+  take_kept_as_text(root, scenario);
   read(Place{scenario, &root, ""}, scenario);
   take_rotors(scenario, model, believed_model);
 
@@ -267,6 +276,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
   scenario.robot.channel_prefix = messages::channel_prefix(scenario.robot.name);
   scenario.loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(scenario.loop));
   require_consistent(scenario);
+  drive_loop(scenario);  // refuses what is wrong in it
   return scenario;
 }
 
@@ -446,9 +456,49 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
 
 YamlNode driver_node(const Scenario& scenario) {
   YamlNode root = parse_yaml(scenario.text, scenario.source);
+  return taken(root.find("plant"), "driver").value_or(YamlNode());
+}
+
+std::optional<DriveLoopSpec> drive_loop(const Scenario& scenario) {
+  const std::string key = "plant.drive.loop";
+  if (!scenario.gives(key)) return {};
+  YamlNode root = parse_yaml(scenario.text, scenario.source);
   YamlNode* plant = root.find("plant");
-  YamlNode* driver = plant == nullptr ? nullptr : plant->find("driver");
-  return driver == nullptr ? YamlNode() : std::move(*driver);
+  const std::optional<YamlNode> node =
+      taken(plant == nullptr ? nullptr : plant->find("drive"), "loop");
+  if (!node) return {};
+  DriveLoopSpec loop;
+  read(Place{scenario, &*node, key}, loop);
+  if (scenario.robot.flexible) {
+    throw scenario.complaint(key,
+                             "given, but the robot's joints are flexible; allowed: rigid ones");
+  }
+  const double ticks = scenario.loop.period_s / loop.period_s;
+  constexpr double rounding = 1e-6;
+  if (std::abs(ticks - std::round(ticks)) > rounding || ticks < 1 - rounding) {
+    throw scenario.complaint(key + ".period_s",
+                             "{}; loop.period_s ({}) is {:.6g} times that; allowed: a whole "
+                             "number of times",
+                             shortest(loop.period_s), shortest(scenario.loop.period_s), ticks);
+  }
+  if (loop.late_ticks > std::lround(ticks) - 1) {
+    throw scenario.complaint(key + ".late_ticks",
+                             "{}; a tick of the loop has {:.0f}: allowed: "
+                             "less; raise loop.command_delay",
+                             loop.late_ticks, ticks);
+  }
+  return loop;
+}
+
+Vector drive_count(const Scenario& scenario, const DriveLoopSpec& loop, const robot::Model& model) {
+  Scenario drives = scenario;
+  drives.plant.encoder.resolution_bits = loop.resolution_bits;
+  return encoder_count(drives, model);
+}
+
+void require_no_drive_loop(const Scenario& scenario, std::string_view why) {
+  if (!scenario.gives("plant.drive.loop")) return;
+  throw scenario.complaint("plant.drive.loop", "given; {}; allowed: without the key", why);
 }
 
 robot::Model own_model(const Scenario& scenario) {

@@ -151,12 +151,13 @@ struct RobotSpec {
                 "scenario's file. What the scenario itself says of them goes first"}
           .by_default("none"),
       base::Key{"compensates", &RobotSpec::compensates},
-      base::Key{"joint_signs", &RobotSpec::joint_signs, "",
-                "Of a real robot: 1, or -1 where a joint turns against its axis in the URDF"}
+      base::Key{
+          "joint_signs", &RobotSpec::joint_signs, "",
+          "Sign of a real robot's joint: 1, or -1 where it turns against its axis in the URDF"}
           .in({-1, 1, false, false, true})
           .by_default(1),
       base::Key{"joint_offsets_rad", &RobotSpec::joint_offsets_rad, "rad (m)",
-                "Of a real robot: position in the URDF where the driver reads 0"}
+                "Position in the URDF where a real robot's driver reads 0"}
           .by_default(0),
       base::Key{"joints", &RobotSpec::set_joints, "",
                 "Motors fixed to their joints, or behind springs"}
@@ -253,7 +254,7 @@ struct Scenario {
                 "Name of the experiment: letters, digits, `.`, `_`, `-`, at most 100"},
       base::Key{"robot", &Scenario::robot},
       base::Key{"plant", &Scenario::plant},
-      base::Key{"reference", &Scenario::reference, "", "What the robot is to follow"},
+      base::Key{"reference", &Scenario::reference, "", "Motion that the robot is to follow"},
       base::Key{"controller", &Scenario::controller},
       base::Key{"loop", &Scenario::loop}};
 };

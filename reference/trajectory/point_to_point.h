@@ -28,7 +28,8 @@ struct PointToPoint {
       base::Key{"start_s", &PointToPoint::start_s, "s", "Until then at `from_rad`"}
           .in(base::not_negative)
           .by_default(),
-      base::Key{"duration_s", &PointToPoint::duration_s, "s", "Of the motion; after it at `to_rad`"}
+      base::Key{"duration_s", &PointToPoint::duration_s, "s",
+                "Duration of the motion; after it at `to_rad`"}
           .in(base::positive)
           .by_default()};
 

@@ -76,7 +76,8 @@ struct MotionFile {
       base::Key{"path", &MotionFile::path, "",
                 "Table of times and positions, relative to the scenario (docs/trajectories.md); "
                 "`file: motion.csv` is short for `file: {path: motion.csv}`"},
-      base::Key{"digest", &MotionFile::digest, "", "Of the table's bytes: another table is refused"}
+      base::Key{"digest", &MotionFile::digest, "",
+                "Digest of the table's bytes: another table is refused"}
           .by_default("that of the table found"),
       base::Key{"time_column", &MotionFile::time_column, "", "Name or number of the time's column"}
           .by_default("the column with a usual name of the time"),

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -176,6 +178,30 @@ TEST(AnyLaw, TakesTheGainsOfAReferenceFromItsTickOnAndKeepsItsMemory) {
   // are the same.
   EXPECT_EQ(changed->step(30, ramp(30), at_zero()).command.tau,
             unchanged->step(30, ramp(30), at_zero()).command.tau);
+}
+
+/// Prepared gains act from the tick of their reference on, and a law is built once for them.
+TEST(AnyLaw, TakesPreparedGainsAtTheTickOfTheirReference) {
+  const scenario::Scenario s = scenario({"controller.gains_may_change=true"});
+  int built = 0;
+  LawWithMemory<LoriaOrtegaRigid> prepared(
+      make_law<LoriaOrtegaRigid>(s), s.loop, {}, 0, [&](std::string_view gains) {
+        ++built;
+        return make_law<LoriaOrtegaRigid>(with_gains(s, gains));
+      });
+  const ScenarioLaw other = scenario_law(s);
+  const std::array<const char*, 5> gains = {"", "kp=300,100", "kp=200,80", "", "kp=200,80"};
+  for (std::int64_t k = 0; k < 50; ++k) {
+    messages::ReferencePoint now = at_zero(), next = at_zero();
+    now.gains = gains[static_cast<std::size_t>(k / 10)];
+    next.gains = gains[static_cast<std::size_t>(std::min<std::int64_t>(k + 1, 49) / 10)];
+    prepared.prepare(next);
+    const int before = built;
+    EXPECT_EQ(prepared.step(k, ramp(k), now).command.tau, other->step(k, ramp(k), now).command.tau)
+        << k;
+    EXPECT_EQ(built, before) << k;  // no step builds a law
+  }
+  EXPECT_EQ(built, 4);
 }
 
 /// The counts are the length of the Kalman filter's chain and the number of samples of a

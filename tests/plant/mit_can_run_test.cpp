@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
@@ -18,6 +19,7 @@
 namespace tachless::mit_can {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr const char* arm = TACHLESS_SOURCE_DIR "/examples/mit_can/arm.yaml";
@@ -80,6 +82,33 @@ TEST_F(MitCanRun, GoesOnOverLostFramesAndIsReplayedBitForBit) {
     EXPECT_THAT(replay.output(), HasSubstr("bit for bit"));
     std::filesystem::remove_all(out());
   }
+}
+
+TEST_F(MitCanRun, IsADryRunOfTheDoctorWhichCountsItsReadings) {
+  std::string text = contents(arm);
+  const auto replace = [&](const std::string& what, const std::string& by) {
+    text.replace(text.find(what), what.size(), by);
+  };
+  replace("bus: unix:/tmp/tachless-mit-can", "bus: unix:" + (directory_ / "bus").string());
+  replace("../../scenarios", TACHLESS_SOURCE_DIR "/scenarios");
+  replace("max_missed: 12", "max_missed: 80");
+  const std::filesystem::path scenario = directory_ / "arm.yaml";
+  std::ofstream(scenario) << text;
+  EmulatedDrives drives(scenario::load_scenario(scenario), {.lost_share = 0.01});
+  {
+    const std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
+    Program doctor("tachless",
+                   {"doctor", "--scenario", scenario.string(), "--plant",
+                    TACHLESS_BINARY_DIR "/bin/tachless-mit-can", "--seconds", "1"},
+                   directory_.path());
+    doctor.wait();  // other findings depend on the machine
+    EXPECT_THAT(doctor.output(), AllOf(HasSubstr("readings "),
+                                       HasSubstr("% of 1000 ticks had a "
+                                                 "reading"),
+                                       HasSubstr("answers_missing ")))
+        << doctor.errors();
+  }
+  EXPECT_FALSE(drives.any_enabled()) << "a dry run enables nothing";
 }
 
 }  // namespace

@@ -122,6 +122,7 @@ class MitArm : public testing::Test {
         outcome = plant::run(s, peers, nullptr, &driver);
       }
       lost_ = drives.lost();
+      end_ = drives.positions();
     } catch (const base::Failure& failure) {
       outcome.code = failure.code();
       outcome.fault = failure.what();
@@ -134,6 +135,7 @@ class MitArm : public testing::Test {
   TemporaryDirectory directory_;
   std::size_t ticks_ = 0, truths_ = 0;
   std::int64_t lost_ = 0;
+  Vector end_;  ///< positions of the arm after the run [rad]
 };
 
 TEST_F(MitArm, RunsToTheEndWithDrivesOfBothFamilies) {
@@ -158,6 +160,32 @@ TEST_F(MitArm, CountsTicksWithoutAnAnswerAndGoesOn) {
   EXPECT_EQ(ticks_, 500U);
   EXPECT_EQ(truths_, 500U - static_cast<std::size_t>(plant.missed_readings));
   EXPECT_GE(plant.driver.at("answers_missing"), static_cast<double>(plant.missed_readings));
+}
+
+/// The host's torques are zero: the drives alone bring the arm to the reference.
+TEST_F(MitArm, SendsTheDrivesTheirSetPointsAndGains) {
+  for (const char* model : {"dm10010", "rs04"}) {
+    SCOPED_TRACE(model);
+    const scenario::Scenario s =
+        scenario({"loop.duration_s=0.5", "reference={hold: {position_rad: [0.3, -0.2]}}",
+                  "plant.following_error_rad=10", "robot.joint_signs=[-1, 1]",
+                  "robot.joint_offsets_rad=[0.1, 0]",
+                  "plant.drive.loop={period_s: 1.0e-4, kp: [400, 100], kd: [5, 2]}"},
+                 model);
+    const Outcome outcome = run(s, {});
+    EXPECT_EQ(outcome.fault, "");
+    // M is about 9 kg m2: a quarter of a period lasts 0.24 s.
+    EXPECT_GT(end_[0], 0.1);
+    EXPECT_LT(end_[1], -0.05);
+  }
+}
+
+TEST_F(MitArm, RefusesGainsBeyondTheFrames) {
+  const Outcome outcome =
+      run(scenario({"plant.drive.loop={period_s: 1.0e-4, kp: 1, kd: [1, 5.5]}"}), {});
+  EXPECT_EQ(outcome.code, ExitCode::bad_usage);
+  EXPECT_THAT(outcome.fault, AllOf(HasSubstr("plant.drive.loop.kd: 5.5 for motor 2 of joint 2"),
+                                   HasSubstr("its frames hold at most 5")));
 }
 
 TEST_F(MitArm, StopsWithTheNameOfASilentMotor) {

@@ -13,6 +13,7 @@
 #include "identify/least_squares.h"
 #include "plant/own_torque.h"
 #include "robot/dynamics.h"
+#include "scenario/drive_loop.h"
 
 namespace tachless::commission {
 namespace {
@@ -358,6 +359,7 @@ class Procedure : Findings {
 
 Commissioned commission(const Scenario& scenario, const Trials& trials,
                         const identify::Report& report) {
+  scenario::require_no_drive_loop(scenario, "commission measures what the host's torques do");
   return Procedure(scenario, trials, report).run();
 }
 

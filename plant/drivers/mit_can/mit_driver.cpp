@@ -6,11 +6,13 @@
 #include <bit>
 #include <cmath>
 #include <exception>
+#include <tuple>
 
 #include "base/failure.h"
 #include "base/text.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
+#include "scenario/drive_loop.h"
 #include "scenario/driver_settings.h"
 
 namespace tachless::mit_can {
@@ -62,6 +64,7 @@ Drive MotorSettings::drive() const {
 MitDriver::MitDriver(const scenario::Scenario& scenario)
     : scenario_(scenario),
       settings_(scenario::driver_settings<Settings>(scenario)),
+      drive_loop_(scenario::drive_loop(scenario)),
       model_(plant::plant_model(scenario)),
       bus_(settings_.bus, settings_.fd),
       wait_(base::nanoseconds_of(settings_.answer_wait_s > 0 ? settings_.answer_wait_s
@@ -84,7 +87,23 @@ MitDriver::MitDriver(const scenario::Scenario& scenario)
         fmt::format("motor {} of {}", motor.drive.id, robot::joint_labels(model_).joint(i));
     motors_.push_back(std::move(motor));
   }
+  require_gains();
   for (const Motor& motor : motors_) set_up(motor);
+}
+
+void MitDriver::require_gains() const {
+  if (!drive_loop_) return;
+  for (std::size_t i = 0; i < motors_.size(); ++i) {
+    const auto joint = static_cast<Eigen::Index>(i);
+    const Ranges& ranges = motors_[i].drive.ranges;
+    for (const auto& [key, gain, most] : {std::tuple{"kp", drive_loop_->kp[joint], ranges.kp},
+                                          std::tuple{"kd", drive_loop_->kd[joint], ranges.kd}}) {
+      if (gain <= most) continue;
+      throw scenario_.complaint(fmt::format("plant.drive.loop.{}", key),
+                                "{} for {}; its frames hold at most {}", base::shortest(gain),
+                                motors_[i].label, base::shortest(most));
+    }
+  }
 }
 
 MitDriver::~MitDriver() {
@@ -239,14 +258,25 @@ void MitDriver::count_silence() {
                                : "its power and its plug");
 }
 
-void MitDriver::hold(const Vector& tau, double /*until_s*/) {
-  collect(0ns);  // what comes later must not count as an answer to this
+template <class SetpointOf>
+void MitDriver::command_each(const SetpointOf& of) {
   for (std::size_t i = 0; i < motors_.size(); ++i) {
-    Motor& motor = motors_[i];
-    motor.answered = false;
-    send(command(motor.drive, {.tau = tau[static_cast<Eigen::Index>(i)]}));
+    motors_[i].answered = false;
+    send(command(motors_[i].drive, of(static_cast<Eigen::Index>(i))));
   }
   expecting_ = true;
+}
+
+void MitDriver::hold(const Vector& tau, double /*until_s*/) {
+  collect(0ns);  // what comes later must not count as an answer to this
+  command_each([&](Eigen::Index i) { return Setpoint{.tau = tau[i]}; });
+}
+
+void MitDriver::follow(const Vector& tau, const plant::SetPoint& set_point, double /*until_s*/) {
+  collect(0ns);  // as in `hold`
+  command_each([&](Eigen::Index i) {
+    return Setpoint{set_point.q[i], set_point.v[i], drive_loop_->kp[i], drive_loop_->kd[i], tau[i]};
+  });
 }
 
 void MitDriver::rest(double /*until_s*/) {
@@ -282,11 +312,7 @@ void MitDriver::set_brake() {
 }
 
 void MitDriver::send_brake() {
-  for (Motor& motor : motors_) {
-    motor.answered = false;
-    send(command(motor.drive, motor.brake));
-  }
-  expecting_ = true;
+  command_each([&](Eigen::Index i) { return motors_[static_cast<std::size_t>(i)].brake; });
 }
 
 void MitDriver::ask_all() {

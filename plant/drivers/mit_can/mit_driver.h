@@ -6,9 +6,9 @@
 
 #include "base/clock.h"
 #include "base/schema.h"
+#include "plant/drive_loop.h"
 #include "plant/drivers/mit_can/can_bus.h"
 #include "plant/drivers/mit_can/drives.h"
-#include "plant/robot_driver.h"
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
@@ -78,13 +78,14 @@ struct Settings {
 };
 
 /// An arm whose drives have the MIT mode, on one CAN bus. Commands are torques alone (kp = kd = 0),
-/// so that the law is the only feedback. Each drive answers a command with its position at that
+/// so that the law is the only feedback. With plant.drive.loop they are set points, that loop's
+/// gains and torques. Each drive answers a command with its position at that
 /// moment; `read` takes the answers to the commands of the tick before. A tick in which an answer
 /// is missing has no reading.
 ///
 /// The drives have no brakes. Before the first torque and from `stop` on each drive holds its
 /// position by its own gains, with gravity's torque of the scenario's model.
-class MitDriver final : public plant::RobotDriver {
+class MitDriver final : public plant::DriveLoopDriver {
  public:
   /// Opens the bus, sets mode and watchdog of each drive and reads back what can be read.
   /// @throw base::Failure(bad_usage) naming the motor, or the key of plant.driver
@@ -98,6 +99,7 @@ class MitDriver final : public plant::RobotDriver {
   void start() override;
   plant::ArmState read() override;
   void hold(const Vector& tau, double until_s) override;
+  void follow(const Vector& tau, const plant::SetPoint& set_point, double until_s) override;
   void stop() override;
   void rest(double until_s) override;
   [[nodiscard]] std::vector<plant::DriverFigure> figures() const override;
@@ -115,6 +117,8 @@ class MitDriver final : public plant::RobotDriver {
   };
 
   void set_up(const Motor& motor);
+  /// Refuses gains of plant.drive.loop beyond the ranges of the frames.
+  void require_gains() const;
   void require_range(const Motor& motor, Register which, double expected);
   [[nodiscard]] std::uint32_t read_back(const Motor& motor, Register which);
   void ask_all();
@@ -128,9 +132,13 @@ class MitDriver final : public plant::RobotDriver {
   void require_sound(const Motor& motor) const;
   void set_brake();
   void send_brake();
+  /// Sends each motor its set point, `of(index)`.
+  template <class SetpointOf>
+  void command_each(const SetpointOf& of);
 
   const scenario::Scenario& scenario_;
   Settings settings_;
+  std::optional<scenario::DriveLoopSpec> drive_loop_;
   robot::Model model_;
   CanBus bus_;
   std::vector<Motor> motors_;

@@ -64,9 +64,33 @@ Finding judge_timing(const Json& summary, const certify::Prediction& loop,
   return {"timing", what, fmt::format("tachless certify {} --full", scenario)};
 }
 
+/// Compares the ticks in which a driver had no reading with the missed ticks that the loop bears.
+/// @param command what shows the same run in full
+Finding judge_readings(const Json& summary, const certify::Prediction& loop,
+                       const std::string& command) {
+  const auto missed = summary.at("missed_readings").get<std::int64_t>();
+  const auto row = summary.at("longest_reading_miss").get<std::int64_t>();
+  const auto ticks = summary.at("ticks").get<std::int64_t>();
+  std::string what = fmt::format(
+      "{:.4g} % of {} ticks had a reading, at most {} in a row had none",
+      ticks > 0 ? 100 - 100.0 * static_cast<double>(missed) / static_cast<double>(ticks) : 0, ticks,
+      row);
+  const Json& jitter = summary.at("wake_up_jitter_us");
+  if (jitter.at("p50").is_number()) {
+    what += fmt::format("; wake-up jitter {:g} us (median), {:g} us (99 %)",
+                        jitter.at("p50").get<double>(), jitter.at("p99").get<double>());
+  }
+  for (const auto& [name, value] : summary.at("driver").items()) {
+    what += fmt::format("; {} {:.6g}", name, value.get<double>());
+  }
+  const bool bears = !loop.missed || row <= loop.missed->commands;
+  return {"readings", what, bears ? std::nullopt : std::optional(command)};
+}
+
 struct Doctor {
   std::string lcm_url = session::default_lcm_url;
   fs::path scenario;
+  std::string plant;
   double seconds = 60;
   bool json = false;
 
@@ -76,6 +100,11 @@ struct Doctor {
         "--scenario", scenario,
         "Run this scenario in realtime, in a private network, and compare the commands it misses "
         "with those that its loop tolerates"));
+    command
+        .add_option("--plant", plant,
+                    "The driver of a real arm, as typed in a shell: that run is a dry run of it, "
+                    "which reads the arm and sends it nothing")
+        ->needs(given);
     command.add_option("--seconds", seconds, "Length of that run")
         ->check(CLI::Range(1.0, 3600.0))
         ->capture_default_str()
@@ -85,7 +114,7 @@ struct Doctor {
 
   [[nodiscard]] ExitCode run() const {
     std::vector<Finding> findings = examine(lcm_url, ".");
-    if (!scenario.empty()) findings.push_back(timing());
+    if (!scenario.empty()) examine_run(findings);
     Json list = Json::array();
     for (const auto& [subject, what, remedy, warns] : findings) {
       list.push_back({{"subject", subject},
@@ -106,8 +135,9 @@ struct Doctor {
   }
 
  private:
-  /// Runs the four programs of the scenario on this machine and judges their timing.
-  [[nodiscard]] Finding timing() const {
+  /// Runs the four programs of the scenario on this machine and judges their timing, and the
+  /// readings of a driver.
+  void examine_run(std::vector<Finding>& findings) const {
     const certify::Prediction loop =
         certify::analyse(scenario::load_scenario(scenario, {}), linear::Effort::full);
     const base::TemporaryDirectory directory;
@@ -116,16 +146,26 @@ struct Doctor {
     options.mode = "realtime";
     options.duration_s = fmt::format("{:g}", seconds);
     options.overrides = {"loop.max_missed_share=1"};  // is judged here
-    options.isolate = options.any_outcome = options.quiet = true;
+    options.any_outcome = options.quiet = true;
+    options.isolate = plant.empty();
+    options.plant_program = plant;
+    options.dry_run = !plant.empty();
     base::log_info("runs {} in realtime for {:g} s", scenario.string(), seconds);
     const ExitCode code = cli::run(options, {scenario});
     if (code == ExitCode::interrupted) throw base::Failure(code, "doctor: its run was interrupted");
+    const std::string file = base::shell_word(scenario.string());
+    std::string command = fmt::format("tachless run {} --mode realtime", file);
+    if (!plant.empty()) command += fmt::format(" --plant {} --dry-run", base::shell_word(plant));
     if (code != ExitCode::done) {
-      return {"timing", fmt::format("the run ended with exit code {}", static_cast<int>(code)),
-              fmt::format("tachless run {} --mode realtime", base::shell_word(scenario.string()))};
+      findings.push_back({"timing",
+                          fmt::format("the run ended with exit code {}", static_cast<int>(code)),
+                          command});
+      return;
     }
-    return judge_timing(Json::parse(base::file_text(options.out / "summary.json").value_or("null")),
-                        loop, base::shell_word(scenario.string()));
+    const Json summary =
+        Json::parse(base::file_text(options.out / "summary.json").value_or("null"));
+    findings.push_back(judge_timing(summary, loop, file));
+    if (!plant.empty()) findings.push_back(judge_readings(summary, loop, command));
   }
 };
 
@@ -284,6 +324,7 @@ const Verb doctor_verb = verb_of<Doctor>(
     "  tachless doctor\n"
     "  tachless doctor --json\n"
     "  tachless doctor --scenario scenarios/practical_rigid.yaml --seconds 60\n"
+    "  tachless doctor --scenario arm.yaml --plant ./own_driver --seconds 10\n"
     "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
     "Exit code 0 when there is no problem, 1 otherwise.");
 

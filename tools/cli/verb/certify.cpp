@@ -17,6 +17,7 @@
 #include "base/logging.h"
 #include "base/text.h"
 #include "certify/certify.h"
+#include "cli/mjcf_gains.h"
 #include "cli/progress.h"
 #include "cli/run.h"
 #include "cli/verb.h"
@@ -39,10 +40,16 @@ struct Certify {
   fs::path witness;
   std::vector<double> errors = {0.3};
   std::string law_program;
+  double period_s = 0;
   bool full = false, paper = false, force = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
-    session::with_installed_scenarios(session::add_scenario(command, input, overrides));
+    session::with_installed_scenarios(session::add_scenario(command, input, overrides))
+        ->description("The experiment, a YAML file; or a MuJoCo model (MJCF)");
+    command
+        .add_option("--period", period_s,
+                    "Step [s] of a MuJoCo model that is judged; default: its timestep")
+        ->check(above_zero);
     command.add_option(
         "--witness", witness,
         "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
@@ -70,6 +77,18 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
+    if (is_mjcf_file(input)) {
+      if (full || paper || !witness.empty() || !law_program.empty()) {
+        throw base::bad_usage(
+            "{}: a MuJoCo model; --full, --paper, --witness and --controller are of a scenario",
+            input.string());
+      }
+      return check_mjcf_gains(input, overrides, period_s, json);
+    }
+    if (period_s > 0) {
+      throw base::bad_usage(
+          "--period: of a MuJoCo model; for a scenario type --set loop.period_s={}", period_s);
+    }
     require_writable(witness, force);
     std::vector<std::string> all_overrides = of_program(input, overrides, law_program);
     all_overrides.insert(all_overrides.begin(), overrides.begin(), overrides.end());
@@ -103,10 +122,13 @@ struct Certify {
 }  // namespace
 
 const Verb certify_verb = verb_of<Certify>(
-    "certify", "Checks the stability of a scenario's loop, with margins; runs nothing",
+    "certify",
+    "Checks the stability of a scenario's loop, with margins, or of a MuJoCo model's position "
+    "actuators; runs nothing",
     "  tachless certify scenarios/paper_rigid.yaml\n"
     "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
     "--json\n"
-    "  tachless certify scenarios/paper_rigid.yaml --full --paper");
+    "  tachless certify scenarios/paper_rigid.yaml --full --paper\n"
+    "  tachless certify panda.xml --period 0.001");
 
 }  // namespace tachless::cli

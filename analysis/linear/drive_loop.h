@@ -1,0 +1,58 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "base/quantities.h"
+#include "linear/linear_loop.h"
+#include "linear/sampled_limit.h"
+#include "scenario/drive_loop.h"
+
+/// The loop inside the drives (plant.drive.loop) and its margins, by the exact map of one period.
+namespace tachless::linear {
+
+/// Returns the plant whose drives close that loop. `plant.B` has their scale.
+/// @param host_period_s to which the loop's `late_ticks` belong
+LinearPlant with_drive_loop(const LinearPlant& plant, const scenario::DriveLoopSpec& loop,
+                            double host_period_s);
+
+/// Returns the plant that `with_drive_loop` was given.
+LinearPlant without_drive_loop(const LinearPlant& plant);
+
+/// Margins of a stable loop at the drives, while the host's loop is closed.
+struct DriveMargins {
+  double gain = 0;  ///< factor above 1 on kp and kd that makes it unstable; infinite up to 1e4
+  int delay_ticks =
+      0;  ///< further ticks of the drives that keep it stable, up to `most_drive_ticks`
+  /// The inverse of the largest gain, over frequencies, from torques that are added in each tick of
+  /// the drives to the sums: the least over all directions of the lifted loop.
+  double modulus = 0;
+};
+inline constexpr int most_drive_ticks = 400;
+
+/// Ticks of the drives by which the host's torque may come later, up to `most_host_ticks` periods.
+inline constexpr int most_host_ticks = 32;
+
+/// A host's law around drives with a loop of their own, at one posture and period.
+struct SplitLoop {
+  LinearPlant arm;  ///< without that loop
+  scenario::DriveLoopSpec drive;
+  LinearLaw law;
+  double period_s = 0;
+  int delay = 0;  ///< the host's whole periods from measurement to torque
+
+  [[nodiscard]] LinearPlant plant() const { return with_drive_loop(arm, drive, period_s); }
+  /// The map of one period of the host.
+  [[nodiscard]] Eigen::MatrixXd map() const { return cut(plant(), law, period_s, delay).closed(); }
+};
+
+/// Returns the margins; all zero for an unstable loop.
+DriveMargins drive_margins(const SplitLoop& loop);
+
+/// Returns the largest ticks of the drives, added to the host's delay, that keep the loop stable;
+/// `most_host_ticks` periods when no limit was found; -1 for an unstable loop.
+int host_delay_margin(const SplitLoop& loop);
+
+/// Returns the torque of one count of the drives' own encoders: (kp + kd rate) count [N m; N].
+Vector drive_count_torque(const scenario::DriveLoopSpec& loop, const Vector& count);
+
+}  // namespace tachless::linear
