@@ -12,7 +12,7 @@
 
 namespace tachless::plant {
 
-/// What the host sends to the drives of `plant.drive.loop` beside a torque.
+/// Set point that the host sends to the drives of `plant.drive.loop` beside a torque.
 struct SetPoint {
   Vector q;  ///< q_des [rad; m]
   Vector v;  ///< v_des [rad/s; m/s]

@@ -163,7 +163,7 @@ class GuardedRobot {
   MotionGuard guard_;
   std::optional<scenario::DriveLoopSpec> drive_loop_;  ///< of plant.drive.loop
   DriveLoopDriver* follower_ = nullptr;  ///< `driver_` with plant.drive.loop; else null
-  /// Where the guard watches the following error, or the drives have a loop.
+  /// Reference, if the guard watches the following error or the drives have a loop.
   std::optional<reference::Trajectory> trajectory_;
   ArmState state_;
   Vector speed_;  ///< of each joint [rad/s; m/s]

@@ -48,7 +48,7 @@ TEST(ServoLoop, TakesJointDampingAtTheEndOfEulersStep) {
 
 TEST(ServoLoop, HeldByAnOwnLoopNeedsDamping) {
   EXPECT_EQ(one(800, 0).limit(ServoStep::held).step_s, 0);
-  // Of a joint with kv alone, v+ = (1 - h kv / M) v.
+  // With kv alone, v+ = (1 - h kv / M) v.
   EXPECT_NEAR(one(0, 30).limit(ServoStep::held).step_s, 2 * M / 30, 1e-8);
   // With kp the held position and velocity have the map [1 - b/2, h (1 - a/2); -b/h, 1 - a], whose
   // determinant is 1 - a + b/2: stable where b < 2 a and a < 2.
