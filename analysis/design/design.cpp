@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -44,6 +45,7 @@ constexpr int fresh_postures = 400, fresh_apart = 10'000, descents = 8, descent_
 constexpr double same_posture = 0.05;  // [rad; m] two descents that end this near are one posture
 constexpr double sets_agree = 1.02;    // ratio of the least moduli of two sets
 constexpr double slower = 1.02;  // least factor of the settling time by which a posture is added
+constexpr double eased_hz = 1;   // bandwidth with which remedies are tried
 // Bandwidths of the searches for softer gains, each half of the one before [Hz].
 constexpr double softest_start_hz = 20, least_bandwidth_hz = 0.1;
 constexpr double useless_share = 0.1;       // of a joint's motion that friction may take from it
@@ -60,34 +62,57 @@ void require_rigid(const scenario::Scenario& scenario) {
 class Search {
  public:
   Search(const scenario::Scenario& scenario, const DesignGoal& goal,
-         const linear::LawAnswers& answers, bool from_own)
+         const linear::LawAnswers& answers)
       : scenario_(scenario),
         goal_(goal),
         answers_(answers),
-        from_own_(from_own),
         law_(scenario, goal, answers),
         labels_(robot::joint_labels(*scenario.model)) {
     law_.choose_variables();
-    problem_ = law_.at(law_.first_rests());
+    along_motion_ = law_.at(law_.first_rests());
     if (goal.uncertainty) {
       require_rigid(scenario);
       plants_ = uncertain_plants(law_.model(), *goal.uncertainty);
     }
     pool_ = pool(1000, pool_size);
-    const auto starts = answers_ ? std::ssize(law_.beside(problem_.upper)) : most_starts;
-    most_steps_ = static_cast<int>(starts) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
     way_ = law_.at(law_.loop().rest_points(certify::reference_postures));
-    in_pool_.resize(pool_.loops.size());
-    on_way_.resize(way_.loops.size());
-    for (std::size_t k = 0; k < first_postures; ++k) {
-      add(problem_, pool_, k, asked_share);
-      in_pool_[k] = 1;
+  }
+
+  /// Where a search begins, and where its gains have to keep the margin.
+  struct Start {
+    bool own = false;                    ///< at the scenario's gains; otherwise at the rule's
+    std::optional<double> bandwidth_hz;  ///< upper limit beside the goal's
+    bool in_range = true;  ///< over the joints' range, too; otherwise along the motion alone
+  };
+
+  /// Returns what the softest gains lack along the motion.
+  [[nodiscard]] std::string lacking() {
+    const std::string gains =
+        answers_ ? "the scenario's gains" : fmt::format("gains of {:g} Hz", least_bandwidth_hz);
+    const VectorXd theta = softest();
+    if (const Lack count = GainPoint(problem_, theta).count_lack(); count.lack > 0) {
+      return fmt::format(
+          "with {} the torque of one encoder count on {} is {:.3g} times the "
+          "largest",
+          gains, labels_.joint(count.joint), std::exp(count.lack));
     }
+    const std::vector<double> modulus = least_moduli(problem_, theta, 0);
+    const auto least = std::ranges::min_element(modulus);
+    const auto at = static_cast<std::size_t>(least - modulus.begin());
+    return fmt::format("with {} the modulus margin is {:.2g} at q = {}", gains, *least,
+                       certify::list_text(certify::found_posture(problem_.rests[at].q_ref)));
+  }
+
+  /// Returns true if a count's torque is too large with the softest gains, too.
+  [[nodiscard]] bool count_forbids_all() {
+    const VectorXd theta = softest();
+    return GainPoint(problem_, theta).count_lack().lack > 0;
   }
 
   /// Returns the design, or nothing when no gains keep the margin.
-  std::optional<Design> found(const linear::OnProgress& tell) {
-    const std::vector<FoundGains> starts = good_starts(tell);
+  std::optional<Design> found(const Start& from, const linear::OnProgress& tell) {
+    begin(from);
+    const std::vector<FoundGains> starts = good_starts(from, tell);
     if (starts.empty()) return {};
     best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
     if (starts.size() > 1) {
@@ -106,7 +131,7 @@ class Search {
     }
     if (!std::isfinite(best_.settling_s)) return {};
     for (int attempt = 0; attempt < most_attempts; ++attempt) {
-      const bool last = attempt + 1 == most_attempts;
+      const bool last = attempt + 1 == most_attempts || !in_range_;
       worst_.clear();  // these moduli are of other gains
       search_range(tell, last);
       if (!last && add_worst()) {
@@ -129,6 +154,32 @@ class Search {
 
  private:
   // ---- search -----------------------------------------------------------------------------------
+
+  /// Forgets what an earlier search has added.
+  void begin(const Start& from) {
+    const auto starts = answers_ ? std::ssize(law_.beside(along_motion_.upper)) : most_starts;
+    most_steps_ = static_cast<int>(starts) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+    done_ = 0;
+    begin_ = std::chrono::steady_clock::now();
+    problem_ = along_motion_;
+    if (from.bandwidth_hz) problem_.upper = law_.upper_within(*from.bandwidth_hz);
+    in_range_ = from.in_range;
+    in_pool_.assign(pool_.loops.size(), 0);
+    on_way_.assign(way_.loops.size(), 0);
+    for (std::size_t k = 0; in_range_ && k < first_postures; ++k) {
+      add(problem_, pool_, k, asked_share);
+      in_pool_[k] = 1;
+    }
+  }
+
+  /// Returns soft gains by the rule, or the scenario's of an external law. Begins a search along
+  /// the motion.
+  VectorXd softest() {
+    begin({.bandwidth_hz = {}, .in_range = false});
+    const double w = 2 * std::numbers::pi * least_bandwidth_hz;
+    const VectorXd soft = answers_ ? *law_.own_theta() : law_.theta_of(law_.by_rule(w, 20));
+    return soft.cwiseMax(problem_.lower).cwiseMin(problem_.upper);
+  }
 
   FoundGains climbed(const std::string& what, const VectorXd& theta, int steps,
                      const linear::OnProgress& tell, bool adding = true) {
@@ -197,7 +248,8 @@ class Search {
   /// motion that settles last. Returns whether it added any.
   bool add_lacking(GainProblem& problem, const VectorXd& theta) {
     const std::size_t before = problem.loops.size();
-    for (const auto& [modulus, k] : worst_of_pool(theta)) {
+    using Order = std::vector<std::pair<double, std::size_t>>;
+    for (const auto& [modulus, k] : in_range_ ? worst_of_pool(theta) : Order()) {
       if (modulus >= asked_share * problem.margin || problem.loops.size() == before + most_added)
         break;
       if (!std::exchange(in_pool_[k], 1)) add(problem, pool_, k, asked_share);
@@ -223,8 +275,8 @@ class Search {
   /// start takes the largest w that has half the margin. If none of these succeeds, it takes the
   /// largest w that has the whole margin. If a rule never reaches it, its start takes the w with
   /// the largest modulus.
-  std::vector<FoundGains> good_starts(const linear::OnProgress& tell) {
-    if (from_own_) {
+  std::vector<FoundGains> good_starts(const Start& from, const linear::OnProgress& tell) {
+    if (from.own) {
       const auto own = law_.own_theta();
       const FoundGains given = own ? judged(problem_, *own) : FoundGains();
       if (given.modulus > 0) return {given};
@@ -233,14 +285,14 @@ class Search {
                     "design starts from the scenario's controller.gains, and the loop is unstable "
                     "with them at a posture of the motion or in range: begin with softer ones");
     }
-    struct Start {
+    struct Rule {
       double filter_ratio, damping, part_of_margin, held;
     };
-    constexpr std::array starts = {Start{4, 1, 0.5, 0.5}, Start{20, 1, 0.5, 0.5},
-                                   Start{4, 1, 0.5, 0},   Start{20, 1, 0.5, 0},
-                                   Start{20, 1, 1.02, 0}, Start{1e9, 3, 1.02, 0}};
+    constexpr std::array starts = {Rule{4, 1, 0.5, 0.5}, Rule{20, 1, 0.5, 0.5},
+                                   Rule{4, 1, 0.5, 0},   Rule{20, 1, 0.5, 0},
+                                   Rule{20, 1, 1.02, 0}, Rule{1e9, 3, 1.02, 0}};
     std::vector<FoundGains> all;
-    for (const Start& start : starts) {
+    for (const Rule& start : starts) {
       if (start.part_of_margin > 1 && !all.empty()) break;
       const auto gains_at = [&](double w) -> VectorXd {
         return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping, true, start.held))
@@ -249,8 +301,10 @@ class Search {
       };
       const double rate = 1 / scenario_.loop.period_s;
       double best_w = 0, modulus = 0;
+      const double fastest = 2 * std::numbers::pi * from.bandwidth_hz.value_or(infinity);
       for (double w = 0.2 * rate; w > 1e-5 * rate; w /= 1.5) {
-        const double here = judged(problem_, gains_at(w)).modulus;
+        if (w > 2 * fastest) continue;
+        const double here = least_modulus(problem_, gains_at(w));
         if (here > modulus) {
           modulus = here;
           best_w = w;
@@ -300,13 +354,25 @@ class Search {
   [[nodiscard]] Worst descended(const LeastModulus& least, const VectorXd& from,
                                 const UncertainPlant* plant, int evaluations) const {
     const robot::Model& model = law_.model();
-    const auto modulus = [&](const VectorXd& q) {
-      // Outside the joints' ranges.
-      if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2.0;
+    const auto modulus = [&](const VectorXd& q, const std::vector<double>& among) {
       const ReferencePoint rest = linear::constant_reference(q);
-      return least.at(law_.loop_at(rest, plant), rest, problem_.margin + near_margin);
+      return least.at(law_.loop_at(rest, plant, true), rest, problem_.margin + near_margin, among);
     };
-    return {numerics::minimise(modulus, from, 0.3, evaluations), plant};
+    // The frequencies of a resonance move with the posture.
+    std::vector<double> lowest;
+    if (!problem_.resonant) {
+      const ReferencePoint rest = linear::constant_reference(from);
+      lowest = least.lowest(law_.loop_at(rest, plant, true), rest);
+    }
+    numerics::Minimum end = numerics::minimise(
+        [&](const VectorXd& q) {
+          // Outside the joints' ranges.
+          if ((q - model.lower).minCoeff() < 0 || (model.upper - q).minCoeff() < 0) return 2.0;
+          return modulus(q, lowest);
+        },
+        from, 0.3, evaluations);
+    if (!lowest.empty()) end.value = modulus(end.x, {});
+    return {end, plant};
   }
 
   /// Searches for the postures with the least modulus, starting from the worst of the pool.
@@ -329,7 +395,10 @@ class Search {
     for (int set = 0; set < most_sets; ++set) {
       tell(fmt::format("design: least modulus in the joints' range, set {} of at most {}", set + 1,
                        most_sets));
-      const GainProblem fresh = pool(10'000 + set * fresh_apart, fresh_postures);
+      while (std::ssize(fresh_) <= set) {
+        fresh_.push_back(pool(static_cast<int>(fresh_.size() + 1) * fresh_apart, fresh_postures));
+      }
+      const GainProblem& fresh = fresh_[static_cast<std::size_t>(set)];
       const std::vector<double> modulus = least_moduli(fresh, best_.theta, 0);
       std::vector<std::size_t> starts = least_of(modulus, 0, fresh_postures);
       if (!plants_.empty()) {
@@ -367,7 +436,7 @@ class Search {
   /// Adds the worst postures that lack the margin asked of them, if the very worst lacks
   /// `range_share` of it. Returns whether it added any.
   bool add_worst() {
-    if (!lacks(worst().value)) return false;
+    if (!in_range_ || !lacks(worst().value)) return false;
     std::ranges::sort(worst_, {}, &Worst::value);
     std::vector<Worst> added;
     for (const Worst& each : worst_) {
@@ -431,12 +500,18 @@ class Search {
       design.uncertain_q = certify::found_posture(least.x);
       design.uncertain_plant = least.plant->name;
     }
-    const double asked = range_share * goal_.modulus;
-    if (design.modulus_in_range < asked - margin_tolerance) {
+    const auto warn = [&](double modulus, const Vector& q, const std::string& plant) {
+      const double asked = range_share * goal_.modulus;
+      if (modulus >= asked - margin_tolerance) return;
       design.warnings.push_back(
-          fmt::format("the modulus margin is {:.2g} at q = {}, in the joints' range, and {:.2g} is "
-                      "asked for there: keep away from it, or take a larger --margin",
-                      design.modulus_in_range, certify::list_text(design.range_q), asked));
+          fmt::format("the modulus margin is {:.2g} at q = {}, in the joints' range{}, and {:.2g} "
+                      "is asked for there: keep away from it, or ask for less (--bandwidth, "
+                      "--stiffness)",
+                      modulus, certify::list_text(q), plant, asked));
+    };
+    warn(design.modulus_in_range, design.range_q, "");
+    if (design.uncertain_modulus) {
+      warn(*design.uncertain_modulus, design.uncertain_q, ", with " + design.uncertain_plant);
     }
     add_friction(design);
     return design;
@@ -472,11 +547,13 @@ class Search {
   const scenario::Scenario& scenario_;
   DesignGoal goal_;
   linear::LawAnswers answers_;
-  bool from_own_;  ///< start from the scenario's gains
   DesignProblem law_;
   robot::JointLabels labels_;
+  GainProblem along_motion_;  ///< with a few postures of the motion alone
   GainProblem problem_;
+  bool in_range_ = true;                ///< the margin is to be kept over the joints' range
   GainProblem pool_, way_;              ///< loops in the joints' range; loops along the motion
+  std::vector<GainProblem> fresh_;      ///< sets of loops in the joints' range
   std::vector<char> in_pool_, on_way_;  ///< whether each of these loops is in the problem
   FoundGains best_;
   std::vector<UncertainPlant> plants_;  ///< beside the scenario's
@@ -484,6 +561,74 @@ class Search {
   int done_ = 0, most_steps_ = 0;       ///< to estimate the time left
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
+
+/// Returns true if the option that asks for less leads to gains along the motion. Soft gains are
+/// tried, because they are found soonest.
+bool helps(const scenario::Scenario& scenario, DesignGoal goal, const linear::OnProgress& tell) {
+  goal.bandwidth_hz = std::min(goal.bandwidth_hz.value_or(eased_hz), eased_hz);
+  try {
+    return Search(scenario, goal, {})
+        .found({.bandwidth_hz = {}, .in_range = false}, tell)
+        .has_value();
+  } catch (const Failure&) {  // --bandwidth opposes --stiffness
+    return false;
+  }
+}
+
+/// Returns what to do, as a half sentence. Gains were found with these options.
+std::string remedy(const scenario::Scenario& scenario, const DesignGoal& goal,
+                   const linear::OnProgress& tell) {
+  DesignGoal eased = goal;
+  const std::string bandwidth = fmt::format("--bandwidth {:g}", eased_hz);
+  if (goal.least_kp) {
+    eased.least_kp.reset();
+    if (helps(scenario, eased, tell)) {
+      return "gains are found with " + bandwidth + " and without --stiffness and --rest-error";
+    }
+  }
+  for (const double share : {0.7, 0.4}) {
+    eased.modulus = share * goal.modulus;
+    if (!helps(scenario, eased, tell)) continue;
+    return fmt::format("gains are found with --margin {:.2g} {}{}", eased.modulus, bandwidth,
+                       goal.least_kp ? " and without --stiffness and --rest-error" : "");
+  }
+  return "a smaller --margin does not help: allow a shorter period, less delay or a finer encoder";
+}
+
+/// Returns true if no gains of that bandwidth settle as fast: 4 / w is less than any damping
+/// reaches.
+bool is_faster_than(const Design& design, double hz) {
+  return design.loop.modes.settling_s < 4 / (2 * std::numbers::pi * hz);
+}
+
+/// Returns the fastest design found, or nothing. A search from the rule comes first. If it finds no
+/// gains, the scenario's own gains and softer rules are tried. If these find none either, the
+/// margin is kept along the motion alone.
+std::optional<Design> best_design(const scenario::Scenario& scenario, const DesignGoal& goal,
+                                  const linear::OnProgress& tell,
+                                  const linear::LawAnswers& answers) {
+  Search search(scenario, goal, answers);
+  if (answers) return search.found({.own = true, .bandwidth_hz = {}}, tell);
+  std::optional<Design> best = search.found({}, tell);
+  if (best || search.count_forbids_all()) return best;
+  if (!scenario.controller.gains.empty()) {
+    best = search.found({.own = true, .bandwidth_hz = {}}, tell);
+  }
+  // Below its springs' resonances and the encoders' counts, a loop may keep the margin that it
+  // lacks where the search from the rule begins.
+  const double first = std::min(goal.bandwidth_hz.value_or(softest_start_hz), softest_start_hz);
+  for (double hz = first / 2; !goal.least_kp && hz >= least_bandwidth_hz; hz /= 2) {
+    if (best && is_faster_than(*best, hz)) break;
+    std::optional<Design> softer = search.found({.bandwidth_hz = hz}, tell);
+    if (!softer) continue;
+    softer->warnings.push_back(
+        fmt::format("no gains of more than {:.3g} Hz were found: these are soft", hz));
+    if (!best || softer->loop.modes.settling_s < best->loop.modes.settling_s) best = softer;
+    break;
+  }
+  if (best) return best;
+  return search.found({.bandwidth_hz = {}, .in_range = false}, tell);
+}
 
 }  // namespace
 
@@ -496,32 +641,19 @@ Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
   if (!answers) require_rule(scenario);
   std::optional<Design> best;
   try {
-    if (!answers) best = Search(scenario, goal, answers, false).found(tell);
-    // Below its springs' resonances and the encoders' counts, a loop may keep the margin that it
-    // lacks where the search from the rule begins.
-    DesignGoal softer = goal;
-    softer.bandwidth_hz = std::min(goal.bandwidth_hz.value_or(softest_start_hz), softest_start_hz);
-    while (!answers && !goal.least_kp && !best && *softer.bandwidth_hz >= 2 * least_bandwidth_hz) {
-      *softer.bandwidth_hz /= 2;
-      best = Search(scenario, softer, answers, false).found(tell);
-      if (best) {
-        best->warnings.push_back(fmt::format(
-            "no gains of more than {:.3g} Hz were found: these are soft", *softer.bandwidth_hz));
-      }
-    }
-    if (!best) best = Search(scenario, goal, answers, true).found(tell);
+    best = best_design(scenario, goal, tell, answers);
   } catch (const linear::NoLinearModel& why) {
     throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());
   }
   if (!best) {
     throw Failure(ExitCode::check_said_no,
-                  "no gains were found that keep a modulus margin of {:g} at all postures within "
-                  "the torque of an encoder count{}; {}allow a shorter period, less delay, a finer "
-                  "encoder or a smaller --margin",
+                  "no gains were found that keep a modulus margin of {:g} along the motion within "
+                  "the torque of an encoder count{}: {}; {}",
                   goal.modulus, goal.least_kp ? " and the stiffness asked for" : "",
-                  answers ? ""
-                          : fmt::format("ask for less (--bandwidth {:.3g}), or ",
-                                        goal.bandwidth_hz ? *goal.bandwidth_hz / 2 : 1));
+                  Search(scenario, goal, answers).lacking(),
+                  answers ? "allow a shorter period, less delay, a finer encoder or a smaller "
+                            "--margin"
+                          : remedy(scenario, goal, tell));
   }
   if (goal.settling_s &&
       best->loop.modes.settling_s >

@@ -276,20 +276,21 @@ linear::Feedback DesignProblem::feedback(const VectorXd& theta, const ReferenceP
   const Gains here = gains(theta);
   linear::Feedback feedback{feedback_at(here, rest), {}, by_joint_};
   if (!derivatives) return feedback;
-  feedback.by_kind = parallel_map(kinds_.size(), [&](std::size_t kind) {
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
     Gains moved = here;
     scale(moved, kind, std::exp(gain_difference));
-    return difference(feedback_at(moved, rest), feedback.law);
-  });
+    feedback.by_kind.push_back(difference(feedback_at(moved, rest), feedback.law));
+  }
   return feedback;
 }
 
-linear::RestLoop DesignProblem::loop_at(const ReferencePoint& rest,
-                                        const UncertainPlant* plant) const {
+linear::RestLoop DesignProblem::loop_at(const ReferencePoint& rest, const UncertainPlant* plant,
+                                        bool once) const {
   const double h = scenario_.loop.period_s;
   const linear::SampledLoop loop = loop_.at(rest);
-  if (plant == nullptr) return {loop.plant, loop.law(h), h, loop.delay};
-  return {loop_.plant_with(plant->model, rest), loop.law(h), h, loop.delay + plant->more_delay};
+  if (plant == nullptr) return {loop.plant, loop.law(h), h, loop.delay, !once};
+  return {loop_.plant_with(plant->model, rest), loop.law(h), h, loop.delay + plant->more_delay,
+          !once};
 }
 GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
   GainProblem problem = problem_;
@@ -338,6 +339,13 @@ void DesignProblem::choose_variables() {
   set_bounds();
 }
 
+VectorXd DesignProblem::upper_within(double hz) const {
+  VectorXd upper = problem_.upper;
+  const VectorXd by = theta_of(by_rule(2 * std::numbers::pi * hz, 10));
+  upper.head(per_kind()) = upper.head(per_kind()).cwiseMin(by.head(per_kind()));
+  return upper;
+}
+
 void DesignProblem::set_bounds() {
   const Index n = model_.num_joints, variables = std::ssize(kinds_) * per_kind();
   problem_.upper = VectorXd::Constant(variables, entries_.empty() ? 100 : std::log(most_factor));
@@ -372,10 +380,7 @@ void DesignProblem::set_bounds() {
     const auto first = static_cast<Index>(kind) * per_kind();
     problem_.upper.segment(first, per_kind()) = theta_of(most).segment(first, per_kind());
   }
-  if (goal_.bandwidth_hz) {
-    problem_.upper.head(per_kind()) =
-        theta_of(by_rule(2 * std::numbers::pi * *goal_.bandwidth_hz, 10)).head(per_kind());
-  }
+  if (goal_.bandwidth_hz) problem_.upper = upper_within(*goal_.bandwidth_hz);
   // The goals below need a kp of each joint as the first gain.
   if (!by_joint_ || law_.parameters.front().unit != "N m/rad") {
     if (!goal_.start_error && !goal_.least_kp) return;

@@ -53,11 +53,15 @@ class DesignProblem {
   [[nodiscard]] linear::LinearLaw feedback_at(const Gains& gains,
                                               const messages::ReferencePoint& rest) const;
   /// @param plant another than the scenario's; null: the scenario's
+  /// @param once the loop's moduli are asked for once, and at few frequencies
   [[nodiscard]] RestLoop loop_at(const messages::ReferencePoint& rest,
-                                 const UncertainPlant* plant = nullptr) const;
+                                 const UncertainPlant* plant = nullptr, bool once = false) const;
   /// Returns the problem with the margin to be kept at these postures. The result refers to this
   /// object.
   [[nodiscard]] GainProblem at(const std::vector<messages::ReferencePoint>& rests) const;
+
+  /// Returns the upper bounds of theta for gains of at most that bandwidth.
+  [[nodiscard]] Eigen::VectorXd upper_within(double hz) const;
 
   [[nodiscard]] scenario::Scenario with(const Gains& gains) const;
   /// Returns some postures of the reference. Settling is judged at the first few of them.

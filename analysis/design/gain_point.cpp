@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <iterator>
 
 #include "base/parallel.h"
 #include "certify/prediction.h"
@@ -22,16 +23,29 @@ constexpr int num_instants = 96;
 // Fall of log |e| that is required during another T. It excludes a slow pole with an amplitude just
 // below 1 %.
 constexpr double fall = 1;
+// Distance above the least modulus within which the frequencies of a descent lie. Moduli at other
+// frequencies would have to fall as far before they count.
+constexpr double near_least = 0.15;
 constexpr double near_largest = 1.5;  // keeps rows of errors within exp(-1.5) of the largest
 
-/// Evaluates the law at the kept frequencies and at the frequencies `w`.
-std::vector<linear::FeedbackAt> on_grid(const linear::Feedback& feedback, double period_s,
-                                        std::vector<double> w) {
-  const std::vector<double> kept = linear::kept_frequencies(period_s);
-  w.insert(w.end(), kept.begin(), kept.end());
-  std::ranges::sort(w);
-  return parallel_map(
-      w.size(), [&](std::size_t k) { return linear::at_frequency(feedback, w[k], period_s); });
+std::vector<FeedbackAt> at_frequencies(const linear::Feedback& feedback, double period_s,
+                                       const std::vector<double>& w) {
+  std::vector<FeedbackAt> all;
+  for (const double each : w) all.push_back(linear::at_frequency(feedback, each, period_s));
+  return all;
+}
+
+/// Evaluates the law at the kept frequencies.
+std::vector<FeedbackAt> on_grid(const linear::Feedback& feedback, double period_s) {
+  return at_frequencies(feedback, period_s, linear::kept_frequencies(period_s));
+}
+
+/// Adds the law at the frequencies `w` to a grid.
+std::vector<FeedbackAt> with(std::vector<FeedbackAt> grid, const linear::Feedback& feedback,
+                             double period_s, const std::vector<double>& w) {
+  std::ranges::move(at_frequencies(feedback, period_s, w), std::back_inserter(grid));
+  std::ranges::stable_sort(grid, {}, &FeedbackAt::w);
+  return grid;
 }
 
 /// Returns the frequencies of lightly damped poles [rad/s]. The modulus may have a minimum there
@@ -55,17 +69,43 @@ double required_fall(const linear::Errors& errors, Index instant, double T) {
 LeastModulus::LeastModulus(const GainProblem& problem, const VectorXd& theta)
     : problem_(&problem), theta_(theta) {
   if (!problem.same_everywhere || problem.resonant) return;
-  grid_ =
-      on_grid(problem.feedback(theta, problem.rests[0], false), problem.loops[0].period_s(), {});
+  grid_ = on_grid(problem.feedback(theta, problem.rests[0], false), problem.loops[0].period_s());
 }
 
 double LeastModulus::at(const linear::RestLoop& loop, const messages::ReferencePoint& rest,
-                        double enough) const {
-  if (!grid_.empty()) return loop.least_modulus(grid_, enough);
+                        double enough, const std::vector<double>& among) const {
+  if (!grid_.empty() && among.empty()) return loop.least_modulus(grid_, enough);
+  return loop.least_modulus(grid(loop, rest, among), enough);
+}
+
+std::vector<FeedbackAt> LeastModulus::grid(const linear::RestLoop& loop,
+                                           const messages::ReferencePoint& rest,
+                                           const std::vector<double>& among) const {
+  if (!grid_.empty() && among.empty()) return grid_;
+  if (!grid_.empty()) {
+    std::vector<FeedbackAt> some;
+    std::ranges::copy_if(grid_, std::back_inserter(some), [&](const FeedbackAt& each) {
+      return std::ranges::binary_search(among, each.w);
+    });
+    return some;
+  }
   const linear::Feedback here = problem_->feedback(theta_, rest, false);
-  const std::vector<double> more =
-      problem_->resonant ? resonances(loop, here.law) : std::vector<double>();
-  return loop.least_modulus(on_grid(here, loop.period_s(), more), enough);
+  if (!among.empty()) return at_frequencies(here, loop.period_s(), among);
+  const double h = loop.period_s();
+  if (!problem_->resonant) return on_grid(here, h);
+  return with(on_grid(here, h), here, h, resonances(loop, here.law));
+}
+
+std::vector<double> LeastModulus::lowest(const linear::RestLoop& loop,
+                                         const messages::ReferencePoint& rest) const {
+  const std::vector<FeedbackAt> all = grid(loop, rest, {});
+  const std::vector<double> modulus = loop.modulus(all, problem_->margin + near_margin);
+  const double most = *std::ranges::min_element(modulus) + near_least;
+  std::vector<double> w;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (modulus[k] <= most) w.push_back(all[k].w);
+  }
+  return w;
 }
 
 GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
@@ -93,12 +133,16 @@ void GainPoint::make_feedback(bool derivatives) {
 }
 
 void GainPoint::make_grids() {
-  const std::size_t count = feedback_.size();
-  grids_ = parallel_map(problem_->resonant ? problem_->loops.size() : count, [&](std::size_t i) {
-    const linear::RestLoop& loop = problem_->loops[i];
+  const double h = problem_->loops[0].period_s();
+  const auto kept =
+      parallel_map(feedback_.size(), [&](std::size_t i) { return on_grid(feedback_[i], h); });
+  if (!problem_->resonant) {
+    grids_ = kept;
+    return;
+  }
+  grids_ = parallel_map(problem_->loops.size(), [&](std::size_t i) {
     const linear::Feedback& here = feedback(i);
-    return on_grid(here, loop.period_s(),
-                   problem_->resonant ? resonances(loop, here.law) : std::vector<double>());
+    return with(kept[kept.size() == 1 ? 0 : i], here, h, resonances(problem_->loops[i], here.law));
   });
 }
 
@@ -114,8 +158,13 @@ double GainPoint::least_modulus() const {
 
 double GainPoint::lack() const {
   const double of_margin = problem_->margin + margin_kept - least_modulus();
-  const VectorXd gain = largest_gain();
-  return std::max({0.0, of_margin, (gain.array() / problem_->most_gain.array()).log().maxCoeff()});
+  return std::max({0.0, of_margin, count_lack().lack});
+}
+
+Lack GainPoint::count_lack() const {
+  Index joint = 0;
+  const double most = (largest_gain().array() / problem_->most_gain.array()).log().maxCoeff(&joint);
+  return {most, static_cast<std::size_t>(joint)};
 }
 
 VectorXd GainPoint::largest_gain(double by, Index variable) const {

@@ -25,13 +25,27 @@ class LeastModulus {
  public:
   LeastModulus(const GainProblem& problem, const Eigen::VectorXd& theta);
   /// Returns the least modulus of the loop at rest there, or a smaller number above `enough`.
+  /// @param among frequencies; empty: all
   [[nodiscard]] double at(const linear::RestLoop& loop, const messages::ReferencePoint& rest,
-                          double enough) const;
+                          double enough, const std::vector<double>& among = {}) const;
+  /// Returns the frequencies at which the modulus is near its least.
+  [[nodiscard]] std::vector<double> lowest(const linear::RestLoop& loop,
+                                           const messages::ReferencePoint& rest) const;
 
  private:
+  [[nodiscard]] std::vector<FeedbackAt> grid(const linear::RestLoop& loop,
+                                             const messages::ReferencePoint& rest,
+                                             const std::vector<double>& among) const;
+
   const GainProblem* problem_;
   Eigen::VectorXd theta_;
   std::vector<FeedbackAt> grid_;  ///< empty: it depends on the loop
+};
+
+/// Logarithm of a joint's torque per encoder count over the largest allowed, and the joint.
+struct Lack {
+  double lack = 0;
+  std::size_t joint = 0;
 };
 
 class GainPoint {
@@ -49,6 +63,7 @@ class GainPoint {
   [[nodiscard]] double least_modulus() const;  ///< over all loops
   /// Returns how much margins and counts lack; 0: nothing.
   [[nodiscard]] double lack() const;
+  [[nodiscard]] Lack count_lack() const;  ///< of the joint that lacks most
   [[nodiscard]] bool stable() const;
 
   /// Returns the largest logarithm of an error from T to `window` T, for each judged loop. The fall

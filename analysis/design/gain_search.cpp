@@ -49,6 +49,13 @@ FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
   return found;
 }
 
+double least_modulus(const GainProblem& problem, const VectorXd& theta) {
+  GainPoint point(problem, theta);
+  if (!point.stable()) return 0;
+  point.look_at_margins();
+  return point.least_modulus();
+}
+
 std::vector<double> least_moduli(const GainProblem& problem, const VectorXd& theta, double above) {
   const LeastModulus least(problem, theta);
   return parallel_map(problem.loops.size(), [&](std::size_t i) {

@@ -54,6 +54,9 @@ struct FoundGains {
 /// Evaluates the gains: stability of all loops, least modulus and settling time.
 FoundGains judged(const GainProblem& problem, const Eigen::VectorXd& theta);
 
+/// Returns the least modulus over the loops; 0 where one is unstable.
+double least_modulus(const GainProblem& problem, const Eigen::VectorXd& theta);
+
 /// Returns the least modulus at each loop. A modulus further than `above` over the margin is
 /// replaced by a lower bound.
 std::vector<double> least_moduli(const GainProblem& problem, const Eigen::VectorXd& theta,

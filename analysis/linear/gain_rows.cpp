@@ -78,7 +78,8 @@ std::vector<double> kept_frequencies(double period_s) {
   return w;
 }
 
-RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay)
+RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
+                   bool keeps_responses)
     : n_(plant.num_joints), period_s_(period_s) {
   LinearLaw compensation{MatrixXd(0, 0),  MatrixXd(0, law.D.cols()),
                          MatrixXd(n_, 0), law.compensation,
@@ -88,6 +89,7 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   B_ = loop.B;
   C_ = measured_rows(law.measured, n_, A_.rows());
   over_frequency_ = {numerics::complex_schur(A_), B_, C_};
+  if (!keeps_responses) return;
   w_ = kept_frequencies(period_s);
   for (const double w : w_) at_w_.push_back(over_frequency_.at(std::polar(1.0, w * period_s)));
 }

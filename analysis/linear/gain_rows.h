@@ -40,7 +40,9 @@ std::vector<double> kept_frequencies(double period_s);
 class RestLoop {
  public:
   RestLoop() = default;
-  RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
+  /// @param keeps_responses those at `kept_frequencies` are computed once; otherwise when asked for
+  RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
+           bool keeps_responses = true);
 
   /// Returns the map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
@@ -68,7 +70,7 @@ class RestLoop {
 
   Eigen::Index n_ = 0;
   double period_s_ = 0;
-  std::vector<double> w_;               ///< kept_frequencies
+  std::vector<double> w_;               ///< frequencies of the kept responses
   std::vector<Eigen::MatrixXcd> at_w_;  ///< the responses there
   Eigen::MatrixXd A_, B_, C_;           ///< from torque to measurement
   FrequencyResponse over_frequency_;

@@ -59,8 +59,20 @@ LinearLaw linear_law(const scenario::Scenario& scenario, const ReferencePoint& r
 /// Returns the part of the law's gradient D that is there because of gravity.
 MatrixXd gravity_part(const LinearLaw& law, const scenario::Scenario& weightless,
                       const ReferencePoint& reference) {
-  return law.D -
-         linear_law(weightless, reference, state_on(reference, *weightless.model, weightless)).D;
+  const controller::SteppedLaw floating = controller::stepped_law(
+      weightless, reference, state_on(reference, *weightless.model, weightless));
+  const auto torque = [&](const VectorXd& none, const VectorXd& measurement) {
+    return std::pair(none, floating.step(floating.memory, measurement).second);
+  };
+  return law.D - linearised(torque, VectorXd(0), floating.measurement, floating.measured).D;
+}
+
+/// Returns the scenario without its texts, which are long and are copied with it.
+std::shared_ptr<const scenario::Scenario> without_texts(scenario::Scenario scenario) {
+  scenario.text.clear();
+  scenario.robot.urdf_text.clear();
+  scenario.where.clear();
+  return std::make_shared<const scenario::Scenario>(std::move(scenario));
 }
 
 scenario::Scenario without_weight(scenario::Scenario scenario) {
@@ -145,8 +157,8 @@ struct ScenarioLoop::AskedLaw {
 };
 
 ScenarioLoop::ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers& answers)
-    : scenario_(std::make_shared<const scenario::Scenario>(scenario)),
-      weightless_(std::make_shared<const scenario::Scenario>(without_weight(scenario))),
+    : scenario_(without_texts(scenario)),
+      weightless_(without_texts(without_weight(scenario))),
       model_(plant_of(scenario)),
       trajectory_(reference::make_trajectory(scenario)),
       motion_(scenario, trajectory_) {
