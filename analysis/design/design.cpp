@@ -78,7 +78,7 @@ class Search {
     way_ = law_.at(law_.loop().rest_points(certify::reference_postures));
   }
 
-  /// Where a search begins, and where its gains have to keep the margin.
+  /// Start of a search, and the range in which its gains have to keep the margin.
   struct Start {
     bool own = false;                    ///< at the scenario's gains; otherwise at the rule's
     std::optional<double> bandwidth_hz;  ///< upper limit beside the goal's
