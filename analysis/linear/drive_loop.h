@@ -23,8 +23,8 @@ struct DriveMargins {
   double gain = 0;  ///< factor above 1 on kp and kd that makes it unstable; infinite up to 1e4
   int delay_ticks =
       0;  ///< further ticks of the drives that keep it stable, up to `most_drive_ticks`
-  /// The inverse of the largest gain, over frequencies, from torques that are added in each tick of
-  /// the drives to the sums: the least over all directions of the lifted loop.
+  /// Inverse of the largest gain, over frequencies, from torques added in each tick of the drives
+  /// to the sums. It is the least over all directions of the lifted loop.
   double modulus = 0;
 };
 inline constexpr int most_drive_ticks = 400;

@@ -47,8 +47,8 @@ int largest_whole(int inside, int most, const Inside& is) {
 Eigen::MatrixXd power(Eigen::MatrixXd base, std::int64_t exponent);
 
 /// Loop inside the drives, as part of a plant. At the beginning of each of its ticks x <- jump x;
-/// in between A holds its states. They follow the arm's: q less its value at the last tick, the
-/// drive's velocity, the torque that acts, those under way, and last the host's torque in use.
+/// in between A holds its states. These follow the arm's states: q less its value at the last tick,
+/// the drive's velocity, the torque that acts, the torques under way, and the host's torque in use.
 struct DriveTicks {
   double period_s = 0;
   Eigen::MatrixXd jump;
@@ -70,7 +70,7 @@ struct LinearPlant {
   Eigen::Index num_joints = 0;
   std::optional<DriveTicks> drive = {};
 
-  /// Number of states without those of a loop inside the drives.
+  /// Returns the number of states without the states of a loop inside the drives.
   [[nodiscard]] Eigen::Index arm_states() const { return drive ? drive->arm_states : A.rows(); }
 };
 

@@ -9,7 +9,7 @@
 
 /// Stability of joints under position actuators, tau = kp (u - q) - kv v, by the size of a step.
 /// The map of one step is exact for small motions about a posture. Gravity's stiffness, friction
-/// and force limits are not part of it.
+/// and force limits are left out.
 namespace tachless::linear {
 
 /// Who computes the torque of the actuators, and how the motion of a step follows from it.
@@ -53,7 +53,8 @@ class ServoLoop {
   /// Returns whether the loop is stable at all postures.
   [[nodiscard]] bool is_stable(ServoStep kind, double step_s) const;
   /// Returns the least armature [kg m2; kg] of all joints with actuators with which the loop is
-  /// stable at all postures: a joint that has more keeps its own. Nothing up to 100.
+  /// stable at all postures. A joint that has more keeps its own. Nothing: none was found up to
+  /// 100.
   [[nodiscard]] std::optional<double> least_armature(ServoStep kind, double step_s) const;
   /// Returns the largest factor from 1 down to 0.001 on all kv with which the loop is stable at all
   /// postures.

@@ -10,10 +10,10 @@
 
 namespace tachless::scenario {
 
-/// The loop inside the drives: at its own rate each drive adds to the host's torque
-/// kp (q_des - q) + kd (v_des - v), with its own position q and a velocity v that it derives from
-/// q. The host sends q_des, v_des and the torque. A scenario has it where it gives
-/// `plant.drive.loop` (drive_loop).
+/// The loop inside the drives. At its own rate each drive adds kp (q_des - q) + kd (v_des - v) to
+/// the host's torque. q is the drive's own position, and v a velocity derived from q. The host
+/// sends q_des, v_des and the torque. A scenario has it where it gives `plant.drive.loop`
+/// (drive_loop).
 struct DriveLoopSpec {
   double period_s = 0;
   Vector kp, kd;
