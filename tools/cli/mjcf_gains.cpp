@@ -179,8 +179,10 @@ std::string joints_text(const Findings& found) {
     const auto of = [&](const Vector& numbers) {
       return numbers.size() > 0 ? fmt::format("{:.4g}", numbers[j]) : "0";
     };
+    constexpr double rounding = 1e-12;
     const std::string droop =
-        found.carries_weight ? "none (gravcomp)"
+        found.carries_weight        ? "none (gravcomp)"
+        : found.droop[j] < rounding ? "none"
         : std::isinf(found.droop[j])
             ? "no kp"
             : fmt::format("up to {:.3g} {}", found.droop[j], labels.length[i]);

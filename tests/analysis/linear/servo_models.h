@@ -18,7 +18,7 @@ inline const std::string one_joint = R"(<mujoco><worldbody><body>
 
 /// Four joints without armature, the last ones light. Without gravity a posture is at rest.
 inline const std::string light_wrist = R"(<mujoco model="light_wrist">
-  <compiler angle="radian"/>
+  <compiler angle="radian" autolimits="true"/>
   <option gravity="0 0 0"/>
   <default>
     <joint range="-2.5 2.5"/>
@@ -48,7 +48,7 @@ inline const std::string light_wrist = R"(<mujoco model="light_wrist">
 
 /// Three joints with armature, damping and little kv: kp limits the implicit step.
 inline const std::string stiff_arm = R"(<mujoco model="stiff_arm">
-  <compiler angle="radian"/>
+  <compiler angle="radian" autolimits="true"/>
   <option gravity="0 0 0"/>
   <default>
     <joint range="-2 2" armature="0.02" damping="0.4"/>
@@ -71,7 +71,7 @@ inline const std::string stiff_arm = R"(<mujoco model="stiff_arm">
 
 /// A slide that carries a hinge, with a gear and a ratio between the units.
 inline const std::string crane = R"(<mujoco model="crane">
-  <compiler angle="radian"/>
+  <compiler angle="radian" autolimits="true"/>
   <option gravity="0 0 0"/>
   <default>
     <general gaintype="fixed" biastype="affine" gainprm="2" biasprm="0 -2 -0.1"/>

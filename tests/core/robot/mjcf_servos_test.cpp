@@ -1,4 +1,4 @@
-// Position actuators of MuJoCo models, and the options of their steps.
+// Position actuators of MuJoCo models, the options of their steps, and what is beside the robot.
 
 #include "robot/mjcf_servos.h"
 
@@ -8,6 +8,8 @@
 #include <cmath>
 #include <numbers>
 #include <string>
+
+#include "robot/mjcf_scene.h"
 
 namespace tachless::robot {
 namespace {
@@ -105,6 +107,19 @@ TEST(MjcfServos, RefuseWhatMuJoCoDoesNotKnow) {
   EXPECT_THAT(refusal(R"(<position joint="a" kp="-1"/>)"), HasSubstr("kp is -1"));
   EXPECT_THAT(refusal(R"(<general joint="a" gainprm="9" biastype="affine" biasprm="0 9 0"/>)"),
               HasSubstr("kp is -9"));
+}
+
+TEST(MjcfScene, HasAShapeOrABodyBesideTheRobot) {
+  const auto scene = [](const std::string& more) {
+    const std::string robot = R"(<body><geom size="1"/><joint name="a"/></body><light/>)";
+    return has_surroundings("<mujoco><worldbody>" + robot + more + "</worldbody></mujoco>",
+                            "arm.xml", [](const std::string&) { return std::string(); });
+  };
+  EXPECT_FALSE(scene(""));
+  EXPECT_FALSE(scene(R"(<frame><body><body><joint name="b" type="slide"/></body></body></frame>)"));
+  EXPECT_TRUE(scene(R"(<geom type="plane" size="1 1 1"/>)"));
+  EXPECT_TRUE(scene(R"(<body><freejoint/><geom size="1"/></body>)"));
+  EXPECT_TRUE(scene(R"(<frame pos="0 0 1"><body><geom size="1"/></body></frame>)"));
 }
 
 }  // namespace

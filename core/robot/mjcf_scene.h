@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+#include "robot/mjcf.h"
+
+namespace tachless::robot {
+
+/// Returns whether a MuJoCo model has something beside its robot: a shape of the world, or a body
+/// of the world that carries no hinge and no slide joint.
+/// @param source name of the file, for messages
+/// @throw std::invalid_argument, one line, for a text that is no MJCF
+bool has_surroundings(const std::string& text, const std::string& source,
+                      const IncludedText& included);
+
+}  // namespace tachless::robot
