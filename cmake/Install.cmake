@@ -16,7 +16,7 @@ install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_IN
 set(headers
   controller/law/law.h controller/law/parts.h controller/law/filter.h controller/program.h
   messages/signals.h messages/measurements.h bus/udp_transport.h
-  plant/robot_driver.h plant/arm_state.h plant/plant_model.h plant/simulator.h plant/node.h session/run_role.h
+  plant/robot_driver.h plant/drive_loop.h plant/arm_state.h plant/plant_model.h plant/simulator.h plant/node.h session/run_role.h
   base/quantities.h robot/model.h robot/dynamics.h robot/kinematics.h
   scenario/driver_settings.h in_process/in_process_loop.h own_loop/own_loop.h logger/run_log.h)
 set(installed_headers)

@@ -31,8 +31,10 @@ class DriveLoopDriver : public RobotDriver {
 
 /// Factors of a drive's velocity: v <- forget v + rate (q - q before).
 struct VelocityFilter {
-  double forget = 0, rate = 0;
+  double forget = 0;  ///< factor of the velocity before
+  double rate = 0;    ///< factor of the change of the position [1/s]
 };
+/// Returns the factors of that loop's velocity.
 inline VelocityFilter velocity_filter(const scenario::DriveLoopSpec& loop) {
   if (!loop.velocity_filter_hz) return {0, 1 / loop.period_s};
   const double cutoff = 2 * std::numbers::pi * *loop.velocity_filter_hz;

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "base/failure.h"
-#include "scenario/drive_loop.h"
 
 namespace tachless::identify {
 namespace {
@@ -87,8 +86,6 @@ Recording read_recording(const std::filesystem::path& log) {
   if (result.scenario.robot.flexible) {
     throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
   }
-  scenario::require_no_drive_loop(
-      result.scenario, "the log has the host's torques, identify needs the sums of the drives");
   const plant::Spec& plant = result.scenario.plant;
   if (plant.dry_run || plant.withheld_ticks > 0) {
     throw bad_usage("{}: {}, in which the robot was sent nothing; record a run of it",

@@ -84,6 +84,22 @@ TEST_F(MitCanRun, GoesOnOverLostFramesAndIsReplayedBitForBit) {
   }
 }
 
+/// A law with next to no feedback: without the loop inside the drives the arm would fall.
+TEST_F(MitCanRun, FollowsByTheLoopInsideTheDrives) {
+  ASSERT_EQ(
+      run({"plant.driver.fd=false", "loop.period_s=0.0025", "loop.duration_s=2",
+           "plant.following_error_rad=0.2", "controller.gains.kp=[1, 1, 1, 1, 0.1, 0.1, 0.01]",
+           "controller.gains.kd=[0.01, 0.01, 0.01, 0.01, 0.001, 0.001, 0.0001]",
+           "plant.drive.loop={period_s: 1.0e-4, kp: [200, 200, 100, 100, 20, 20, 10], "
+           "kd: [5, 5, 3, 3, 0.5, 0.5, 0.2]}"}),
+      0)
+      << errors_;
+  EXPECT_GT(lost_, 0);
+  Program replay("tachless", {"replay", (out() / "lcmlog").string()}, directory_.path());
+  EXPECT_EQ(replay.wait(), 0) << replay.errors();
+  EXPECT_THAT(replay.output(), HasSubstr("bit for bit"));
+}
+
 TEST_F(MitCanRun, IsADryRunOfTheDoctorWhichCountsItsReadings) {
   std::string text = contents(arm);
   const auto replace = [&](const std::string& what, const std::string& by) {

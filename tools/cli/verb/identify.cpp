@@ -23,6 +23,7 @@
 #include "identify/excite.h"
 #include "identify/identify.h"
 #include "logger/log_file.h"
+#include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 #include "scenario/yaml_tree.h"
 #include "session/options.h"
@@ -36,7 +37,11 @@ using base::ExitCode;
 using identify::Recording;
 
 Recording read(const fs::path& log) {
-  return is_yaml(log) ? identify::read_table(log) : identify::read_recording(logger::find_log(log));
+  if (is_yaml(log)) return identify::read_table(log);
+  Recording recording = identify::read_recording(logger::find_log(log));
+  scenario::require_no_drive_loop(
+      recording.scenario, "the log has the host's torques, identify needs the sums of the drives");
+  return recording;
 }
 
 /// Declares --unknown, which takes the first `count` kinds.
