@@ -54,9 +54,9 @@ std::optional<MjcfServo> gains_of(const MjcfAttributes& actuator) {
   return servo;
 }
 
-class Reader {
+class ServoReader {
  public:
-  Reader(const std::string& text, const std::string& source, const IncludedText& included)
+  ServoReader(const std::string& text, const std::string& source, const IncludedText& included)
       : document_(text, source, included) {
     for (const auto& [joint, numbers] : read_mjcf_joints(text, source, included)) {
       read_.reference[joint] = numbers.reference;
@@ -122,7 +122,7 @@ class Reader {
 
 MjcfServos read_mjcf_servos(const std::string& text, const std::string& source,
                             const IncludedText& included) {
-  return Reader(text, source, included).servos();
+  return ServoReader(text, source, included).servos();
 }
 
 }  // namespace tachless::robot
