@@ -10,10 +10,13 @@
 #include <cstring>
 #include <fstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "controller/registry.h"
 #include "in_process/in_process_loop.h"
+#include "plant/mujoco/mujoco.h"
+#include "plant/plant_model.h"
 #include "scenario/scenario.h"
 #include "tests/support/temporary_directory.h"
 
@@ -162,6 +165,59 @@ TEST_F(MujocoPlant, RefusesWhatDoesNotFit) {
               HasSubstr("a simulator has its own mechanics"));
   setenv("TACHLESS_MUJOCO", "/none/mujoco.so", 1);
   EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml"}), HasSubstr("no module for MuJoCo"));
+}
+
+/// Two links that hang on horizontal axes, without damping.
+constexpr const char* two_links = R"(<mujoco model="two_links">
+  <compiler angle="radian"/> <option timestep="0.001"/>
+  <worldbody><body name="upper" pos="0 0 1">
+    <joint name="shoulder" axis="0 1 0"/>
+    <inertial pos="0.1 0 -0.2" mass="3" diaginertia="0.05 0.05 0.01"/>
+    <body name="lower" pos="0 0 -0.4">
+      <joint name="elbow" axis="0 1 0"/>
+      <inertial pos="0 0 -0.15" mass="2" diaginertia="0.02 0.02 0.005"/>
+    </body>
+  </body></worldbody></mujoco>)";
+
+TEST_F(MujocoPlant, SticksByTheSolverParametersOfThePage) {
+  // Gravity pulls with 9 N m against 40 N m of dry friction.
+  const auto creep = [&](const std::string& parameters) {
+    std::string model = two_links;
+    model.insert(model.find("<worldbody>"),
+                 "<default><joint frictionloss=\"40\" " + parameters + "/></default>");
+    write("arm.xml", model);
+    const auto scenario = scenario::load_scenario(
+        directory_ / "arm.yaml",
+        {"plant.mujoco={model: arm.xml, integrator: rk4}", "plant.initial={}",
+         "controller.gains={kp: 100, kd: 10, a: 100, b: 100}",
+         "reference={hold: {position_rad: [0, 0]}}"});
+    const auto simulator = mujoco_simulator(scenario, plant_model(scenario));
+    const Vector start = Eigen::Vector2d(0.7, -0.4);
+    simulator->reset({start, Vector::Zero(2), {}, {}});
+    for (int k = 1; k <= 2000; ++k) simulator->advance(Vector::Zero(2), 0.001 * k);
+    return (simulator->state().q - start).cwiseAbs().maxCoeff();
+  };
+  EXPECT_GT(creep(""), 1e-4);
+  EXPECT_LT(creep(R"(solreffriction=".002 1" solimpfriction=".9999 .9999 .001")"), 1e-5);
+}
+
+TEST_F(MujocoPlant, ThatStartsAgainIsTheModelOfItsDigest) {
+  const auto model = [&](const std::string& given) {
+    return scenario::load_scenario(directory_ / "arm.yaml", {"plant.mujoco.model=" + given})
+        .plant.mujoco.model;
+  };
+  const std::string pinned = model("arm.xml");
+  EXPECT_THAT(pinned, ::testing::MatchesRegex("arm\\.xml@[0-9a-f]{16}"));
+  EXPECT_EQ(model(pinned), pinned);
+  EXPECT_EQ(refusal({"plant.mujoco.model=" + pinned}), "accepted");
+  write("arm.xml", arm("", "2.5"));
+  EXPECT_THAT(refusal({"plant.mujoco.model=" + pinned}),
+              AllOf(HasSubstr("the file is another model, arm.xml@"), HasSubstr("or arm.xml")));
+  // Included files count too.
+  write("all.xml", "<mujoco><include file=\"arm.xml\"/></mujoco>");
+  const std::string all = model("all.xml");
+  write("arm.xml", arm());
+  EXPECT_NE(model("all.xml"), all);
 }
 
 TEST_F(MujocoPlant, ThatRunsAwayEndsTheRun) {
