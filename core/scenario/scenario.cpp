@@ -14,6 +14,7 @@
 #include "messages/measurements.h"
 #include "robot/urdf_xml.h"
 #include "scenario/joint_parameters.h"
+#include "scenario/model_pin.h"
 #include "scenario/motion_file.h"
 #include "scenario/reader.h"
 #include "scenario/xacro.h"
@@ -402,6 +403,7 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   YamlNode root = located_tree(base::given_text(path, base::max_text_bytes), overrides, scenario);
   const fs::path directory = path.parent_path();
   pin_motion(root, scenario, directory);
+  pin_model(root, scenario, directory);
   const JointParameters parameters = take_joint_parameters(root, scenario, directory);
   const Place place{scenario, &root, ""};
   read_key(place.child("robot").child("urdf"), RobotSpec::urdf_key, scenario.robot);

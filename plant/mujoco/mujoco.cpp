@@ -15,6 +15,7 @@
 #include "plant/mujoco/interface.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
+#include "scenario/model_pin.h"
 
 namespace tachless::plant {
 namespace {
@@ -23,26 +24,36 @@ namespace fs = std::filesystem;
 
 constexpr const char* key = "plant.mujoco.model";
 
-/// Opens the module beside the programs, or that of TACHLESS_MUJOCO, and returns its function.
-MakeMujocoSimulator* module_function(const scenario::Scenario& scenario) {
+/// Returns the place of the module: beside the programs, or that of TACHLESS_MUJOCO.
+fs::path module_file() {
   const char* const given = std::getenv("TACHLESS_MUJOCO");
-  const fs::path file = given != nullptr
-                            ? fs::path(given)
-                            : base::program_directory().parent_path() / "lib/tachless/mujoco.so";
-  void* const module = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+  return given != nullptr ? fs::path(given)
+                          : base::program_directory().parent_path() / "lib/tachless/mujoco.so";
+}
+
+/// Opens the module and returns its function; null without them.
+MakeMujocoSimulator* module_function() {
+  void* const module = dlopen(module_file().c_str(), RTLD_NOW | RTLD_LOCAL);
   void* const function = module == nullptr ? nullptr : dlsym(module, mujoco_function);
-  if (function != nullptr) return reinterpret_cast<MakeMujocoSimulator*>(function);
+  return reinterpret_cast<MakeMujocoSimulator*>(function);
+}
+
+/// @throw base::Failure(bad_usage) without the module
+MakeMujocoSimulator* required_function(const scenario::Scenario& scenario) {
+  if (MakeMujocoSimulator* const function = module_function()) return function;
   const char* const why = dlerror();
-  throw scenario.complaint(key,
-                           "no module for MuJoCo ({}); build tachless where libmujoco-dev is "
-                           "installed, or name the module in TACHLESS_MUJOCO",
-                           why == nullptr ? file.string() : base::one_line(why));
+  throw scenario.complaint(
+      key,
+      "no module for MuJoCo ({}); install the package tachless-mujoco, or build tachless where "
+      "libmujoco-dev is installed, or name the module in TACHLESS_MUJOCO",
+      why == nullptr ? module_file().string() : base::one_line(why));
 }
 
 MujocoRequest request_of(const scenario::Scenario& scenario, const robot::Model& model) {
   const MujocoSpec& spec = scenario.plant.mujoco;
   MujocoRequest request;
-  request.model = (fs::path(scenario.source).parent_path() / spec.model).string();
+  request.model =
+      (fs::path(scenario.source).parent_path() / scenario::without_digest(spec.model)).string();
   request.keyframe = spec.keyframe;
   request.integrator = spec.integrator;
   request.step_s = spec.step_s;
@@ -91,9 +102,11 @@ std::string difference(MujocoSimulator& simulator, const robot::Model& model, co
 
 }  // namespace
 
+bool has_mujoco_module() { return module_function() != nullptr; }
+
 std::unique_ptr<Simulator> mujoco_simulator(const scenario::Scenario& scenario,
                                             const robot::Model& model) {
-  MakeMujocoSimulator* const make = module_function(scenario);
+  MakeMujocoSimulator* const make = required_function(scenario);
   const MujocoRequest request = request_of(scenario, model);
   const ArmState start = initial_state(scenario.plant, scenario.robot.flexible, model);
   try {

@@ -10,6 +10,9 @@
 /// links MuJoCo, so that no program needs it.
 namespace tachless::plant {
 
+/// Returns whether the module is there.
+bool has_mujoco_module();
+
 /// Returns the simulator of plant.mujoco. Before that, it compares the inertia matrix and gravity
 /// torque with those of `model` at the initial posture and ten others.
 /// @throw base::Failure(bad_usage) without the module, for a model that does not fit, and for other

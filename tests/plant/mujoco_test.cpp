@@ -1,6 +1,7 @@
 // MuJoCo in the place of the emulator's mechanics, against these mechanics.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,8 +13,11 @@
 #include <string>
 #include <vector>
 
+#include "certify/prediction.h"
 #include "controller/registry.h"
 #include "in_process/in_process_loop.h"
+#include "plant/mujoco/mujoco.h"
+#include "plant/plant_model.h"
 #include "scenario/scenario.h"
 #include "tests/support/temporary_directory.h"
 
@@ -162,6 +166,130 @@ TEST_F(MujocoPlant, RefusesWhatDoesNotFit) {
               HasSubstr("a simulator has its own mechanics"));
   setenv("TACHLESS_MUJOCO", "/none/mujoco.so", 1);
   EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml"}), HasSubstr("no module for MuJoCo"));
+}
+
+/// Two links that hang on horizontal axes, without damping.
+constexpr const char* two_links = R"(<mujoco model="two_links">
+  <compiler angle="radian"/> <option timestep="0.001"/>
+  <worldbody><body name="upper" pos="0 0 1">
+    <joint name="shoulder" axis="0 1 0"/>
+    <inertial pos="0.1 0 -0.2" mass="3" diaginertia="0.05 0.05 0.01"/>
+    <body name="lower" pos="0 0 -0.4">
+      <joint name="elbow" axis="0 1 0"/>
+      <inertial pos="0 0 -0.15" mass="2" diaginertia="0.02 0.02 0.005"/>
+    </body>
+  </body></worldbody></mujoco>)";
+
+/// An arm with the axes and about the sizes of a Panda, armature 0.1 and damping 1.
+std::string seven_joints() {
+  std::string bodies, ends;
+  const std::vector<std::string> axes{"0 0 1", "0 1 0",  "0 0 1", "0 -1 0",
+                                      "0 0 1", "0 -1 0", "0 0 -1"};
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const double mass = 4 - 0.5 * static_cast<double>(i);
+    bodies += fmt::format(
+        R"(<body name="link{0}" pos="{1} 0 {2}"><joint name="joint{0}" axis="{3}"/>
+        <inertial pos="0.02 0.01 0.06" mass="{4}" diaginertia="{5} {6} {7}"/>)",
+        i + 1, i == 3 ? 0.08 : 0, i == 0 ? 0.33 : 0.16, axes[i], mass, 0.008 * mass, 0.007 * mass,
+        0.004 * mass);
+    ends += "</body>";
+  }
+  return R"(<mujoco model="seven"><compiler angle="radian"/><option timestep="0.001"/>
+    <default><joint armature="0.1" damping="1"/></default><worldbody>)" +
+         bodies + ends + "</worldbody></mujoco>";
+}
+
+TEST_F(MujocoPlant, SticksByTheSolverParametersOfThePage) {
+  // Gravity pulls with 9 N m against 40 N m of dry friction.
+  const auto creep = [&](const std::string& parameters) {
+    std::string model = two_links;
+    model.insert(model.find("<worldbody>"),
+                 "<default><joint frictionloss=\"40\" " + parameters + "/></default>");
+    write("arm.xml", model);
+    const auto scenario = scenario::load_scenario(
+        directory_ / "arm.yaml",
+        {"plant.mujoco={model: arm.xml, integrator: rk4}", "plant.initial={}",
+         "controller.gains={kp: 100, kd: 10, a: 100, b: 100}",
+         "reference={hold: {position_rad: [0, 0]}}"});
+    const auto simulator = mujoco_simulator(scenario, plant_model(scenario));
+    const Vector start = Eigen::Vector2d(0.7, -0.4);
+    simulator->reset({start, Vector::Zero(2), {}, {}});
+    for (int k = 1; k <= 2000; ++k) simulator->advance(Vector::Zero(2), 0.001 * k);
+    return (simulator->state().q - start).cwiseAbs().maxCoeff();
+  };
+  EXPECT_GT(creep(""), 1e-4);
+  EXPECT_LT(creep(R"(solreffriction=".002 1" solimpfriction=".9999 .9999 .001")"), 1e-5);
+}
+
+/// The largest deviation from the reference in the last twentieth of a run at this part of the
+/// limit of the certificate, over the deviation at the start.
+double growth(const std::filesystem::path& file, double part) {
+  constexpr double apart = 1e-6;
+  constexpr int ticks = 8000;
+  scenario::Scenario scenario =
+      scenario::load_scenario(file, {"plant.mujoco={model: arm.xml, integrator: rk4}",
+                                     "plant.initial={torque: hold}", "plant.on_limit=warn"});
+  const auto& hold = std::get<reference::trajectory::Hold>(scenario.reference);
+  const auto limit_s = certify::analyse(scenario, linear::Effort::quick).limit_s;
+  scenario.loop.period_s = part * limit_s.value();
+  scenario.loop.num_ticks = ticks;
+  scenario.loop.duration_s = ticks * scenario.loop.period_s;
+  scenario.plant.initial.position_rad =
+      hold.position_rad + Vector::Constant(scenario.num_joints, apart);
+  double last = 0;
+  try {
+    in_process::run_in_process(scenario, [&](const TickRecord& record) {
+      if (record.tick >= ticks - ticks / 20) {
+        last = std::max(last, (record.truth.q - hold.position_rad).cwiseAbs().maxCoeff());
+      }
+      return true;
+    });
+  } catch (const base::Failure&) {
+    return infinity;
+  }
+  return last / apart;
+}
+
+TEST_F(MujocoPlant, BehavesAsTheCertificatesLimitSays) {
+  for (const std::string& model : {std::string(two_links), arm(), seven_joints()}) {
+    write("arm.xml", model);
+    const auto n = model == two_links ? 2 : model == arm() ? 3 : 7;
+    std::string text = "name: limit\nrobot: {name: arm, urdf: arm.xml, joints: rigid}\n";
+    std::vector<double> q, kp, kd;
+    for (int i = 0; i < n; ++i) {
+      q.push_back(0.3 + 0.1 * i);
+      kp.push_back(300.0 / (1 + i));
+      kd.push_back(30.0 / (1 + i));
+    }
+    text += fmt::format(
+        "reference: {{hold: {{position_rad: [{}]}}}}\n"
+        "controller:\n  law: loria_ortega_rigid\n"
+        "  gains: {{kp: [{}], kd: [{}], a: 200, b: 200}}\n  filter: tustin\n"
+        "loop: {{mode: lockstep, period_s: 0.001, duration_s: 1, command_delay: 1}}\n",
+        fmt::join(q, ", "), fmt::join(kp, ", "), fmt::join(kd, ", "));
+    write("limit.yaml", text);
+    EXPECT_LT(growth(directory_ / "limit.yaml", 0.98), 0.5) << model;
+    EXPECT_GT(growth(directory_ / "limit.yaml", 1.02), 100) << model;
+  }
+}
+
+TEST_F(MujocoPlant, ThatStartsAgainIsTheModelOfItsDigest) {
+  const auto model = [&](const std::string& given) {
+    return scenario::load_scenario(directory_ / "arm.yaml", {"plant.mujoco.model=" + given})
+        .plant.mujoco.model;
+  };
+  const std::string pinned = model("arm.xml");
+  EXPECT_THAT(pinned, ::testing::MatchesRegex("arm\\.xml@[0-9a-f]{16}"));
+  EXPECT_EQ(model(pinned), pinned);
+  EXPECT_EQ(refusal({"plant.mujoco.model=" + pinned}), "accepted");
+  write("arm.xml", arm("", "2.5"));
+  EXPECT_THAT(refusal({"plant.mujoco.model=" + pinned}),
+              AllOf(HasSubstr("the file is another model, arm.xml@"), HasSubstr("or arm.xml")));
+  // Included files count too.
+  write("all.xml", "<mujoco><include file=\"arm.xml\"/></mujoco>");
+  const std::string all = model("all.xml");
+  write("arm.xml", arm());
+  EXPECT_NE(model("all.xml"), all);
 }
 
 TEST_F(MujocoPlant, ThatRunsAwayEndsTheRun) {

@@ -11,8 +11,12 @@
 #include "base/file_text.h"
 #include "base/logging.h"
 #include "cli/verb.h"
+#include "plant/mujoco/mujoco.h"
+#include "robot/mjcf_scene.h"
 #include "robot/typical_rotors.h"
 #include "robot/urdf_xml.h"
+#include "scenario/description.h"
+#include "scenario/yaml_tree.h"
 
 namespace tachless::cli {
 namespace {
@@ -22,6 +26,13 @@ bool describes_robot(const std::filesystem::path& file) {
   if (is_yaml(file)) return false;
   const std::string text = base::given_text(file, base::max_text_bytes);
   return robot::is_mjcf(text) || text.find("<robot") != std::string::npos;
+}
+
+/// Returns whether the file is an MJCF with something beside the robot.
+bool is_scene(const std::filesystem::path& file) {
+  const std::string text = base::given_text(file, base::max_text_bytes);
+  return robot::is_mjcf(text) &&
+         robot::has_surroundings(text, file.string(), scenario::files_beside(file));
 }
 
 }  // namespace
@@ -66,7 +77,14 @@ DesignInput::Urdf DesignInput::read_urdf() const {
         options_.period_s > 0 ? options_.period_s : 1e-3};
     of.from = options_.from.empty() ? scenario::start_posture(file, model) : from_posture(model);
     of.adds_gravity = file.adds_gravity;
-    Urdf urdf{file.urdf, scenario::urdf_scenario(model, of), {}};
+    Urdf urdf{file.urdf, scenario::urdf_scenario(model, of), {}, false};
+    if (is_scene(options_.file)) {
+      urdf.in_mujoco = plant::has_mujoco_module();
+      base::log_info(urdf.in_mujoco
+                         ? "the model has more than the robot: MuJoCo moves it (plant.mujoco)"
+                         : "the model has more than the robot, which is left out: no module for "
+                           "MuJoCo (package tachless-mujoco)");
+    }
     if (options_.typical_rotors) urdf.typical_rotors = robot::typical_rotor_inertia(model);
     return urdf;
   } catch (const std::invalid_argument& problem) {
@@ -86,6 +104,10 @@ scenario::Scenario DesignInput::scenario(std::optional<design::Structure> struct
   if (urdf_->typical_rotors.size() > 0) {
     more.push_back(fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}",
                                fmt::join(urdf_->typical_rotors, ", ")));
+  }
+  if (urdf_->in_mujoco) {
+    more.push_back(
+        scenario::text_override("plant.mujoco.model", path_from(options_.output, options_.file)));
   }
   return scenario::parse_scenario(urdf_->scenario, urdf_->text, options_.file.string(), more,
                                   std::filesystem::path());

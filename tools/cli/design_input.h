@@ -43,7 +43,8 @@ class DesignInput {
  private:
   struct Urdf {
     std::string text, scenario;
-    Vector typical_rotors;  ///< empty: not asked for
+    Vector typical_rotors;   ///< empty: not asked for
+    bool in_mujoco = false;  ///< an MJCF with surroundings, and the module is there
   };
   [[nodiscard]] Urdf read_urdf() const;
   [[nodiscard]] Vector from_posture(const robot::Model& model) const;

@@ -16,6 +16,7 @@
 #include "base/text.h"
 #include "cli/run.h"
 #include "controller/registry.h"
+#include "scenario/model_pin.h"
 #include "scenario/scenario.h"
 #include "scenario/yaml_tree.h"
 
@@ -93,7 +94,7 @@ std::string text_for(const std::filesystem::path& output, const scenario::Scenar
   move("robot.urdf", scenario.robot.urdf_path);
   if (scenario.believed_model) move("controller.urdf", scenario.controller.urdf_path);
   if (const std::string& model = scenario.plant.mujoco.model; !model.empty()) {
-    move("plant.mujoco.model", model);
+    move("plant.mujoco.model", scenario::without_digest(model));
   }
   using reference::trajectory::MotionFile;
   if (const auto* const motion = std::get_if<MotionFile>(&scenario.reference)) {

@@ -1,0 +1,63 @@
+#include "scenario/model_pin.h"
+
+#include <fmt/format.h>
+
+#include <regex>
+#include <set>
+
+#include "base/file_text.h"
+#include "base/fnv.h"
+
+namespace tachless::scenario {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* model_key = "plant.mujoco.model";
+
+/// Continues a digest with a file and the files that it includes, each once.
+std::uint64_t model_digest(const fs::path& file, const fs::path& folder, std::set<fs::path>& seen,
+                           std::uint64_t hash) {
+  const std::string text = base::given_text(file, base::max_text_bytes);
+  hash = base::fnv(text, hash);
+  static const std::regex include(R"(<include\s[^>]*\bfile\s*=\s*["']([^"']*)["'])");
+  for (std::sregex_iterator each(text.begin(), text.end(), include), end; each != end; ++each) {
+    const fs::path included = folder / (*each)[1].str();
+    if (seen.insert(included).second) hash = model_digest(included, folder, seen, hash);
+  }
+  return hash;
+}
+
+}  // namespace
+
+void pin_model(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
+  YamlNode* node = &root;
+  for (const char* each : {"plant", "mujoco", "model"}) {
+    if (node != nullptr) node = node->find(each);
+  }
+  if (node == nullptr || node->kind != YamlNode::Kind::scalar) return;  // the reader says so
+  const std::string name = without_digest(node->scalar);
+  if (name.empty()) return;
+  const fs::path file = directory / name;
+  std::set<fs::path> seen;
+  std::string pinned;
+  try {
+    pinned = fmt::format("{}@{:016x}", name,
+                         model_digest(file, file.parent_path(), seen, base::fnv_of_nothing));
+  } catch (const base::Failure& failure) {
+    throw scenario.complaint(model_key, "{}", failure.what());
+  }
+  if (node->scalar != name && node->scalar != pinned) {
+    throw scenario.complaint(model_key, "{}: the file is another model, {}; give that, or {}",
+                             node->scalar, pinned, name);
+  }
+  node->scalar = pinned;
+  node->quoted = true;
+}
+
+std::string without_digest(const std::string& model) {
+  static const std::regex digest("@[0-9a-f]{16}$");
+  return std::regex_replace(model, digest, "");
+}
+
+}  // namespace tachless::scenario
