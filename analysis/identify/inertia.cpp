@@ -78,6 +78,15 @@ Shape shape_of(const robot::MassProperties& body) {
   throw std::domain_error("a body's inertia is not a number");
 }
 
+/// Takes parameter i out of the Newton step H x = slope.
+void hold(Index i, MatrixXd& H, VectorXd& slope) {
+  const double own = H(i, i);
+  H.row(i).setZero();
+  H.col(i).setZero();
+  H(i, i) = own;
+  slope[i] = 0;
+}
+
 }  // namespace
 
 VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters& parameters,
@@ -107,10 +116,12 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     const VectorXd x = values_at(at);
     return 0.5 * x.dot(N * x) - b.dot(x) + 0.5 * (at - first).cwiseAbs2().dot(stiffness);
   };
+  const auto not_negative = [&](Index i) {
+    return parameters.entries()[static_cast<std::size_t>(i)].not_negative;
+  };
   const auto bounded = [&](VectorXd at) {
     for (Index i = 0; i < size; ++i) {
-      const Kind kind = parameters.entries()[static_cast<std::size_t>(i)].kind;
-      if (kind != Kind::inertia && kind != Kind::offset) at[i] = std::max(0.0, at[i]);
+      if (not_negative(i)) at[i] = std::max(0.0, at[i]);
     }
     return at;
   };
@@ -122,8 +133,11 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     });
     MatrixXd H = J.transpose() * N * J;
     H.diagonal() += stiffness;
-    const VectorXd slope =
-        J.transpose() * (b - N * values_at(z)) - stiffness.cwiseProduct(z - first);
+    VectorXd slope = J.transpose() * (b - N * values_at(z)) - stiffness.cwiseProduct(z - first);
+    // A parameter that stays at its bound has no part in the step of the others.
+    for (Index i = 0; i < size; ++i) {
+      if (not_negative(i) && z[i] <= 0 && slope[i] <= 0) hold(i, H, slope);
+    }
     const VectorXd unit = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     H = unit.asDiagonal() * H * unit.asDiagonal();
     H.diagonal().setConstant(1 + damping);

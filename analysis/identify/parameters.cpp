@@ -59,11 +59,13 @@ robot::MassProperties mass_properties(const Inertial& value) {
   return body;
 }
 
-Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown) {
+Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
+                       bool controlled)
+    : controlled_(controlled) {
   for (const Kind kind : unknown) {
     const std::string name(kind_names[static_cast<std::size_t>(kind)]);
     if (kind == Kind::payload || kind == Kind::delay) {
-      entries_.push_back({kind, -1, name, unit_of(kind, true)});
+      entries_.push_back({kind, -1, name, unit_of(kind, true), controlled || kind != Kind::delay});
       continue;
     }
     if (kind == Kind::inertia) {
@@ -77,7 +79,7 @@ Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kin
                c == 0  ? "kg"
                : c < 4 ? "kg m"
                        : "kg m2",
-               c});
+               false, c});
         }
       }
       continue;
@@ -85,8 +87,8 @@ Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kin
     for (int i = 0; i < scenario.num_joints; ++i) {
       const auto at = static_cast<std::size_t>(i);
       const bool turns = scenario.model->joint_types[at] == robot::JointType::revolute;
-      entries_.push_back(
-          {kind, i, name + " " + scenario.model->joint_names[at], unit_of(kind, turns)});
+      entries_.push_back({kind, i, name + " " + scenario.model->joint_names[at],
+                          unit_of(kind, turns), kind != Kind::offset});
     }
   }
 }
@@ -178,7 +180,7 @@ std::vector<std::string> Parameters::overrides(const scenario::Scenario& scenari
   for (const double mass : of(Kind::payload, values)) {
     result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
   }
-  for (const double delay : of(Kind::delay, values)) {
+  for (const double delay : controlled_ ? of(Kind::delay, values) : std::vector<double>()) {
     const int whole = static_cast<int>(std::lround(delay)), own = scenario.loop.command_delay;
     result.push_back(fmt::format("loop.command_delay={}", std::min(whole, own)));
     result.push_back(

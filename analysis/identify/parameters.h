@@ -37,10 +37,15 @@ class Parameters {
     int joint;         ///< -1 for the payload and the delay; for `inertia` the index of the body
     std::string name;  ///< "rotor elbow", "Izz forearm"
     std::string unit;
+    bool not_negative = true;
     int component = 0;  ///< index into an `Inertial`
   };
 
-  Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown);
+  /// @param controlled the recordings are of the scenario's own law (`Recording::controlled`).
+  /// Otherwise a delay is the time by which a table's torques are late. It may be negative and
+  /// belongs to the table, so that it is not written.
+  Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
+             bool controlled = true);
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
   [[nodiscard]] Eigen::Index size() const { return std::ssize(entries_); }
@@ -63,6 +68,7 @@ class Parameters {
   [[nodiscard]] std::vector<double> of(Kind kind, const Eigen::VectorXd& values) const;
 
   std::vector<Entry> entries_;
+  bool controlled_;
 };
 
 }  // namespace tachless::identify

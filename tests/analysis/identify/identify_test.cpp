@@ -139,18 +139,15 @@ TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
   EXPECT_THROW(identify({run, strange}, all, {}, ignore), base::Failure);
 }
 
-/// A log has no offset, and a table has no known controller.
+/// A log has no offset.
 TEST(Identify, RefusesToIdentifyNothing) {
-  Recording run = hidden_run(2);
-  for (const Kind kind : {Kind::offset, Kind::delay}) {
-    run.controlled = kind == Kind::offset;
-    try {
-      identify({run}, {kind}, {}, ignore);
-      ADD_FAILURE();
-    } catch (const base::Failure& failure) {
-      EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
-      EXPECT_THAT(failure.what(), HasSubstr("a run: nothing is left to identify"));
-    }
+  const Recording run = hidden_run(2);
+  try {
+    identify({run}, {Kind::offset}, {}, ignore);
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("a run: nothing is left to identify"));
   }
 }
 

@@ -111,6 +111,7 @@ struct Identify {
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
   fs::path validate, output;
   bool all = false, force = false, json = false, quiet = false;
+  CLI::Option* chosen = nullptr;  ///< --unknown
 
   void declare(CLI::App& command) {
     command
@@ -118,11 +119,12 @@ struct Identify {
                     "Logs of runs of one robot, or their directories; or YAML files that say what "
                     "the columns of another logger's tables are")
         ->required();
-    CLI::Option* const some = add_unknown(command, unknown, identify::kind_names.size());
+    chosen = add_unknown(command, unknown, identify::kind_names.size());
     command
         .add_flag("--all", all,
-                  "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset")
-        ->excludes(some);
+                  "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset, and "
+                  "a table's delay")
+        ->excludes(chosen);
     command.add_option("--validate", validate, "A log that is not used, to check the result with");
     command.add_option("--write", output,
                        "The log's scenario with the result, as F.yaml, and its URDF beside it");
@@ -153,8 +155,10 @@ struct Identify {
     Screen screen(quiet);
     const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia",
                                                  "offset"};
+    std::vector<std::string> sought = all ? everything : unknown;
+    if (!chosen->count() && !recordings.front().controlled) sought.emplace_back("delay");
     const identify::Identified found = identify::identify(
-        recordings, kinds(all ? everything : unknown), other,
+        recordings, kinds(sought), other,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     print(json, found, identify::text(found, scenario.name));
@@ -164,10 +168,9 @@ struct Identify {
     }
     if (!whole) {
       base::log_error(
-          "{}: not every parameter is identifiable{}; record a motion that moves each joint both "
-          "ways, slowly and fast (a joint that friction holds moves with a guess of it: run with "
-          "--set controller.friction.coulomb=…), or leave one out of --unknown",
-          recordings.front().source, output.empty() ? "" : ": nothing written");
+          "{}: not every parameter is identifiable{}; record {}, or leave one out of --unknown",
+          recordings.front().source, output.empty() ? "" : ": nothing written",
+          fmt::join(found.advice, "; "));
       return ExitCode::check_said_no;
     }
     if (!output.empty()) write(scenario, found, urdf);
