@@ -36,6 +36,7 @@ std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
                         const std::vector<Regression>& regressions, const VectorXd& left) {
   double range = 0, open = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < recordings.size(); ++r) {
+    if (of.entry.kind == Kind::load && !recordings[r].loaded) continue;
     open = std::min(open, of.half_width * regressions[r].share[i]);
     if (of.entry.joint < 0) continue;
     const auto q = recordings[r].q.col(of.entry.joint);
@@ -75,6 +76,9 @@ std::string advice_on(const Identified::Parameter& of, const std::string& joint)
       return fmt::format("motion of {} both ways, slowly and fast", joint);
     case Kind::delay:
       return "more speed";
+    case Kind::load:
+      return "postures in which gravity pulls at the payload differently, and a run without it "
+             "(--without)";
     case Kind::payload:
     case Kind::inertia:
     case Kind::offset:
@@ -174,6 +178,7 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
   answer.condition = fit.condition;
   answer.values = fit.values;
   answer.half_width = fit.half_width;
+  answer.moves = fit.moves;
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     answer.position_errors.push_back(
         simulated_residual(recordings[i], parameters, fit.values, fit.noise[i]));
@@ -193,13 +198,14 @@ void set_parameters(const Answer& answer, const Parameters& parameters, Identifi
     Identified::Parameter each{entry, answer.values[i], answer.half_width[i], "",
                                false, bounded[at]};
     if (!answer.sums[at].empty()) {
-      each.in_sum = !to.links.empty();
+      const bool load = entry.kind == Kind::load;
+      each.in_sum = load ? entry.component > 0 : !to.links.empty();
       each.half_width = std::numeric_limits<double>::infinity();
       each.doubt = answer.sums[at] != "nothing" ? "only in sums with " + answer.sums[at]
                    : entry.kind == Kind::inertia
                        ? "it has no part in any torque"
                        : "the joint hardly moves, or it has no part in any torque";
-    } else if (entry.kind != Kind::inertia) {
+    } else if (entry.kind != Kind::inertia && (entry.kind != Kind::load || entry.component == 0)) {
       each.doubt = doubt_about(each, i, answer.recordings, answer.regressions, left);
     }
     if (!each.doubt.empty() && !each.in_sum) {
@@ -262,6 +268,10 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   set_parameters(answer, parameters, result);
   set_checks(answer, parameters, validate, result);
   result.overrides = parameters.overrides(scenario, answer.values);
+  if (parameters.first(Kind::load) >= 0) {
+    result.load = load_of(answer, answer.values, parameters, scenario.plant.payload.link);
+    result.overrides.push_back(override_of(*result.load));
+  }
   return result;
 }
 
@@ -307,7 +317,7 @@ std::string text(const Identified& found, const std::string& name) {
       fmt::format("{}: 95 % intervals, condition {:.3g}{}\n", name, found.condition,
                   found.simulated ? "" : "; by least squares, as no controller is known");
   for (const Identified::Parameter& each : found.parameters) {
-    if (each.entry.kind == Kind::inertia) continue;
+    if (each.entry.kind == Kind::inertia || each.entry.component > 0) continue;
     if (each.in_sum) {
       text += fmt::format("  {:<24} {:>10.4g} {}: {}\n", each.entry.name, each.value,
                           each.entry.unit, each.doubt);
@@ -319,6 +329,7 @@ std::string text(const Identified& found, const std::string& name) {
                         : each.is_small()   ? ": small, not told from zero"
                                             : "");
   }
+  if (found.load) text += identify::text(*found.load);
   if (!found.links.empty()) {
     const auto alone = std::ranges::count_if(found.parameters, [](const auto& each) {
       return each.entry.kind == Kind::inertia && each.doubt.empty();
@@ -369,6 +380,7 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
                                   {"small", each.is_small()},
                                   {"doubt", each.doubt}});
   }
+  if (found.load) to_json(json["payload"], *found.load);
   for (const Identified::Link& each : found.links) {
     json["links"].push_back(
         {{"name", each.name}, {"before", mass(each.before)}, {"after", mass(each.after)}});

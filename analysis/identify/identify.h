@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "identify/load.h"
 #include "identify/misfit.h"
 #include "identify/output_error.h"
 #include "identify/parameters.h"
@@ -46,9 +47,10 @@ struct Identified {
   };
 
   std::vector<Parameter> parameters;  ///< link parameters are differences to the URDF's values
-  std::vector<Link> links;            ///< empty if the links are those of the URDF
-  Eigen::Index rank = 0;   ///< number of parameter combinations that least squares determines
-  bool simulated = false;  ///< the answer is from output error; otherwise from least squares
+  std::optional<Load> load;
+  std::vector<Link> links;  ///< empty if the links are those of the URDF
+  Eigen::Index rank = 0;    ///< number of parameter combinations that least squares determines
+  bool simulated = false;   ///< the answer is from output error; otherwise from least squares
   double condition = 0;
   std::vector<Check> checks;
   bool validated = false;           ///< `checks` use data that was not used to identify

@@ -87,6 +87,18 @@ std::vector<robot::Model> unit_models(const robot::Model& bare) {
   return all;
 }
 
+/// Returns the arm with 1 kg at the load's frame, and with each number of a load besides. Their
+/// differences are the load's columns; every model has a mass.
+std::vector<robot::Model> load_models(const robot::Model& bare, const std::string& link) {
+  std::vector<robot::Model> all;
+  for (Eigen::Index c = -1; c < Inertial::SizeAtCompileTime; ++c) {
+    Inertial load = Inertial::Unit(0);
+    if (c >= 0) load += Inertial::Unit(c);
+    all.push_back(robot::with_payload(bare, mass_properties(load), link));
+  }
+  return all;
+}
+
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
 /// Sets `slow` of the rows of joint j.
@@ -190,6 +202,10 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
                      delay = parameters.first(Kind::delay);
   const std::vector<robot::Model> units =
       inertia < 0 ? std::vector<robot::Model>() : unit_models(models.bare);
+  const std::vector<robot::Model> loads =
+      parameters.first(Kind::load) < 0
+          ? std::vector<robot::Model>()
+          : load_models(models.bare, recording.scenario.plant.payload.link);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
   MatrixXd speed = MatrixXd::Zero(ticks, n);
   // Ticks of delay that the torques have already.
@@ -199,6 +215,8 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     const Vector v = (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h);
     const Vector a = (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h);
     const Vector own = robot::inverse_dynamics<double>(models.bare, at, v, a);
+    const Vector light =
+        loads.empty() ? own : robot::inverse_dynamics<double>(loads.front(), at, v, a);
     Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
     for (Eigen::Index j = 0; j < n; ++j)
       friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
@@ -237,6 +255,13 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
           break;
         case Kind::offset:
           column(k, entry.joint) = 1;
+          break;
+        case Kind::load:
+          if (!recording.loaded) break;
+          column.row(k) = (robot::inverse_dynamics<double>(
+                               loads[static_cast<std::size_t>(entry.component + 1)], at, v, a) -
+                           light)
+                              .transpose();
           break;
       }
     }
@@ -290,12 +315,18 @@ double quantile(double freedom) {
   return 1.96 * std::exp(x * (1.21 + x * (0.735 - 0.075 * x)));
 }
 
+/// Half widths of combinations, and their changes when each block of time is left out.
+struct Widths {
+  VectorXd half;
+  MatrixXd moves;
+};
+
 /// Returns the half widths of the 95 % intervals of `of` times the least-squares solution. They are
 /// the solution's changes when each block of time is left out, so correlated residuals count
 /// correctly. Student's quantile has the degrees of freedom of that sum of squares for a white
 /// residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for linear regression with
 /// multi-stage samples, Survey Methodology 28(2), 2002).
-VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
+Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
   const Eigen::Index length = residual.size() / blocks, p = J.cols();
   const MatrixXd N = J.transpose() * J, inverse = numerics::inverse(N);
   // Normal matrices of the blocks; solutions of the other blocks.
@@ -321,7 +352,7 @@ VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd
     const double width = quantile(freedom) * moves.row(i).norm() * std::sqrt(1 - 1.0 / blocks);
     result[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
   }
-  return result;
+  return {std::move(result), std::move(moves)};
 }
 
 /// Computes which parameters are determined, alone or in sums, and how well.
@@ -397,24 +428,36 @@ Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& res
                     const std::vector<bool>& at_bound) {
   const Determined all(J, norm);
   Precision result{VectorXd(J.cols()), all.value.size(),
-                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()), all.free};
+                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()), all.free,
+                   MatrixXd::Zero(J.cols(), blocks)};
   const auto widths = [&](const Determined& of, const VectorXd& left, const MatrixXd& rows) {
     return half_widths(of.scaled * of.vectors, left, rows);
   };
   std::vector<Eigen::Index> free = inside(J.cols(), at_bound);
   if (!free.empty()) {
     const Determined found(J(Eigen::all, free), norm(free));
-    result.half_width(free) = widths(found, residual, found.vectors).cwiseQuotient(norm(free));
+    const Widths widths_of_free = widths(found, residual, found.vectors);
+    result.half_width(free) = widths_of_free.half.cwiseQuotient(norm(free));
+    result.moves(free, Eigen::all) = norm(free).cwiseInverse().asDiagonal() * widths_of_free.moves;
   }
   for (Eigen::Index i = 0; i < J.cols(); ++i) {
     if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) continue;
     free.push_back(i);
     const Determined found(J(Eigen::all, free), norm(free));
     const MatrixXd last = found.vectors.bottomRows(1);
-    result.half_width[i] = widths(found, found.residual(residual), last)[0] / norm[i];
+    result.half_width[i] = widths(found, found.residual(residual), last).half[0] / norm[i];
     free.pop_back();
   }
   return result;
+}
+
+double Precision::half_width_of(const VectorXd& combination) const {
+  double most = 1.96;
+  for (Eigen::Index i = 0; i < combination.size(); ++i) {
+    const double moved = moves.row(i).norm();
+    if (combination[i] != 0 && moved > 0) most = std::max(most, half_width[i] / moved);
+  }
+  return most * (combination.transpose() * moves).norm();
 }
 
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,

@@ -50,6 +50,12 @@ struct Precision {
   /// Square root of the ratio of the determined eigenvalues.
   double condition = 0;
   Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
+  /// Changes of the parameters when each block of time is left out, a column per block.
+  Eigen::MatrixXd moves;
+
+  /// Returns the half width of a combination of the parameters. Its degrees of freedom are the
+  /// fewest of the parameters in it.
+  [[nodiscard]] double half_width_of(const Eigen::VectorXd& combination) const;
 };
 /// Computes the precision from the variation of the estimate when blocks of time are left out. It
 /// holds for residuals of any autocorrelation. A parameter at its bound is held there for the

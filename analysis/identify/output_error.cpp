@@ -145,10 +145,12 @@ VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
   for (Eigen::Index i = 0; i < steps.size(); ++i) {
     const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
     if (entry.kind == Kind::delay) steps[i] = 0.1;
-    if (entry.kind != Kind::inertia) continue;
-    const robot::MassProperties& link = model.bodies[static_cast<std::size_t>(entry.joint)];
+    if (entry.kind != Kind::inertia && entry.kind != Kind::load) continue;
     constexpr double length = 0.1;
-    const double mass = std::max(0.1, link.mass);
+    const double mass =
+        entry.kind == Kind::load
+            ? 1
+            : std::max(0.1, model.bodies[static_cast<std::size_t>(entry.joint)].mass);
     steps[i] = 1e-3 * mass *
                (entry.component == 0  ? 1
                 : entry.component < 4 ? length
@@ -161,7 +163,8 @@ VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
 
 MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
                             const VectorXd& values, const MatrixXd& noise) {
-  const scenario::Scenario plant = parameters.plant(recording.scenario, values);
+  const scenario::Scenario plant = parameters.plant(
+      recording.scenario, recording.loaded ? values : parameters.without_load(values));
   controller::ScenarioLaw law = controller::scenario_law(recording.scenario);
   if (noise.size() > 0) {
     law = std::make_unique<LawWithNoise>(std::move(law), recording.scenario.loop, noise);
@@ -184,7 +187,7 @@ MatrixXd simulated_residual(const Recording& recording, const Parameters& parame
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const VectorXd& start, const Report& report) {
   Problem problem(recordings, parameters);
-  Fit fit{start, {}, 0, {}, {}};
+  Fit fit{start, {}, {}, 0, {}, {}};
   Residual here = runs(problem.residual(fit.values));
   // Scale of a parameter: its start value, or a thousandth of the largest start value if that is
   // more.
@@ -205,6 +208,7 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
                                       at_bound(parameters, fit.values));
     fit.condition = found.condition;
     fit.half_width = found.half_width;
+    fit.moves = found.moves;
     fit.residual = spread;
     fit.noise = problem.noise();
     const VectorXd step = possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r),

@@ -16,6 +16,7 @@ namespace tachless::identify {
 struct Fit {
   Eigen::VectorXd values;
   Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
+  Eigen::MatrixXd moves;       ///< as `Precision::moves`
   double condition = 0;        ///< of the scaled normal matrix
   Eigen::VectorXd residual;    ///< rms of measured minus simulated position, per joint [rad; m]
   std::vector<Eigen::MatrixXd> noise;  ///< of each recording, as `simulated_residual` takes it

@@ -24,6 +24,7 @@ struct Recording {
   /// Ticks by which the torques of a table have been moved: row k holds the torque that the table
   /// has `moved` rows earlier.
   int moved = 0;
+  bool loaded = true;  ///< the arm carried the load that is to be identified
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
 };

@@ -9,6 +9,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -109,6 +110,8 @@ struct Excite {
 struct Identify {
   std::vector<fs::path> logs;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
+  std::vector<fs::path> without;
+  std::string carrier;
   fs::path validate, output;
   bool all = false, force = false, json = false, quiet = false;
   CLI::Option* chosen = nullptr;  ///< --unknown
@@ -119,12 +122,15 @@ struct Identify {
                     "Logs of runs of one robot, or their directories; or YAML files that say what "
                     "the columns of another logger's tables are")
         ->required();
-    chosen = add_unknown(command, unknown, identify::kind_names.size());
+    chosen = add_unknown(command, unknown, identify::kind_names.size() - 1);  // the load is --on's
     command
         .add_flag("--all", all,
                   "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset, and "
                   "a table's delay")
         ->excludes(chosen);
+    command.add_option("--on", carrier,
+                       "Link that carries a payload of unknown mass, centre and inertia");
+    command.add_option("--without", without, "Logs of runs without this payload")->needs("--on");
     command.add_option("--validate", validate, "A log that is not used, to check the result with");
     command.add_option("--write", output,
                        "The log's scenario with the result, as F.yaml, and its URDF beside it");
@@ -139,9 +145,11 @@ struct Identify {
     if (!output.empty()) require_writable(urdf, force);
     std::vector<Recording> recordings;
     std::optional<Recording> other;
-    if (!validate.empty()) other = read(validate);
-    for (const fs::path& log : logs) {
-      recordings.push_back(read(log));
+    if (!validate.empty()) other = read_loaded(validate);
+    for (std::size_t i = 0; i < logs.size() + without.size(); ++i) {
+      const bool loaded = i < logs.size();
+      recordings.push_back(read_loaded(loaded ? logs[i] : without[i - logs.size()]));
+      recordings.back().loaded = loaded;
       std::error_code error;  // a file may have several names
       if (!other || !fs::equivalent(other->source, recordings.back().source, error)) continue;
       throw base::bad_usage("--validate {}: is fitted too; allowed: another log",
@@ -157,8 +165,11 @@ struct Identify {
                                                  "offset"};
     std::vector<std::string> sought = all ? everything : unknown;
     if (!chosen->count() && !recordings.front().controlled) sought.emplace_back("delay");
+    if (!carrier.empty()) std::erase(sought, "payload");
+    std::vector<identify::Kind> unknown_kinds = kinds(sought);
+    if (!carrier.empty()) unknown_kinds.push_back(identify::Kind::load);
     const identify::Identified found = identify::identify(
-        recordings, kinds(sought), other,
+        recordings, unknown_kinds, other,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     print(json, found, identify::text(found, scenario.name));
@@ -178,6 +189,19 @@ struct Identify {
   }
 
  private:
+  /// Reads a recording whose payload, if it is asked for, is on the link of --on.
+  [[nodiscard]] Recording read_loaded(const fs::path& log) const {
+    Recording recording = read(log);
+    if (carrier.empty()) return recording;
+    try {
+      robot::with_payload(*recording.scenario.model, {}, carrier);
+    } catch (const std::invalid_argument& refused) {
+      throw base::bad_usage("--on {}: {}", carrier, refused.what());
+    }
+    recording.scenario.plant.payload = {.link = carrier};
+    return recording;
+  }
+
   void write(const scenario::Scenario& scenario, const identify::Identified& found,
              const fs::path& urdf) const {
     std::vector<std::string> overrides = found.overrides;
