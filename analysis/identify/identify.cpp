@@ -12,6 +12,7 @@
 
 #include "base/failure.h"
 #include "identify/least_squares.h"
+#include "identify/units.h"
 #include "robot/urdf_xml.h"
 
 namespace tachless::identify {
@@ -218,6 +219,19 @@ void set_parameters(const Answer& answer, const Parameters& parameters, Identifi
   }
 }
 
+/// Returns why tables do not fit the robot, or "" if they do.
+std::string why_no_fit(const Answer& answer) {
+  const VectorXd left = torque_left(answer.regressions, answer.values);
+  const std::string remedy = remedy_of(answer.recordings.front(), left);
+  if (left.maxCoeff() < no_fit && remedy.empty()) return "";
+  return fmt::format(
+      "the table does not fit the robot: the fit leaves {:.0f} % of a joint's peak torque; {}",
+      100 * left.maxCoeff(),
+      remedy.empty() ? "check units, signs and order of its columns, and the scenario's URDF, base "
+                       "and gravity"
+                     : "its torques fit with " + remedy);
+}
+
 /// Checks the answer on the recordings, or on one that was not used.
 void set_checks(const Answer& answer, const Parameters& parameters,
                 const std::optional<Recording>& validate, Identified& to) {
@@ -267,6 +281,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   set_links(parameters, answer.values, scenario, result);
   set_parameters(answer, parameters, result);
   set_checks(answer, parameters, validate, result);
+  if (tables) result.no_fit = why_no_fit(answer);
   result.overrides = parameters.overrides(scenario, answer.values);
   if (parameters.first(Kind::load) >= 0) {
     result.load = load_of(answer, answer.values, parameters, scenario.plant.payload.link);
@@ -295,10 +310,8 @@ std::string remarks(const Identified& found) {
     if (each.misfit.found) joints.push_back(each.joint);
   }
   if (!joints.empty()) {
-    text += fmt::format(
-        "  the model lacks something at {}: what it leaves is no noise; {} "
-        "intervals do not hold\n",
-        fmt::join(joints, ", "), joints.size() > 1 ? "their" : "its");
+    text += fmt::format("  the model lacks something at {}; {} intervals do not hold\n",
+                        fmt::join(joints, ", "), joints.size() > 1 ? "their" : "its");
   }
   for (const Identified::Check& each : found.checks) {
     if (each.misfit.slow_friction == 0) continue;
@@ -394,6 +407,7 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
     joint["misfit"] = each.misfit.found;
     joint["slow_friction"] = each.misfit.slow_friction;
   }
+  json["no_fit"] = found.no_fit;
   json["overrides"] = found.overrides;
 }
 

@@ -53,7 +53,9 @@ struct Identified {
   bool simulated = false;   ///< the answer is from output error; otherwise from least squares
   double condition = 0;
   std::vector<Check> checks;
-  bool validated = false;           ///< `checks` use data that was not used to identify
+  bool validated = false;  ///< `checks` use data that was not used to identify
+  /// Why the recordings do not fit the robot, and what would make them fit; empty: they fit.
+  std::string no_fit;
   std::vector<std::string> advice;  ///< what a recording of the doubtful parameters needs
   std::vector<std::string> overrides;
 };

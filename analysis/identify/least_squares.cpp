@@ -47,28 +47,6 @@ void low_pass(Eigen::Ref<VectorXd> x, double h) {
   }
 }
 
-/// The robot with all unknowns zero. If the payload is unknown, `loaded` has 1 kg of it.
-struct Models {
-  robot::Model bare, loaded;
-
-  Models(const Recording& recording, const Parameters& parameters) {
-    const VectorXd zero = VectorXd::Zero(parameters.size());
-    scenario::Scenario plant = parameters.plant(recording.scenario, zero);
-    const bool unknown = parameters.first(Kind::payload) >= 0;
-    // The payload's own inertia stays, if it has one.
-    if (unknown) plant.plant.payload.mass_kg = 1e-9;
-    bare = scenario::with_payload(plant, *plant.model);
-    bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
-    drive = plant.plant.drive;
-    if (!unknown) return;
-    plant.plant.payload.mass_kg += 1;
-    loaded = scenario::with_payload(plant, *plant.model);
-    loaded.rotor_inertia = bare.rotor_inertia;
-  }
-
-  plant::DriveSpec drive;
-};
-
 /// Returns a model for each number of each body, with all else massless. The model of a first
 /// moment has a mass of 1 kg at 1 m.
 std::vector<robot::Model> unit_models(const robot::Model& bare) {
@@ -98,6 +76,33 @@ std::vector<robot::Model> load_models(const robot::Model& bare, const std::strin
   }
   return all;
 }
+
+/// The robot with all unknowns zero. If the payload is unknown, `loaded` has 1 kg of it.
+struct Models {
+  robot::Model bare, loaded;
+
+  Models(const Recording& recording, const Parameters& parameters) {
+    const VectorXd zero = VectorXd::Zero(parameters.size());
+    scenario::Scenario plant = parameters.plant(recording.scenario, zero);
+    const bool unknown = parameters.first(Kind::payload) >= 0;
+    // The payload's own inertia stays, if it has one.
+    if (unknown) plant.plant.payload.mass_kg = 1e-9;
+    bare = scenario::with_payload(plant, *plant.model);
+    bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
+    drive = plant.plant.drive;
+    if (parameters.first(Kind::inertia) >= 0) units = unit_models(bare);
+    if (parameters.first(Kind::load) >= 0) {
+      loads = load_models(bare, recording.scenario.plant.payload.link);
+    }
+    if (!unknown) return;
+    plant.plant.payload.mass_kg += 1;
+    loaded = scenario::with_payload(plant, *plant.model);
+    loaded.rotor_inertia = bare.rotor_inertia;
+  }
+
+  plant::DriveSpec drive;
+  std::vector<robot::Model> units, loads;  ///< for links and load, if these are unknown
+};
 
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
@@ -167,6 +172,59 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
   return result;
 }
 
+/// The filtered motion at an instant.
+struct Instant {
+  const Vector &q, &v, &a;
+  const Vector& own;                   ///< torque of the robot with all unknowns zero
+  const Eigen::RowVectorXd& per_tick;  ///< change of the torque in a tick
+};
+
+/// Sets row k of the column of each parameter.
+void set_columns(const Recording& recording, const Parameters& parameters, const Models& models,
+                 const Instant& at, Eigen::Index k, std::vector<MatrixXd>& columns) {
+  const Eigen::Index inertia = parameters.first(Kind::inertia);
+  const auto torque = [&](const robot::Model& of) {
+    return robot::inverse_dynamics<double>(of, at.q, at.v, at.a);
+  };
+  const Vector light = models.loads.empty() ? at.own : torque(models.loads.front());
+  for (Eigen::Index i = 0; i < parameters.size(); ++i) {
+    const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    MatrixXd& column = columns[static_cast<std::size_t>(i)];
+    switch (entry.kind) {
+      case Kind::rotor:
+        column(k, entry.joint) = at.a[entry.joint];
+        break;
+      case Kind::viscous:
+        column(k, entry.joint) = at.v[entry.joint];
+        break;
+      case Kind::coulomb:
+        column(k, entry.joint) = sign(at.v[entry.joint]);
+        break;
+      case Kind::payload:
+        column.row(k) = (torque(models.loaded) - at.own).transpose();
+        break;
+      case Kind::delay:
+        column.row(k) = at.per_tick;
+        break;
+      case Kind::inertia:
+        column.row(k) = torque(models.units[static_cast<std::size_t>(i - inertia)]).transpose();
+        if (entry.component >= 1 && entry.component <= 3) {
+          column.row(k) -= columns[static_cast<std::size_t>(i - entry.component)].row(k);
+        }
+        break;
+      case Kind::offset:
+        column(k, entry.joint) = 1;
+        break;
+      case Kind::load:
+        if (!recording.loaded) break;
+        column.row(k) =
+            (torque(models.loads[static_cast<std::size_t>(entry.component + 1)]) - light)
+                .transpose();
+        break;
+    }
+  }
+}
+
 }  // namespace
 
 MatrixXd low_passed(MatrixXd columns, double h) {
@@ -198,14 +256,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   }
   MatrixXd left = low_passed(tau, h);  // the robot's own torque is subtracted below
   const MatrixXd whole = left;
-  const Eigen::Index inertia = parameters.first(Kind::inertia),
-                     delay = parameters.first(Kind::delay);
-  const std::vector<robot::Model> units =
-      inertia < 0 ? std::vector<robot::Model>() : unit_models(models.bare);
-  const std::vector<robot::Model> loads =
-      parameters.first(Kind::load) < 0
-          ? std::vector<robot::Model>()
-          : load_models(models.bare, recording.scenario.plant.payload.link);
+  const Eigen::Index delay = parameters.first(Kind::delay);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
   MatrixXd speed = MatrixXd::Zero(ticks, n);
   // Ticks of delay that the torques have already.
@@ -215,8 +266,6 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     const Vector v = (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h);
     const Vector a = (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h);
     const Vector own = robot::inverse_dynamics<double>(models.bare, at, v, a);
-    const Vector light =
-        loads.empty() ? own : robot::inverse_dynamics<double>(loads.front(), at, v, a);
     Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
     for (Eigen::Index j = 0; j < n; ++j)
       friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
@@ -225,46 +274,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
     if (delay >= 0) left.row(k) += had * per_tick;
     speed.row(k) = v.transpose();
-    for (Eigen::Index i = 0; i < p; ++i) {
-      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
-      MatrixXd& column = columns[static_cast<std::size_t>(i)];
-      switch (entry.kind) {
-        case Kind::rotor:
-          column(k, entry.joint) = a[entry.joint];
-          break;
-        case Kind::viscous:
-          column(k, entry.joint) = v[entry.joint];
-          break;
-        case Kind::coulomb:
-          column(k, entry.joint) = sign(v[entry.joint]);
-          break;
-        case Kind::payload:
-          column.row(k) =
-              (robot::inverse_dynamics<double>(models.loaded, at, v, a) - own).transpose();
-          break;
-        case Kind::delay:
-          column.row(k) = per_tick;
-          break;
-        case Kind::inertia:
-          column.row(k) = robot::inverse_dynamics<double>(
-                              units[static_cast<std::size_t>(i - inertia)], at, v, a)
-                              .transpose();
-          if (entry.component >= 1 && entry.component <= 3) {
-            column.row(k) -= columns[static_cast<std::size_t>(i - entry.component)].row(k);
-          }
-          break;
-        case Kind::offset:
-          column(k, entry.joint) = 1;
-          break;
-        case Kind::load:
-          if (!recording.loaded) break;
-          column.row(k) = (robot::inverse_dynamics<double>(
-                               loads[static_cast<std::size_t>(entry.component + 1)], at, v, a) -
-                           light)
-                              .transpose();
-          break;
-      }
-    }
+    if (p > 0) set_columns(recording, parameters, models, {at, v, a, own, per_tick}, k, columns);
   }
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);

@@ -173,6 +173,11 @@ struct Identify {
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     print(json, found, identify::text(found, scenario.name));
+    if (!found.no_fit.empty()) {
+      base::log_error("{}: {}{}", recordings.front().source, found.no_fit,
+                      output.empty() ? "" : "; nothing written");
+      return ExitCode::check_said_no;
+    }
     bool whole = true;
     for (const auto& each : found.parameters) {
       whole = whole && (each.doubt.empty() || each.in_sum);
