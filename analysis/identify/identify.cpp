@@ -88,19 +88,18 @@ std::string advice_on(const Identified::Parameter& of, const std::string& joint)
   return "postures in which gravity pulls differently";
 }
 
-/// Checks a model on recordings. The recording with a joint's largest error counts.
-std::vector<Identified::Check> check(const std::vector<Recording>& recordings,
-                                     const Parameters& parameters, const VectorXd& values,
+/// Checks values on recordings. The recording with a joint's largest error counts.
+/// @param position_errors of the recordings, if their loops can be simulated
+std::vector<Identified::Check> check(const std::vector<Regression>& of,
+                                     const robot::JointLabels& labels, const VectorXd& values,
                                      const std::vector<MatrixXd>& position_errors) {
-  const robot::JointLabels labels = joint_labels(*recordings.front().scenario.model);
   std::vector<Identified::Check> result;
   for (std::size_t i = 0; i < labels.name.size(); ++i) {
     result.push_back({labels.name[i], labels.length[i], 0, 0, {}, {}});
   }
-  for (std::size_t r = 0; r < recordings.size(); ++r) {
-    const Regression torque = regression(recordings[r], parameters);
-    const VectorXd before = torque_left({torque}, VectorXd::Zero(values.size())),
-                   after = torque_left({torque}, values);
+  for (std::size_t r = 0; r < of.size(); ++r) {
+    const VectorXd before = torque_left({of[r]}, VectorXd::Zero(values.size())),
+                   after = torque_left({of[r]}, values);
     for (std::size_t i = 0; i < result.size(); ++i) {
       const auto at = static_cast<Eigen::Index>(i);
       result[i].before = std::max(result[i].before, before[at]);
@@ -135,7 +134,6 @@ struct Answer : LeastSquares {
   std::vector<Recording> recordings;  ///< with a table's torques moved to where they act
   std::vector<Regression> regressions;
   std::vector<MatrixXd> position_errors;  ///< of simulated loops
-  std::vector<MatrixXd> noise;            ///< of simulated loops
 };
 
 std::vector<Regression> regressions_of(const std::vector<Recording>& recordings,
@@ -158,8 +156,7 @@ Answer answer_of_tables(std::vector<Recording> recordings, const Parameters& par
     const auto more = static_cast<int>(
         std::clamp(std::round(late - recordings.front().moved), -longest_move, longest_move));
     if (more == 0 || delay < 0 || move == most_moves) {
-      return {found, std::move(found.misfits), std::move(recordings), std::move(regressions), {},
-              {}};
+      return {found, std::move(found.misfits), std::move(recordings), std::move(regressions), {}};
     }
     for (Recording& each : recordings) each = with_torques_moved(each, more);
   }
@@ -173,7 +170,6 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
                 {},
                 recordings,
                 std::move(regressions),
-                {},
                 {}};
   const Fit fit = output_error(recordings, parameters, answer.values, report);
   answer.condition = fit.condition;
@@ -235,6 +231,7 @@ std::string why_no_fit(const Answer& answer) {
 /// Checks the answer on the recordings, or on one that was not used.
 void set_checks(const Answer& answer, const Parameters& parameters,
                 const std::optional<Recording>& validate, Identified& to) {
+  const robot::JointLabels labels = joint_labels(*answer.recordings.front().scenario.model);
   if (validate) {
     const int moved = answer.recordings.front().moved;
     const Recording other =
@@ -243,9 +240,9 @@ void set_checks(const Answer& answer, const Parameters& parameters,
     if (to.simulated && other.controlled) {
       error.push_back(simulated_residual(other, parameters, answer.values));
     }
-    to.checks = check({other}, parameters, answer.values, error);
+    to.checks = check({regression(other, parameters)}, labels, answer.values, error);
   } else {
-    to.checks = check(answer.recordings, parameters, answer.values, answer.position_errors);
+    to.checks = check(answer.regressions, labels, answer.values, answer.position_errors);
   }
   for (std::size_t i = 0; i < to.checks.size(); ++i) to.checks[i].misfit = answer.misfits[i];
 }
@@ -330,7 +327,8 @@ std::string text(const Identified& found, const std::string& name) {
       fmt::format("{}: 95 % intervals, condition {:.3g}{}\n", name, found.condition,
                   found.simulated ? "" : "; by least squares, as no controller is known");
   for (const Identified::Parameter& each : found.parameters) {
-    if (each.entry.kind == Kind::inertia || each.entry.component > 0) continue;
+    const bool in_load = each.entry.kind == Kind::load && each.doubt.empty();
+    if (each.entry.kind == Kind::inertia || in_load || each.entry.component > 0) continue;
     if (each.in_sum) {
       text += fmt::format("  {:<24} {:>10.4g} {}: {}\n", each.entry.name, each.value,
                           each.entry.unit, each.doubt);
