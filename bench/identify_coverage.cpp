@@ -61,9 +61,6 @@ struct Campaign {
 
   void add(unsigned seed) {
     std::mt19937 random(seed + 77000);
-    const auto draw = [&](double from, double to) {
-      return std::uniform_real_distribution<double>(from, to)(random);
-    };
     const bool is_log = data == Data::log || data == Data::noisy_log;
     const char* const robot = seed % 3 != 2 ? "practical_rigid" : "iiwa_point_to_point";
     const std::string bits = std::to_string((is_log ? 14 : 16) + 2 * (seed % 4 % 3));
@@ -72,13 +69,7 @@ struct Campaign {
       believed.plant.encoder.noise_std_rad = 5e-5 * static_cast<double>(seed % 5);
     }
     const Parameters parameters(believed, all);
-    const Vector& kp = believed.controller.gains.at("kp");
-    Eigen::VectorXd truth(parameters.size());
-    for (Eigen::Index i = 0; i < truth.size(); ++i) {
-      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
-      const double share = entry.kind == Kind::rotor ? 0.01 : 0.03;
-      truth[i] = draw(0.2, 2) * (entry.joint < 0 ? 1 : share * std::sqrt(kp[entry.joint]));
-    }
+    const Eigen::VectorXd truth = draw_truth(believed, parameters, random);
     Recording run = record(believed, hidden(believed, truth));
     std::vector<Kind> unknown = all;
     if (!is_log) {

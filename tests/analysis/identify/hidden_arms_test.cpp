@@ -25,14 +25,7 @@ class Tally {
     std::vector<Kind> unknown = all;
     unknown.push_back(Kind::delay);
     const Parameters parameters(believed, unknown);
-    const Vector& kp = believed.controller.gains.at("kp");
-    Eigen::VectorXd truth(parameters.size());
-    for (Eigen::Index i = 0; i < truth.size(); ++i) {
-      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
-      const double share = entry.kind == Kind::rotor ? 0.01 : 0.03;
-      truth[i] = std::uniform_real_distribution<double>(0.2, 2)(random) *
-                 (entry.joint < 0 ? 1 : share * std::sqrt(kp[entry.joint]));
-    }
+    Eigen::VectorXd truth = draw_truth(believed, parameters, random);
     const Eigen::Index delay = truth.size() - 1;
     truth[delay] = believed.loop.command_delay + more_delay;
     scenario::Scenario plant = hidden(believed, truth.head(delay));

@@ -35,7 +35,9 @@ scenario::Scenario iiwa(const std::string& on) {
   return scenario;
 }
 
-double friction(Index /*joint*/, double v, double /*load*/) { return 2 * v + (v > 0 ? 1 : -1); }
+double tool_friction(Index /*joint*/, double v, double /*load*/) {
+  return 2 * v + (v > 0 ? 1 : -1);
+}
 
 void expect_tool(const Load& load) {
   const robot::MassProperties truth = tool();
@@ -58,8 +60,8 @@ std::string last_link(const scenario::Scenario& scenario) {
 TEST(Payload, MassCentreAndInertiaAreFoundAgainstTheUrdf) {
   const std::string on = last_link(iiwa(""));
   const scenario::Scenario scenario = iiwa(on);
-  Recording table =
-      table_of_motion(scenario, robot::with_payload(*scenario.model, tool(), on), 20, 0, friction);
+  Recording table = table_of_motion(scenario, robot::with_payload(*scenario.model, tool(), on), 20,
+                                    0, tool_friction);
   add_noise(table, 1e-3);
   const Identified found =
       identify({table}, {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::load}, {}, ignore);
@@ -96,8 +98,9 @@ TEST(Payload, IsToldFromLinksByARunWithoutIt) {
   const scenario::Scenario scenario = iiwa(on);
   robot::Model arm = *scenario.model;
   for (robot::MassProperties& body : arm.bodies) body.mass *= 1.1;
-  Recording with = table_of_motion(scenario, robot::with_payload(arm, tool(), on), 20, 0, friction),
-            without = table_of_motion(scenario, arm, 20, 0.05, friction);
+  Recording with = table_of_motion(scenario, robot::with_payload(arm, tool(), on), 20, 0,
+                                   tool_friction),
+            without = table_of_motion(scenario, arm, 20, 0.05, tool_friction);
   add_noise(with, 1e-3);
   add_noise(without, 1e-3);
   without.loaded = false;

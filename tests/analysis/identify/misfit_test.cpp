@@ -20,11 +20,11 @@ using Eigen::Index;
 using testing::HasSubstr;
 using testing::Not;
 
-const std::vector<Kind> friction = {Kind::rotor, Kind::viscous, Kind::coulomb};
+const std::vector<Kind> seen_in_tables = {Kind::rotor, Kind::viscous, Kind::coulomb};
 const std::vector<Kind> of_table = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::delay};
 
 /// Rotors, viscous and Coulomb friction, payload of the two-link arm.
-const Eigen::VectorXd truth = (Eigen::VectorXd(7) << 1, 0.2, 3, 0.9, 3.3, 1, 0).finished();
+const Eigen::VectorXd hidden_truth = (Eigen::VectorXd(7) << 1, 0.2, 3, 0.9, 3.3, 1, 0).finished();
 
 Recording log_of(const scenario::Scenario& plant, const scenario::Scenario& believed) {
   return record(believed, plant);
@@ -41,15 +41,15 @@ Recording table_of(const Recording& run) {
 
 Recording hidden_table(double seconds) {
   const scenario::Scenario believed = scenario("practical_rigid", "18", seconds);
-  return table_of(log_of(hidden(believed, truth), believed));
+  return table_of(log_of(hidden(believed, hidden_truth), believed));
 }
 
 void expect_true_values(const Identified& found, double most) {
   for (Index i = 0; i < 6; ++i) {
     const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
     EXPECT_EQ(each.doubt, "") << each.entry.name;
-    EXPECT_NEAR(each.value, truth[i], each.half_width) << each.entry.name;
-    EXPECT_LT(each.half_width, most * truth[i]) << each.entry.name;
+    EXPECT_NEAR(each.value, hidden_truth[i], each.half_width) << each.entry.name;
+    EXPECT_LT(each.half_width, most * hidden_truth[i]) << each.entry.name;
   }
 }
 
@@ -87,7 +87,7 @@ TEST(Tables, TheDelayOfTheirTorquesIsFound) {
 TEST(Tables, AJointThatStandsStillIsNamedWithWhatWouldHelp) {
   Recording table = hidden_table(10);
   table.q.col(1).setConstant(table.q(0, 1));
-  const Identified found = identify({table}, friction, {}, ignore);
+  const Identified found = identify({table}, seen_in_tables, {}, ignore);
   EXPECT_THAT(found.parameters[3].doubt, HasSubstr("moves by 0 only"));
   EXPECT_THAT(found.advice, testing::Contains(HasSubstr("motion of elbow")));
 }
@@ -185,11 +185,11 @@ TEST(Tables, FrictionOfSlowMotionIsCompared) {
 TEST(Logs, AWrongModelIsCalledWrong) {
   const scenario::Scenario believed = scenario("practical_rigid", "16", 6);
   const auto misfit = [&](const scenario::Scenario& plant) {
-    const Identified found = identify({log_of(plant, believed)}, friction, {}, ignore);
+    const Identified found = identify({log_of(plant, believed)}, seen_in_tables, {}, ignore);
     return std::ranges::any_of(found.checks, [](const auto& of) { return of.misfit.found; });
   };
-  EXPECT_FALSE(misfit(hidden(believed, truth)));
-  scenario::Scenario heavy = hidden(believed, truth), tilted = heavy, sticky = heavy;
+  EXPECT_FALSE(misfit(hidden(believed, hidden_truth)));
+  scenario::Scenario heavy = hidden(believed, hidden_truth), tilted = heavy, sticky = heavy;
   auto model = std::make_shared<robot::Model>(*heavy.model);
   for (robot::MassProperties& body : model->bodies) body.mass *= 1.2;
   heavy.model = model;
@@ -208,10 +208,10 @@ TEST(Logs, IntervalsHoldWithEncoderNoise) {
   scenario::Scenario believed = scenario("practical_rigid", "16", 10);
   believed.plant.encoder.noise_std_rad = 2e-4;
   const Identified found =
-      identify({log_of(hidden(believed, truth), believed)}, friction, {}, ignore);
+      identify({log_of(hidden(believed, hidden_truth), believed)}, seen_in_tables, {}, ignore);
   for (Index i = 0; i < 6; ++i) {
     const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
-    EXPECT_NEAR(each.value, truth[i], 1.5 * each.half_width) << each.entry.name;
+    EXPECT_NEAR(each.value, hidden_truth[i], 1.5 * each.half_width) << each.entry.name;
   }
   for (const Identified::Check& each : found.checks) EXPECT_FALSE(each.misfit.found) << each.joint;
 }

@@ -15,8 +15,8 @@ namespace {
 using testing::HasSubstr;
 
 const std::vector<Kind> default_kinds = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::delay};
-const std::vector<Kind> everything = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia,
-                                      Kind::offset};
+const std::vector<Kind> every_unknown = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia,
+                                         Kind::offset};
 
 Recording right() {
   const scenario::Scenario arm = scenario("practical_rigid", "20", 2);
@@ -27,47 +27,47 @@ Recording right() {
   return table;
 }
 
-std::string no_fit(const Recording& table, const std::vector<Kind>& kinds = default_kinds) {
+std::string complaint_on(const Recording& table, const std::vector<Kind>& kinds = default_kinds) {
   return identify({table}, kinds, {}, ignore).no_fit;
 }
 
 TEST(Units, ARightTableFits) {
-  EXPECT_EQ(no_fit(right()), "");
-  EXPECT_EQ(no_fit(right(), everything), "");
+  EXPECT_EQ(complaint_on(right()), "");
+  EXPECT_EQ(complaint_on(right(), every_unknown), "");
 }
 
 TEST(Units, DegreesAreTold) {
   Recording table = right();
   table.q *= 180 / M_PI;
-  EXPECT_THAT(no_fit(table), HasSubstr("position_scale: 0.0174533"));
+  EXPECT_THAT(complaint_on(table), HasSubstr("position_scale: 0.0174533"));
 }
 
 TEST(Units, ReversedTorquesAreTold) {
   Recording table = right();
   table.tau *= -1;
-  EXPECT_THAT(no_fit(table), HasSubstr("torque_scale: [-1, -1]"));
-  EXPECT_THAT(no_fit(table, everything), HasSubstr("torque_scale: [-1, -1]"));
+  EXPECT_THAT(complaint_on(table), HasSubstr("torque_scale: [-1, -1]"));
+  EXPECT_THAT(complaint_on(table, every_unknown), HasSubstr("torque_scale: [-1, -1]"));
   table = right();
   table.tau.col(1) *= -1;
-  EXPECT_THAT(no_fit(table), HasSubstr("torque_scale: [1, -1]"));
+  EXPECT_THAT(complaint_on(table), HasSubstr("torque_scale: [1, -1]"));
 }
 
 TEST(Units, AFactorIsTold) {
   Recording table = right();
   table.tau *= 1000;
-  EXPECT_THAT(no_fit(table), HasSubstr("torque_scale: [0.001, 0.001]"));
+  EXPECT_THAT(complaint_on(table), HasSubstr("torque_scale: [0.001, 0.001]"));
 }
 
 TEST(Units, SwappedColumnsAreTold) {
   Recording table = right();
   table.tau.col(0).swap(table.tau.col(1));
-  EXPECT_THAT(no_fit(table), HasSubstr("torque_columns in the order [2, 1]"));
+  EXPECT_THAT(complaint_on(table), HasSubstr("torque_columns in the order [2, 1]"));
 }
 
 TEST(Units, ATableOfAnotherRobotIsRefusedWithWhatToCheck) {
   Recording table = right();
   table.tau = table.tau.colwise().reverse().eval();
-  EXPECT_THAT(no_fit(table), HasSubstr("the table does not fit the robot: the fit leaves"));
+  EXPECT_THAT(complaint_on(table), HasSubstr("the table does not fit the robot: the fit leaves"));
 }
 
 }  // namespace
