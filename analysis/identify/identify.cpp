@@ -30,11 +30,13 @@ constexpr double longest_move = 50;
 
 /// Returns why parameter number i is not identifiable, or "" if it is. One reason is that the joint
 /// hardly moves. The other is that the interval reaches zero and leaves more of the joint's torque
-/// open than `most_open` and than three times the rms of what the fit leaves. A parameter that is
-/// zero within a narrower interval is known to be small.
+/// open than `most_open` and than the largest torque that the fit leaves. A parameter that is zero
+/// within a narrower interval is known to be small. A table's delay is not written and not doubted.
+/// @param left largest torque that the fit leaves, over the peak of each joint
 std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
                         const std::vector<Recording>& recordings,
                         const std::vector<Regression>& regressions, const VectorXd& left) {
+  if (of.entry.kind == Kind::delay && !of.entry.not_negative) return "";
   double range = 0, open = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     if (of.entry.kind == Kind::load && !recordings[r].loaded) continue;
@@ -47,7 +49,7 @@ std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
     return fmt::format("the joint moves by {:.2g} only", range);
   }
   const double residual = of.entry.joint >= 0 ? left[of.entry.joint] : left.minCoeff();
-  if (open < std::max(most_open, 3 * residual) || of.half_width < std::abs(of.value)) return "";
+  if (open < std::max(most_open, residual) || of.half_width < std::abs(of.value)) return "";
   return fmt::format("its interval reaches zero and is {:.0f} % of the joint's torque", 100 * open);
 }
 
@@ -56,6 +58,19 @@ VectorXd torque_left(const std::vector<Regression>& of, const VectorXd& values) 
   VectorXd result = VectorXd::Zero(of.front().peak.size());
   for (const Regression& each : of) {
     result = result.cwiseMax(each.residual(values).cwiseQuotient(each.peak.cwiseMax(1e-300)));
+  }
+  return result;
+}
+
+/// Returns the largest torque that `values` leave, over the peak of each joint.
+VectorXd largest_left(const std::vector<Regression>& of, const VectorXd& values) {
+  VectorXd result = VectorXd::Zero(of.front().peak.size());
+  for (const Regression& each : of) {
+    const VectorXd left = (each.torque - each.columns * values).cwiseAbs();
+    for (Eigen::Index row = 0; row < left.size(); ++row) {
+      const Eigen::Index j = each.joint[row];
+      result[j] = std::max(result[j], left[row] / std::max(1e-300, each.peak[j]));
+    }
   }
   return result;
 }
@@ -162,6 +177,14 @@ Answer answer_of_tables(std::vector<Recording> recordings, const Parameters& par
   }
 }
 
+/// Returns whether a delay should not be taken out of tables: the model lacks something, and the
+/// delay is not told from zero.
+bool delay_is_doubtful(const Answer& answer, const Parameters& parameters) {
+  const Eigen::Index delay = parameters.first(Kind::delay);
+  return delay >= 0 && parameters.size() > 1 && std::ranges::any_of(answer.misfits, is_misfit) &&
+         !(answer.half_width[delay] < std::abs(answer.values[delay]));
+}
+
 /// Identifies from logs.
 Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters& parameters,
                       const Report& report) {
@@ -187,7 +210,7 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
 
 /// Adds the parameters, with what is in doubt about them and what would help.
 void set_parameters(const Answer& answer, const Parameters& parameters, Identified& to) {
-  const VectorXd left = torque_left(answer.regressions, answer.values);
+  const VectorXd left = largest_left(answer.regressions, answer.values);
   const std::vector<bool> bounded = at_bound(parameters, answer.values);
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
@@ -265,10 +288,15 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
         "--unknown",
         recordings.front().source);
   }
-  const Parameters parameters(recordings.front().scenario, kinds, simulated);
+  Parameters parameters(recordings.front().scenario, kinds, simulated);
   report("least squares on filtered positions and torques");
-  const Answer answer = simulated ? answer_of_logs(recordings, parameters, report)
-                                  : answer_of_tables(recordings, parameters);
+  Answer answer = simulated ? answer_of_logs(recordings, parameters, report)
+                            : answer_of_tables(recordings, parameters);
+  if (tables && delay_is_doubtful(answer, parameters)) {
+    std::erase(kinds, Kind::delay);
+    parameters = Parameters(recordings.front().scenario, kinds, simulated);
+    answer = answer_of_tables(recordings, parameters);
+  }
   const scenario::Scenario& scenario = recordings.front().scenario;
   Identified result;
   result.rank = answer.rank;

@@ -134,9 +134,11 @@ void set_slow(Regression& of, Eigen::Index j) {
 /// @param columns one matrix per parameter
 /// @param torque one row per tick
 /// @param whole scale of the torques, filtered once less than `applied`
+/// @param at_rest_before the motion begins and ends without a jump of the filtered velocity, so
+/// that `share` covers both ends
 Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
-                   const MatrixXd& whole, const MatrixXd& applied, const MatrixXd& speed,
-                   double h) {
+                   const MatrixXd& whole, const MatrixXd& applied, const MatrixXd& speed, double h,
+                   bool at_rest_before) {
   const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
   const auto edge = static_cast<Eigen::Index>(settle_s / h);
   const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
@@ -150,7 +152,13 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
                     whole.cwiseAbs().colwise().maxCoeff().transpose(),
                     VectorXd(std::ssize(columns))};
   for (std::size_t i = 0; i < columns.size(); ++i) {
-    const VectorXd largest = columns[i].cwiseAbs().colwise().maxCoeff().transpose();
+    const Eigen::Index out = at_rest_before ? 0 : edge;
+    const VectorXd largest = columns[i]
+                                 .middleRows(out, columns[i].rows() - 2 * out)
+                                 .cwiseAbs()
+                                 .colwise()
+                                 .maxCoeff()
+                                 .transpose();
     result.share[static_cast<Eigen::Index>(i)] =
         largest.cwiseQuotient(result.peak.cwiseMax(1e-300)).maxCoeff();
   }
@@ -281,7 +289,8 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   left = low_passed(std::move(left), h);
   for (MatrixXd& column : columns) column = low_passed(std::move(column), h);
 
-  return thinned(columns, left, whole, low_passed(whole, h), low_passed(std::move(speed), h), h);
+  return thinned(columns, left, whole, low_passed(whole, h), low_passed(std::move(speed), h), h,
+                 recording.controlled);
 }
 
 namespace {

@@ -151,11 +151,8 @@ TableAnswer table_answer(const std::vector<Regression>& of, const Parameters& pa
                          const robot::Model& model) {
   TableAnswer result{least_squares(of, parameters, model), {}};
   result.misfits = torque_misfits(of, parameters, result.values);
-  std::vector<bool> with_slow;
-  for (const Misfit& each : result.misfits) {
-    with_slow.push_back(each.found || each.slow_friction != 0);
-  }
-  if (std::ranges::count(with_slow, true) == 0) return result;
+  if (std::ranges::none_of(result.misfits, is_misfit)) return result;
+  const std::vector<bool> with_slow(result.misfits.size(), true);
   const VectorXd fast = result.values;
   static_cast<LeastSquares&>(result) = least_squares(of, parameters, model, with_slow);
   result.half_width += (result.values - fast).cwiseAbs();

@@ -19,6 +19,9 @@ struct Misfit {
   double slow_friction = 0;
 };
 
+/// Returns whether the model is wrong at a joint.
+inline bool is_misfit(const Misfit& of) { return of.found || of.slow_friction != 0; }
+
 /// Tests the torques that `values` leave unexplained in a table, in rows that are not slow, 50 ms
 /// apart. Of 120 right arms none had a correlation above 0.2. Misfits below 0.2 % of the joint's
 /// peak are not called one.
@@ -39,9 +42,9 @@ struct TableAnswer : LeastSquares {
   std::vector<Misfit> misfits;
 };
 
-/// Identifies from torques alone. The answer is that of rows that are not slow. Where the test
-/// finds a misfit of a joint, its slow rows count too, and the interval is wider by the difference
-/// between both answers.
+/// Identifies from torques alone. The answer is that of rows that are not slow. If a test finds a
+/// misfit at any joint, the arm's friction is another one; slow rows then count too, and the
+/// intervals are wider by the difference between both answers.
 TableAnswer table_answer(const std::vector<Regression>& of, const Parameters& parameters,
                          const robot::Model& model);
 
