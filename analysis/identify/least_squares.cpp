@@ -30,8 +30,8 @@ constexpr std::array<double, 4> guards_s = {0.1, 0.05, 0.025, 0};
 constexpr double least_share = 0.2;  ///< of a joint's rows that are not slow
 
 /// Applies a second-order Butterworth low-pass forwards and backwards, which adds no phase.
-void low_pass(Eigen::Ref<VectorXd> x, double h) {
-  const double w = std::tan(std::numbers::pi * std::min(cutoff_hz * h, 0.2));
+void low_pass(Eigen::Ref<VectorXd> x, double h, double hz) {
+  const double w = std::tan(std::numbers::pi * std::min(hz * h, 0.2));
   const double scale = 1 / (1 + std::numbers::sqrt2 * w + w * w);
   const double b = w * w * scale, a1 = 2 * (w * w - 1) * scale,
                a2 = (1 - std::numbers::sqrt2 * w + w * w) * scale;
@@ -235,8 +235,8 @@ void set_columns(const Recording& recording, const Parameters& parameters, const
 
 }  // namespace
 
-MatrixXd low_passed(MatrixXd columns, double h) {
-  for (Eigen::Index i = 0; i < columns.cols(); ++i) low_pass(columns.col(i), h);
+MatrixXd low_passed(MatrixXd columns, double h, double hz) {
+  for (Eigen::Index i = 0; i < columns.cols(); ++i) low_pass(columns.col(i), h, hz);
   return columns;
 }
 

@@ -38,9 +38,9 @@ struct Regression {
 
 Regression regression(const Recording& recording, const Parameters& parameters);
 
-/// Filters each column with that low-pass (15 Hz).
+/// Filters each column with that low-pass.
 /// @param h period of the rows [s]
-Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h);
+Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h, double cutoff_hz = 15);
 
 /// The precision of a least-squares estimate.
 struct Precision {

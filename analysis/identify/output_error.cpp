@@ -25,6 +25,10 @@ constexpr int most_iterations = 30;
 /// Share of an interval's half width; smaller steps mean convergence.
 constexpr double good_step = 0.02;
 
+/// Frequency above which the residual is the encoders' noise. It is above the loop's bandwidth,
+/// because the simulated loop must not answer to this noise by a motion that changes the residual.
+constexpr double noise_hz = 50;
+
 /// A law whose measured positions have an error.
 class LawWithNoise final : public controller::AnyLaw {
  public:
@@ -86,7 +90,7 @@ class Problem {
       const Recording& of = recordings_[i];
       const MatrixXd part =
           residual.segment(at, of.q.size()).reshaped(of.q.cols(), of.q.rows()).transpose();
-      noise_[i] = part - low_passed(part, of.scenario.loop.period_s);
+      noise_[i] = part - low_passed(part, of.scenario.loop.period_s, noise_hz);
       at += part.size();
     }
   }
