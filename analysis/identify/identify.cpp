@@ -77,7 +77,7 @@ VectorXd largest_left(const std::vector<Regression>& of, const VectorXd& values)
 
 /// Returns what a motion must have to determine a parameter.
 std::string advice_on(const Identified::Parameter& of, const std::string& joint) {
-  if (of.doubt.starts_with("the joint")) {
+  if (of.entry.joint >= 0 && of.doubt.starts_with("the joint")) {
     return fmt::format(
         "motion of {} (a joint that friction holds moves with a guess of it: run with --set "
         "controller.friction.coulomb=…)",
@@ -199,6 +199,10 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
   answer.values = fit.values;
   answer.half_width = fit.half_width;
   answer.moves = fit.moves;
+  for (std::size_t i = 0; i < answer.sums.size(); ++i) {
+    if (answer.sums[i].empty()) continue;
+    answer.half_width[static_cast<Eigen::Index>(i)] = std::numeric_limits<double>::infinity();
+  }
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     answer.position_errors.push_back(
         simulated_residual(recordings[i], parameters, fit.values, fit.noise[i]));
@@ -222,6 +226,7 @@ void set_parameters(const Answer& answer, const Parameters& parameters, Identifi
       each.in_sum = load ? entry.component > 0 : !to.links.empty();
       each.half_width = std::numeric_limits<double>::infinity();
       each.doubt = answer.sums[at] != "nothing" ? "only in sums with " + answer.sums[at]
+                   : entry.kind == Kind::load   ? "it is not told from the link that carries it"
                    : entry.kind == Kind::inertia
                        ? "it has no part in any torque"
                        : "the joint hardly moves, or it has no part in any torque";

@@ -15,7 +15,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int most_steps = 200;
-constexpr double prior = 0.5;      ///< standard deviation
+constexpr double prior = 0.5;  ///< standard deviation
+/// Standard deviations of a load's mass [kg] and of its other numbers [kg m; kg m2] about zero.
+/// They keep numbers that have no part in any torque at zero.
+constexpr double load_mass = 100, load_moment = 1;
 constexpr double smallest = 0.01;  ///< mass [kg] and length [m] that a body without mass gets
 
 /// A body's U as ten numbers: the logarithm of its scale, the logarithms of three lengths, the
@@ -101,6 +104,10 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
   }
   if (links >= 0)
     stiffness.segment(links, 10 * std::ssize(shapes)).setConstant(1 / (prior * prior));
+  if (const Index load = parameters.first(Kind::load); load >= 0) {
+    stiffness.segment<10>(load).setConstant(1 / (load_moment * load_moment));
+    stiffness[load] = 1 / (load_mass * load_mass);
+  }
   const VectorXd first = z;
   const auto for_each_body = [&](const auto& act) {
     for (std::size_t i = 0; i < shapes.size(); ++i) act(i, links + 10 * static_cast<Index>(i));

@@ -133,11 +133,10 @@ std::vector<Misfit> position_misfits(const Recording& recording, const MatrixXd&
   const double noise = scenario.plant.encoder.noise_std_rad;
   std::vector<Misfit> result(static_cast<std::size_t>(residual.cols()));
   for (Index j = 0; j < residual.cols(); ++j) {
-    const VectorXd r = residual.col(j), centred = r.array() - r.mean();
+    const VectorXd r = residual.col(j);
     const Index last = r.size() - 1;
     Misfit& of = result[static_cast<std::size_t>(j)];
-    of.correlation =
-        centred.head(last).dot(centred.tail(last)) / std::max(1e-300, centred.squaredNorm());
+    of.correlation = r.head(last).dot(r.tail(last)) / std::max(1e-300, r.squaredNorm());
     const double rms = r.norm() / std::sqrt(static_cast<double>(r.size()));
     const double motion = recording.q.col(j).maxCoeff() - recording.q.col(j).minCoeff();
     of.found = of.correlation > position_correlation &&

