@@ -28,6 +28,8 @@ constexpr double good_step = 0.02;
 /// Frequency above which the residual is the encoders' noise. It is above the loop's bandwidth,
 /// because the simulated loop must not answer to this noise by a motion that changes the residual.
 constexpr double noise_hz = 50;
+/// Passes in which the noise is estimated anew. It then stays, so that the fit can converge.
+constexpr int noise_passes = 3;
 
 /// A law whose measured positions have an error.
 class LawWithNoise final : public controller::AnyLaw {
@@ -201,8 +203,10 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
   for (int iteration = 0; iteration < most_iterations; ++iteration) {
     report(fmt::format("simulating {} loops, pass {} of at most {}", parameters.size() + 1,
                        iteration + 1, most_iterations));
-    problem.set_noise(here);
-    here = runs(problem.residual(fit.values));
+    if (iteration < noise_passes) {
+      problem.set_noise(here);
+      here = runs(problem.residual(fit.values));
+    }
     const VectorXd spread = problem.spread(here).cwiseMax(1e-12);
     const MatrixXd J = weighted(
         problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
