@@ -123,7 +123,7 @@ TEST(Payload, IsToldFromLinksByARunWithoutIt) {
 /// The arm of two links moves in a plane. The coordinate along its axes has no part in a torque.
 TEST(Payload, OfALogTheLoopIsSimulatedWithIt) {
   scenario::Scenario believed = scenario("practical_rigid", "20", 5);
-  believed.plant.payload.link = last_link(believed);
+  believed.plant.payload.link = "tip";
   scenario::Scenario plant = believed;
   robot::MassProperties body;
   body.mass = 1;
