@@ -251,6 +251,12 @@ VectorXd Regression::residual(const VectorXd& values, const std::vector<bool>& w
   return sum.cwiseQuotient(count).cwiseSqrt();
 }
 
+double rows_alike(const Regression& of) {
+  const Eigen::Index n = of.peak.size();
+  if (of.time_s.size() <= n) return 1;
+  return std::max(1.0, 1 / (independent_hz * (of.time_s[n] - of.time_s[0])));
+}
+
 Regression regression(const Recording& recording, const Parameters& parameters) {
   const double h = recording.scenario.loop.period_s;
   const Eigen::Index ticks = recording.num_ticks(), n = recording.q.cols(), p = parameters.size();
@@ -318,13 +324,6 @@ Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight,
     }
   }
   return all;
-}
-
-/// Returns how many rows in succession count as one independent row.
-double rows_alike(const Regression& of) {
-  const Eigen::Index n = of.peak.size();
-  if (of.time_s.size() <= n) return 1;
-  return std::max(1.0, 1 / (independent_hz * (of.time_s[n] - of.time_s[0])));
 }
 
 /// Returns Student's 97.5 % quantile to within 1 % from one degree of freedom on. It is the normal

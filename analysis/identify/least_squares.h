@@ -38,6 +38,9 @@ struct Regression {
 
 Regression regression(const Recording& recording, const Parameters& parameters);
 
+/// Returns how many rows in succession count as one independent row behind the filter.
+double rows_alike(const Regression& of);
+
 /// Filters each column with that low-pass.
 /// @param h period of the rows [s]
 Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h, double cutoff_hz = 15);

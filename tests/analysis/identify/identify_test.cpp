@@ -11,6 +11,7 @@
 #include "base/failure.h"
 #include "identify/excite.h"
 #include "identify/least_squares.h"
+#include "robot/kinematics.h"
 #include "tests/analysis/identify/hidden_arm.h"
 
 namespace tachless::identify {
@@ -170,7 +171,7 @@ scenario::Scenario beginning_at(const std::string& position, const std::string& 
                                   "plant.initial.position_rad=" + position});
 }
 
-const ExcitationGoal short_motion{.duration_s = 5};
+const ExcitationGoal short_motion{.duration_s = 5, .floor = {}};
 
 /// Gravity takes 80.7 N m of the stretched arm's shoulder torque.
 TEST(Excite, KeepsToFourFifthsOfTheTorquesOrRefuses) {
@@ -196,6 +197,51 @@ TEST(Excite, MovesAJointWithoutLimitsFromWhereverItBegins) {
       excite(beginning_at("[3, -7]", "null"), {Kind::viscous}, short_motion, ignore);
   EXPECT_GT(motion.reach.minCoeff(), 0.05);
   EXPECT_LE(motion.reach.maxCoeff(), short_motion.reach + 1e-9);
+}
+
+/// The torque noise is 4 and 1 N m.
+TEST(Excite, PredictsIntervals) {
+  const scenario::Scenario arm = beginning_at("[0.25, 0.2]", "[400, 100]");
+  const Excitation motion = excite(arm, {Kind::rotor, Kind::viscous, Kind::coulomb},
+                                   {.duration_s = 10, .floor = {}}, ignore);
+  ASSERT_EQ(motion.widths.size(), 6U);
+  EXPECT_EQ(motion.widths[0].name, "rotor shoulder");
+  EXPECT_LT(motion.widths[0].half_width, 1);
+  EXPECT_LT(motion.widths[1].half_width, 0.25);
+}
+
+/// The first joint's rotor and its link turn about one axis.
+TEST(Excite, NamesWhatNoMotionShowsAlone) {
+  const scenario::Scenario arm = beginning_at("[0.25, 0.2]", "[400, 100]");
+  const Excitation motion =
+      excite(arm, {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia}, short_motion, ignore);
+  EXPECT_FALSE(std::isfinite(motion.widths[0].half_width));  // rotor of the shoulder
+  EXPECT_TRUE(std::isfinite(motion.widths[2].half_width));   // its viscous friction
+}
+
+TEST(Excite, KeepsLinksAboveAFloorOrRefuses) {
+  const scenario::Scenario arm =
+      scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/iiwa_point_to_point.yaml",
+                              {"plant.mechanics=native", "plant.drive.torque_limit_Nm=null"});
+  const auto lowest = [&](const Vector& q) {
+    double least = 10;
+    for (const auto& [name, frame] : arm.model->frames) {
+      if (frame.body >= 0) least = std::min(least, robot::frame_pose(*arm.model, frame, q).p.z());
+    }
+    return least;
+  };
+  const double start = lowest(arm.plant.initial.position_rad);
+  ExcitationGoal goal{.duration_s = 5, .floor = start + 0.01};
+  try {
+    excite(arm, {Kind::viscous}, goal, ignore);
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_EQ(failure.code(), base::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("no motion keeps the links' origins above"));
+  }
+  goal.floor = start - 0.02;
+  const Excitation motion = excite(arm, {Kind::viscous}, goal, ignore);
+  EXPECT_GT(motion.reach.minCoeff(), 0);
 }
 
 }  // namespace

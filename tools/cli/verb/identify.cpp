@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -64,17 +65,21 @@ struct Excite {
   fs::path input, output;
   std::vector<std::string> overrides, unknown = {"rotor", "viscous", "coulomb"};
   identify::ExcitationGoal goal;
-  bool force = false, quiet = false;
+  bool all = false, force = false, quiet = false;
 
   void declare(CLI::App& command) {
     session::with_installed_scenarios(session::add_scenario(command, input, overrides));
-    add_unknown(command, unknown, identify::num_motion_kinds);
+    CLI::Option* const chosen = add_unknown(command, unknown, identify::num_motion_kinds);
+    command.add_flag("--all", all, "Unknown: rotor, viscous, coulomb and inertia of all links")
+        ->excludes(chosen);
     command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
         ->check(CLI::Range(5.0, 60.0));
     command
         .add_option("--reach", goal.reach,
                     "How far a joint may go from where it begins [rad; m]; default: 0.5")
         ->check(CLI::Range(0.02, 3.0));
+    command.add_option("--floor", goal.floor,
+                       "Height above the base's origin above which links' origins stay [m]");
     command.add_option("--write", output, "The scenario with this motion, as a file")->required();
     command.add_flag("--force", force, "Replace that file if it exists");
     add_quiet(command, quiet);
@@ -85,7 +90,9 @@ struct Excite {
     const scenario::Scenario scenario = scenario::load_scenario(input, overrides);
     Screen screen(quiet);
     const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
-    const identify::Excitation found = identify::excite(scenario, kinds(unknown), goal, show);
+    std::vector<std::string> sought = unknown;
+    if (all) sought.emplace_back("inertia");
+    const identify::Excitation found = identify::excite(scenario, kinds(sought), goal, show);
     std::vector<std::string> changes = overrides;
     changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
     changes.push_back("name=" + scenario_name(output));
@@ -93,10 +100,7 @@ struct Excite {
     const std::vector<std::string> objections =
         certify::objections(certify::certify(moving, false, show));
     screen.clear();
-    print_text(fmt::format(
-        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n",
-        output.string(), found.condition, fmt::join(found.reach, ", "),
-        fmt::join(found.speed, ", "), fmt::join(found.torque, ", ")));
+    print_text(text(found));
     for (const std::string& objection : objections) {
       base::log_error("{}: {}; nothing written", input.string(), objection);
     }
@@ -104,6 +108,21 @@ struct Excite {
     write_scenario(input, overrides, found.overrides, output);
     std::cout << fmt::format("  type: tachless run {}\n", base::shell_word(output.string()));
     return ExitCode::done;
+  }
+
+ private:
+  [[nodiscard]] std::string text(const identify::Excitation& found) const {
+    std::string text = fmt::format(
+        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n"
+        "  predicted 95 % intervals, with torque noise of {:g} % of the limit\n",
+        output.string(), found.condition, fmt::join(found.reach, ", "),
+        fmt::join(found.speed, ", "), fmt::join(found.torque, ", "), 100 * identify::noise_share);
+    for (const auto& [name, unit, half_width] : found.widths) {
+      text += std::isfinite(half_width)
+                  ? fmt::format("  {:<24} +- {:.2g} {}\n", name, half_width, unit)
+                  : fmt::format("  {:<24} only in sums with others\n", name);
+    }
+    return text;
   }
 };
 
