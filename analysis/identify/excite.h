@@ -19,7 +19,7 @@ struct Excitation {
     double half_width;
   };
   std::vector<std::string> overrides;  ///< the reference as waypoints, and the run's duration
-  /// Of the unknowns other than links' parameters, with torque noise of `noise_share`.
+  /// Widths of the unknowns other than links' parameters, with torque noise of `noise_share`.
   std::vector<Width> widths;
   double condition = 0;  ///< of the regression's determined part, columns scaled to norm 1
   Vector reach;          ///< largest deflection of each joint from the start [rad; m]
