@@ -143,7 +143,7 @@ void set_links(const Parameters& parameters, const VectorXd& values,
 
 namespace {
 
-/// What the recordings say.
+/// Values, intervals and tests that the recordings give.
 struct Answer : LeastSquares {
   std::vector<Misfit> misfits;
   std::vector<Recording> recordings;  ///< with a table's torques moved to where they act

@@ -19,8 +19,8 @@ struct Regression {
   Eigen::VectorXd time_s;   ///< time of the row from the recording's start
   Eigen::VectorXi joint;    ///< joint of the row
   Eigen::VectorXd speed;    ///< filtered velocity of that joint [rad/s; m/s]
-  /// Whether that joint is slower than a fifth of its largest speed at most 0.1 s before or after.
-  /// The time is shorter for a joint that would have less than a fifth of its rows left.
+  /// True where that joint is slower than a fifth of its largest speed at most 0.1 s before or
+  /// after. The time is shorter for a joint that would have less than a fifth of its rows left.
   std::vector<bool> slow;
   Eigen::VectorXd peak;   ///< largest filtered torque of each joint [N m; N]
   Eigen::VectorXd share;  ///< of each parameter: largest torque of one unit at any tick, over peak
