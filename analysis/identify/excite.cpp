@@ -7,13 +7,16 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <random>
+#include <utility>
 
 #include "base/failure.h"
 #include "identify/least_squares.h"
 #include "numerics/decompositions.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
+#include "robot/kinematics.h"
 
 namespace tachless::identify {
 namespace {
@@ -21,9 +24,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int candidates = 60;
+constexpr int draws = 20, redraws = 60;
 constexpr int harmonics = 6;
 constexpr double base_hz = 0.1, highest_hz = 1;
+constexpr double most_fall = 2;    ///< largest exponent with which amplitudes fall with frequency
 constexpr double row_s = 0.2;      ///< between waypoints, a fifth of the fastest period
 constexpr double ramp_s = 2;       ///< of the envelope at each end
 constexpr double sample_s = 0.01;  ///< step at which regression and limits are evaluated
@@ -57,10 +61,12 @@ MatrixXd draw(std::mt19937& random, const VectorXd& start, const VectorXd& most,
   MatrixXd result = MatrixXd::Zero(rows, start.size());
   const double end = static_cast<double>(rows - 1) * row_s;
   for (Eigen::Index j = 0; j < start.size(); ++j) {
+    // Low frequencies excite gravity and friction, high frequencies inertia.
+    const double fall = most_fall * part(random);
     for (int h = 0; h < harmonics; ++h) {
-      // Low frequencies excite gravity and friction, high frequencies inertia.
       const double hz = base_hz * std::round(std::pow(highest_hz / base_hz, part(random)));
-      const double phase = 2 * std::numbers::pi * part(random), amplitude = part(random) / hz;
+      const double phase = 2 * std::numbers::pi * part(random),
+                   amplitude = part(random) / std::pow(hz, fall);
       for (Eigen::Index k = 0; k < rows; ++k) {
         const double t = static_cast<double>(k) * row_s;
         result(k, j) += amplitude * std::sin(2 * std::numbers::pi * hz * t + phase);
@@ -138,15 +144,148 @@ VectorXd shrink(const scenario::Scenario& scenario, const Motion& motion) {
   return factor * std::clamp(left.cwiseQuotient(moving).minCoeff(), 0.0, 1.0);
 }
 
-double condition_of(const Regression& regression) {
-  MatrixXd columns = regression.columns;
-  for (Eigen::Index row = 0; row < columns.rows(); ++row) {
-    columns.row(row) /= std::max(1e-9, regression.peak[regression.joint[row]]);
-  }
-  columns.array().rowwise() /= columns.colwise().norm().cwiseMax(1e-12).array();
-  const VectorXd singular = numerics::singular_values(columns);
-  return singular.maxCoeff() / std::max(1e-12, singular.minCoeff());
+/// Returns the size beyond which nobody seeks a parameter [its unit]. Sizes make information on
+/// parameters of different units comparable, and finite where a motion does not show one.
+double size_of(const Parameters::Entry& entry) {
+  constexpr double length = 0.1;  // [m]
+  if (entry.kind != Kind::inertia || entry.component == 0) return 10;
+  return 10 * length * (entry.component < 4 ? 1 : length);
 }
+
+/// Information of a motion on the unknowns.
+class Information {
+ public:
+  /// @param noise standard deviation of each joint's torque [N m; N]
+  Information(const Regression& of, const Parameters& parameters, const VectorXd& noise) {
+    VectorXd size(parameters.size());
+    for (Eigen::Index i = 0; i < size.size(); ++i) {
+      size[i] = size_of(parameters.entries()[static_cast<std::size_t>(i)]);
+    }
+    const std::vector<bool> none(static_cast<std::size_t>(noise.size()), false);
+    MatrixXd rows = of.columns;
+    for (Eigen::Index row = 0; row < rows.rows(); ++row) {
+      rows.row(row) *= of.used(row, none) ? 1 / noise[of.joint[row]] : 0;
+    }
+    normal_ = rows.transpose() * rows / rows_alike(of);
+    MatrixXd sized = size.asDiagonal() * normal_ * size.asDiagonal();
+    sized.diagonal().array() += 1;
+    log_determinant_ = numerics::symmetric_eigenvalues(sized).array().log().sum();
+  }
+
+  [[nodiscard]] double log_determinant() const { return log_determinant_; }
+
+  /// Sets the condition and the predicted widths.
+  void predict(const Parameters& parameters, Excitation& to) const {
+    constexpr double zero = 1e-9;  // share of the largest eigenvalue, as in `precision`
+    VectorXd norm = normal_.diagonal().cwiseSqrt();
+    norm = norm.cwiseMax(1e-10 * norm.maxCoeff());
+    const VectorXd unit = norm.cwiseInverse();
+    const auto [all, V] =
+        numerics::symmetric_eigen(unit.asDiagonal() * normal_ * unit.asDiagonal());
+    const Eigen::Index null = (all.array() < zero * all.maxCoeff()).count();
+    const VectorXd value = all.tail(all.size() - null);
+    const MatrixXd vectors = V.rightCols(value.size());
+    to.condition = std::sqrt(value.maxCoeff() / value.minCoeff());
+    for (Eigen::Index i = 0; i < norm.size(); ++i) {
+      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
+      if (entry.kind == Kind::inertia) continue;
+      const bool alone = V.row(i).head(null).squaredNorm() < 1e-6;
+      const double deviation =
+          unit[i] * std::sqrt(vectors.row(i).cwiseAbs2().dot(value.cwiseInverse()));
+      to.widths.push_back({entry.name, entry.unit,
+                           alone ? 1.96 * deviation : std::numeric_limits<double>::infinity()});
+    }
+  }
+
+ private:
+  MatrixXd normal_;
+  double log_determinant_ = 0;
+};
+
+/// Designs motions of one scenario.
+class Designer {
+ public:
+  Designer(const scenario::Scenario& scenario, const Parameters& parameters,
+           const ExcitationGoal& goal)
+      : scenario_(scenario),
+        parameters_(parameters),
+        goal_(goal),
+        most_(room(scenario, goal.reach)),
+        rows_(static_cast<Eigen::Index>(std::round(goal.duration_s / row_s)) + 1) {}
+
+  /// Returns a motion that is drawn at random: an offset from the start per waypoint.
+  [[nodiscard]] MatrixXd drawn(std::mt19937& random) const {
+    return draw(random, scenario_.plant.initial.position_rad, most_, rows_);
+  }
+
+  /// Takes a motion if it has more information than the best one so far.
+  void consider(MatrixXd offset) {
+    const VectorXd& start = scenario_.plant.initial.position_rad;
+    Motion motion = motion_of(with(overrides_of(offset, start, scenario_.loop.period_s)));
+    for (int pass = 0; pass < 8; ++pass) {
+      const VectorXd factor = shrink(scenario_, motion);
+      if (factor.minCoeff() >= 1) break;
+      offset = offset * (0.99 * factor).cwiseMin(1).asDiagonal();
+      motion = motion_of(with(overrides_of(offset, start, scenario_.loop.period_s)));
+    }
+    if ((shrink(scenario_, motion).array() < 1).any()) return;
+    if (goal_.floor && lowest(motion) < *goal_.floor) {
+      below_floor_ = true;
+      return;
+    }
+    if (noise_.size() == 0) noise_ = noise_of(motion);
+    motion.recording.tau.rowwise() = motion.torque.transpose();
+    const Information found(regression(motion.recording, parameters_), parameters_, noise_);
+    if (best_ && found.log_determinant() <= most_found_) return;
+    most_found_ = found.log_determinant();
+    offset_ = offset;
+    best_ = Excitation{
+        overrides_of(offset, start, scenario_.loop.period_s), {},           0,
+        offset.cwiseAbs().colwise().maxCoeff().transpose(),   motion.speed, motion.torque};
+    found.predict(parameters_, *best_);
+  }
+
+  [[nodiscard]] const std::optional<Excitation>& best() const { return best_; }
+  [[nodiscard]] const MatrixXd& offset() const { return offset_; }
+  [[nodiscard]] bool below_floor() const { return below_floor_; }
+
+ private:
+  [[nodiscard]] scenario::Scenario with(const std::vector<std::string>& overrides) const {
+    return scenario::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
+                                    overrides);
+  }
+
+  [[nodiscard]] VectorXd noise_of(const Motion& motion) const {
+    const std::optional<Vector>& limit = scenario_.plant.drive.torque_limit_Nm;
+    const VectorXd largest = limit ? VectorXd(*limit) : motion.torque;
+    return (noise_share * largest).cwiseMax(1e-9);
+  }
+
+  /// Returns the least height of a link's origin above the root link's.
+  [[nodiscard]] double lowest(const Motion& motion) const {
+    double least = std::numeric_limits<double>::infinity();
+    const robot::Model& model = *scenario_.model;
+    const Eigen::Vector3d up = -model.gravity.normalized();
+    constexpr Eigen::Index every = 5;  // 50 ms
+    for (Eigen::Index k = 0; k < motion.recording.q.rows(); k += every) {
+      const Vector q = motion.recording.q.row(k).transpose();
+      for (const auto& [name, frame] : model.frames) {
+        if (frame.body >= 0) least = std::min(least, up.dot(robot::frame_pose(model, frame, q).p));
+      }
+    }
+    return least;
+  }
+
+  const scenario::Scenario& scenario_;
+  const Parameters& parameters_;
+  const ExcitationGoal& goal_;
+  VectorXd most_, noise_;
+  Eigen::Index rows_;
+  MatrixXd offset_;
+  std::optional<Excitation> best_;
+  double most_found_ = 0;
+  bool below_floor_ = false;
+};
 
 }  // namespace
 
@@ -154,41 +293,30 @@ Excitation excite(const scenario::Scenario& scenario, const std::vector<Kind>& u
                   const ExcitationGoal& goal, const Report& report) {
   if (scenario.robot.flexible) throw scenario.complaint("robot.joints", "flexible; needed: rigid");
   const Parameters parameters(scenario, unknown);
-  const VectorXd start = scenario.plant.initial.position_rad, most = room(scenario, goal.reach);
-  const auto rows = static_cast<Eigen::Index>(std::round(goal.duration_s / row_s)) + 1;
+  Designer designer(scenario, parameters, goal);
   std::mt19937 random(1);
-  Excitation best;
-  best.condition = std::numeric_limits<double>::infinity();
-  const auto with = [&](const std::vector<std::string>& overrides) {
-    return scenario::parse_scenario(scenario.text, scenario.robot.urdf_text, scenario.source,
-                                    overrides);
-  };
-  for (int i = 0; i < candidates; ++i) {
-    if (i % 10 == 0) report(fmt::format("motion {} of {}", i + 1, candidates));
-    MatrixXd offset = draw(random, start, most, rows);
-    std::vector<std::string> overrides = overrides_of(offset, start, scenario.loop.period_s);
-    Motion motion = motion_of(with(overrides));
-    for (int pass = 0; pass < 8; ++pass) {
-      const VectorXd factor = shrink(scenario, motion);
-      if (factor.minCoeff() >= 1) break;
-      offset = offset * (0.99 * factor).cwiseMin(1).asDiagonal();
-      overrides = overrides_of(offset, start, scenario.loop.period_s);
-      motion = motion_of(with(overrides));
+  for (int i = 0; i < draws + redraws; ++i) {
+    if (i % 10 == 0) report(fmt::format("motion {} of {}", i + 1, draws + redraws));
+    MatrixXd offset = designer.drawn(random);
+    if (i >= draws && designer.best()) {
+      const Eigen::Index joint = i % scenario.num_joints;
+      const VectorXd anew = offset.col(joint);
+      offset = designer.offset();
+      offset.col(joint) = anew;
     }
-    if ((shrink(scenario, motion).array() < 1).any()) continue;
-    motion.recording.tau.rowwise() = motion.torque.transpose();  // scale of each joint's rows
-    const double condition = condition_of(regression(motion.recording, parameters));
-    if (condition >= best.condition) continue;
-    best = {overrides, condition, offset.cwiseAbs().colwise().maxCoeff().transpose(), motion.speed,
-            motion.torque};
+    designer.consider(std::move(offset));
   }
-  if (best.overrides.empty()) {
-    throw scenario.complaint(
-        "plant.drive.torque_limit_Nm",
-        "holding the arm at its start takes four fifths of it or more; begin nearer to upright or "
-        "hanging");
+  if (designer.best()) return *designer.best();
+  if (designer.below_floor()) {
+    throw scenario.complaint("plant.initial.position_rad",
+                             "no motion keeps the links' origins above {:g} m; begin higher, or "
+                             "give a smaller --reach",
+                             *goal.floor);
   }
-  return best;
+  throw scenario.complaint(
+      "plant.drive.torque_limit_Nm",
+      "holding the arm at its start takes four fifths of it or more; begin nearer to upright or "
+      "hanging");
 }
 
 }  // namespace tachless::identify

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,25 +12,40 @@ namespace tachless::identify {
 
 /// A motion that excites the unknown parameters.
 struct Excitation {
+  /// Predicted half width of an unknown's 95 % interval. It is infinite where the motion shows the
+  /// unknown in sums with others only.
+  struct Width {
+    std::string name, unit;
+    double half_width;
+  };
   std::vector<std::string> overrides;  ///< the reference as waypoints, and the run's duration
-  double condition = 0;                ///< of the regression with scaled columns
-  Vector reach;                        ///< largest deflection of each joint from the start [rad; m]
-  Vector speed;                        ///< largest [rad/s; m/s]
-  Vector torque;                       ///< largest, with the scenario's parameters [N m; N]
+  /// Widths of the unknowns other than links' parameters, with torque noise of `noise_share`.
+  std::vector<Width> widths;
+  double condition = 0;  ///< of the regression's determined part, columns scaled to norm 1
+  Vector reach;          ///< largest deflection of each joint from the start [rad; m]
+  Vector speed;          ///< largest [rad/s; m/s]
+  Vector torque;         ///< largest, with the scenario's parameters [N m; N]
 };
 
 struct ExcitationGoal {
   double duration_s = 20;
   double reach = 0.5;  ///< largest deflection from the start [rad; m]
+  /// Height above the origin of the URDF's root link above which every link's origin stays [m].
+  std::optional<double> floor;
 };
+
+/// Torque noise of the prediction, as a share of each joint's torque limit; where there is none, of
+/// the largest torque of the first motion.
+inline constexpr double noise_share = 0.01;
 
 /// Designs a motion of several sines per joint. It begins and ends at rest at the scenario's
 /// initial posture. It stays within nine tenths of the joints' ranges and four fifths of their
 /// torque limits. It stays within four fifths of their speed limits (1 rad/s, 1 m/s where the URDF
-/// has none). The function draws 60 motions at random and returns the motion with the
-/// best-conditioned regression. It does not consider obstacles.
+/// has none). The function maximises the determinant of the information on the unknowns
+/// (D-optimality). It draws motions at random, and then draws the best motion's joints anew, one
+/// after the other. It does not consider obstacles other than a floor.
 /// @throw base::Failure(bad_usage) for flexible joints, for a joint that begins at its limit, and
-/// when none of the motions stays within the torque limits
+/// when none of the motions stays within the torque limits and above the floor
 Excitation excite(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
                   const ExcitationGoal& goal, const Report& report);
 

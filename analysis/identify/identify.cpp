@@ -12,26 +12,34 @@
 
 #include "base/failure.h"
 #include "identify/least_squares.h"
+#include "identify/units.h"
 #include "robot/urdf_xml.h"
 
 namespace tachless::identify {
 namespace {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Least motion of a joint for which its own parameters are identified [rad; m].
 constexpr double least_motion = 0.02;
 /// Largest share of a joint's peak torque that an interval may leave undetermined.
 constexpr double most_open = 0.05;
+/// Largest number of ticks by which a table's torques are moved at once.
+constexpr double longest_move = 50;
 
 /// Returns why parameter number i is not identifiable, or "" if it is. One reason is that the joint
-/// hardly moves. The other is that the interval reaches zero and covers a good part of the joint's
-/// torque. A parameter that is zero within a narrow interval is identifiable.
+/// hardly moves. The other is that the interval reaches zero and leaves more of the joint's torque
+/// open than `most_open` and than the largest torque that the fit leaves. A parameter that is zero
+/// within a narrower interval is known to be small. A table's delay is not written and not doubted.
+/// @param left largest torque that the fit leaves, over the peak of each joint
 std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
                         const std::vector<Recording>& recordings,
-                        const std::vector<Regression>& regressions) {
+                        const std::vector<Regression>& regressions, const VectorXd& left) {
+  if (of.entry.kind == Kind::delay && !of.entry.not_negative) return "";
   double range = 0, open = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < recordings.size(); ++r) {
+    if (of.entry.kind == Kind::load && !recordings[r].loaded) continue;
     open = std::min(open, of.half_width * regressions[r].share[i]);
     if (of.entry.joint < 0) continue;
     const auto q = recordings[r].q.col(of.entry.joint);
@@ -40,35 +48,83 @@ std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
   if (of.entry.joint >= 0 && range < least_motion) {
     return fmt::format("the joint moves by {:.2g} only", range);
   }
-  if (open < most_open || of.half_width < std::abs(of.value)) return "";
+  const double residual = of.entry.joint >= 0 ? left[of.entry.joint] : left.minCoeff();
+  if (open < std::max(most_open, residual) || of.half_width < std::abs(of.value)) return "";
   return fmt::format("its interval reaches zero and is {:.0f} % of the joint's torque", 100 * open);
 }
 
-double correlation_of(const VectorXd& x) {
-  const Eigen::Index last = x.size() - 1;
-  const VectorXd centred = x.array() - x.mean();
-  return centred.head(last).dot(centred.tail(last)) / std::max(1e-300, centred.squaredNorm());
+/// Returns the rms of the torques that `values` leave, over the peak of each joint.
+VectorXd torque_left(const std::vector<Regression>& of, const VectorXd& values) {
+  VectorXd result = VectorXd::Zero(of.front().peak.size());
+  for (const Regression& each : of) {
+    result = result.cwiseMax(each.residual(values).cwiseQuotient(each.peak.cwiseMax(1e-300)));
+  }
+  return result;
 }
 
-std::vector<Identified::Check> check(const Recording& recording, const Parameters& parameters,
-                                     const VectorXd& values) {
-  const Regression torque = regression(recording, parameters);
-  const VectorXd before = torque.residual(VectorXd::Zero(values.size())),
-                 after = torque.residual(values);
-  Eigen::MatrixXd error;
-  if (recording.controlled) error = simulated_residual(recording, parameters, values);
-  const robot::JointLabels labels = joint_labels(*recording.scenario.model);
+/// Returns the largest torque that `values` leave, over the peak of each joint.
+VectorXd largest_left(const std::vector<Regression>& of, const VectorXd& values) {
+  VectorXd result = VectorXd::Zero(of.front().peak.size());
+  for (const Regression& each : of) {
+    const VectorXd left = (each.torque - each.columns * values).cwiseAbs();
+    for (Eigen::Index row = 0; row < left.size(); ++row) {
+      const Eigen::Index j = each.joint[row];
+      result[j] = std::max(result[j], left[row] / std::max(1e-300, each.peak[j]));
+    }
+  }
+  return result;
+}
+
+/// Returns what a motion must have to determine a parameter.
+std::string advice_on(const Identified::Parameter& of, const std::string& joint) {
+  if (of.entry.joint >= 0 && of.doubt.starts_with("the joint")) {
+    return fmt::format(
+        "motion of {} (a joint that friction holds moves with a guess of it: run with --set "
+        "controller.friction.coulomb=…)",
+        joint);
+  }
+  switch (of.entry.kind) {
+    case Kind::rotor:
+      return fmt::format("more acceleration of {}", joint);
+    case Kind::viscous:
+      return fmt::format("more speed of {}", joint);
+    case Kind::coulomb:
+      return fmt::format("motion of {} both ways, slowly and fast", joint);
+    case Kind::delay:
+      return "more speed";
+    case Kind::load:
+      return "postures in which gravity pulls at the payload differently, and a run without it "
+             "(--without)";
+    case Kind::payload:
+    case Kind::inertia:
+    case Kind::offset:
+      break;
+  }
+  return "postures in which gravity pulls differently";
+}
+
+/// Checks values on recordings. The recording with a joint's largest error counts.
+/// @param position_errors of the recordings, if their loops can be simulated
+std::vector<Identified::Check> check(const std::vector<Regression>& of,
+                                     const robot::JointLabels& labels, const VectorXd& values,
+                                     const std::vector<MatrixXd>& position_errors) {
   std::vector<Identified::Check> result;
-  for (Eigen::Index i = 0; i < before.size(); ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const double peak = std::max(1e-300, torque.peak[i]);
-    result.push_back(
-        {labels.name[at], labels.length[at], before[i] / peak, after[i] / peak, {}, {}});
-    if (error.size() == 0) continue;
-    const VectorXd of_joint = error.col(i);
-    result.back().position_error =
-        std::sqrt(of_joint.squaredNorm() / static_cast<double>(of_joint.size()));
-    result.back().correlation = correlation_of(of_joint);
+  for (std::size_t i = 0; i < labels.name.size(); ++i) {
+    result.push_back({labels.name[i], labels.length[i], 0, 0, {}, {}});
+  }
+  for (std::size_t r = 0; r < of.size(); ++r) {
+    const VectorXd before = torque_left({of[r]}, VectorXd::Zero(values.size())),
+                   after = torque_left({of[r]}, values);
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      result[i].before = std::max(result[i].before, before[at]);
+      result[i].after = std::max(result[i].after, after[at]);
+      if (position_errors.empty()) continue;
+      const VectorXd error = position_errors[r].col(at);
+      result[i].position_error =
+          std::max(result[i].position_error.value_or(0),
+                   error.norm() / std::sqrt(static_cast<double>(error.size())));
+    }
   }
   return result;
 }
@@ -85,56 +141,182 @@ void set_links(const Parameters& parameters, const VectorXd& values,
 
 }  // namespace
 
+namespace {
+
+/// Values, intervals and tests that the recordings give.
+struct Answer : LeastSquares {
+  std::vector<Misfit> misfits;
+  std::vector<Recording> recordings;  ///< with a table's torques moved to where they act
+  std::vector<Regression> regressions;
+  std::vector<MatrixXd> position_errors;  ///< of simulated loops
+};
+
+std::vector<Regression> regressions_of(const std::vector<Recording>& recordings,
+                                       const Parameters& parameters) {
+  std::vector<Regression> result;
+  for (const Recording& each : recordings) result.push_back(regression(each, parameters));
+  return result;
+}
+
+/// Identifies from tables. The delay of their torques is linear in small changes only, so that the
+/// torques are moved by whole ticks until less than one is left.
+Answer answer_of_tables(std::vector<Recording> recordings, const Parameters& parameters) {
+  constexpr int most_moves = 4;
+  const robot::Model& model = *recordings.front().scenario.model;
+  const Eigen::Index delay = parameters.first(Kind::delay);
+  for (int move = 0;; ++move) {
+    std::vector<Regression> regressions = regressions_of(recordings, parameters);
+    TableAnswer found = table_answer(regressions, parameters, model);
+    const double late = delay < 0 ? 0 : found.values[delay];
+    const auto more = static_cast<int>(
+        std::clamp(std::round(late - recordings.front().moved), -longest_move, longest_move));
+    if (more == 0 || delay < 0 || move == most_moves) {
+      return {found, std::move(found.misfits), std::move(recordings), std::move(regressions), {}};
+    }
+    for (Recording& each : recordings) each = with_torques_moved(each, more);
+  }
+}
+
+/// Returns whether a delay should not be taken out of tables: the model lacks something, and the
+/// delay is not told from zero.
+bool delay_is_doubtful(const Answer& answer, const Parameters& parameters) {
+  const Eigen::Index delay = parameters.first(Kind::delay);
+  return delay >= 0 && parameters.size() > 1 && std::ranges::any_of(answer.misfits, is_misfit) &&
+         !(answer.half_width[delay] < std::abs(answer.values[delay]));
+}
+
+/// Identifies from logs.
+Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters& parameters,
+                      const Report& report) {
+  std::vector<Regression> regressions = regressions_of(recordings, parameters);
+  Answer answer{least_squares(regressions, parameters, *recordings.front().scenario.model),
+                {},
+                recordings,
+                std::move(regressions),
+                {}};
+  const Fit fit = output_error(recordings, parameters, answer.values, report);
+  answer.condition = fit.condition;
+  answer.values = fit.values;
+  answer.half_width = fit.half_width;
+  answer.moves = fit.moves;
+  for (std::size_t i = 0; i < answer.sums.size(); ++i) {
+    if (answer.sums[i].empty()) continue;
+    answer.half_width[static_cast<Eigen::Index>(i)] = std::numeric_limits<double>::infinity();
+  }
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    answer.position_errors.push_back(
+        simulated_residual(recordings[i], parameters, fit.values, fit.noise[i]));
+    answer.misfits = worse(std::move(answer.misfits),
+                           position_misfits(recordings[i], answer.position_errors[i]));
+  }
+  return answer;
+}
+
+/// Adds the parameters, with what is in doubt about them and what would help.
+void set_parameters(const Answer& answer, const Parameters& parameters, Identified& to) {
+  const VectorXd left = largest_left(answer.regressions, answer.values);
+  const std::vector<bool> bounded = at_bound(parameters, answer.values);
+  for (Eigen::Index i = 0; i < parameters.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const auto& entry = parameters.entries()[at];
+    Identified::Parameter each{entry, answer.values[i], answer.half_width[i], "",
+                               false, bounded[at]};
+    if (!answer.sums[at].empty()) {
+      const bool load = entry.kind == Kind::load;
+      each.in_sum = load ? entry.component > 0 : !to.links.empty();
+      each.half_width = std::numeric_limits<double>::infinity();
+      each.doubt = answer.sums[at] != "nothing" ? "only in sums with " + answer.sums[at]
+                   : entry.kind == Kind::load   ? "it is not told from the link that carries it"
+                   : entry.kind == Kind::inertia
+                       ? "it has no part in any torque"
+                       : "the joint hardly moves, or it has no part in any torque";
+    } else if (entry.kind != Kind::inertia && (entry.kind != Kind::load || entry.component == 0)) {
+      each.doubt = doubt_about(each, i, answer.recordings, answer.regressions, left);
+    }
+    if (!each.doubt.empty() && !each.in_sum) {
+      const auto& names = answer.recordings.front().scenario.model->joint_names;
+      const std::string advice =
+          advice_on(each, entry.joint < 0 ? "" : names[static_cast<std::size_t>(entry.joint)]);
+      if (std::ranges::find(to.advice, advice) == to.advice.end()) to.advice.push_back(advice);
+    }
+    to.parameters.push_back(std::move(each));
+  }
+}
+
+/// Returns why tables do not fit the robot, or "" if they do.
+std::string why_no_fit(const Answer& answer) {
+  const VectorXd left = torque_left(answer.regressions, answer.values);
+  const std::string remedy = remedy_of(answer.recordings.front(), left);
+  if (left.maxCoeff() < no_fit && remedy.empty()) return "";
+  return fmt::format(
+      "the table does not fit the robot: the fit leaves {:.0f} % of a joint's peak torque; {}",
+      100 * left.maxCoeff(),
+      remedy.empty() ? "check units, signs and order of its columns, and the scenario's URDF, base "
+                       "and gravity"
+                     : "its torques fit with " + remedy);
+}
+
+/// Checks the answer on the recordings, or on one that was not used.
+void set_checks(const Answer& answer, const Parameters& parameters,
+                const std::optional<Recording>& validate, Identified& to) {
+  const robot::JointLabels labels = joint_labels(*answer.recordings.front().scenario.model);
+  if (validate) {
+    const int moved = answer.recordings.front().moved;
+    const Recording other =
+        moved == 0 || validate->controlled ? *validate : with_torques_moved(*validate, moved);
+    std::vector<MatrixXd> error;
+    if (to.simulated && other.controlled) {
+      error.push_back(simulated_residual(other, parameters, answer.values));
+    }
+    to.checks = check({regression(other, parameters)}, labels, answer.values, error);
+  } else {
+    to.checks = check(answer.regressions, labels, answer.values, answer.position_errors);
+  }
+  for (std::size_t i = 0; i < to.checks.size(); ++i) to.checks[i].misfit = answer.misfits[i];
+}
+
+}  // namespace
+
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,
                     const std::optional<Recording>& validate, const Report& report) {
   for (const Recording& each : recordings) require_same_robot(recordings.front(), each);
   if (validate) require_same_robot(recordings.front(), *validate);
   const bool simulated = std::ranges::all_of(recordings, &Recording::controlled);
   std::vector<Kind> kinds = unknown;
-  // A log's torques are the sent ones; a table's torques are not delayed.
-  std::erase(kinds, simulated ? Kind::offset : Kind::delay);
+  const bool tables = std::ranges::none_of(recordings, &Recording::controlled);
+  if (simulated) std::erase(kinds, Kind::offset);             // a log's torques are the sent ones
+  if (!simulated && !tables) std::erase(kinds, Kind::delay);  // tables and logs have different ones
   if (kinds.empty()) {
     throw base::bad_usage(
-        "{}: nothing is left to identify: a log has no offset, a table no delay; name another "
-        "parameter with --unknown",
+        "{}: nothing is left to identify: a log has no offset, a log beside a table no "
+        "delay; name another parameter with "
+        "--unknown",
         recordings.front().source);
   }
-  const Parameters parameters(recordings.front().scenario, kinds);
+  Parameters parameters(recordings.front().scenario, kinds, simulated);
   report("least squares on filtered positions and torques");
-  std::vector<Regression> regressions;
-  for (const Recording& each : recordings) regressions.push_back(regression(each, parameters));
+  Answer answer = simulated ? answer_of_logs(recordings, parameters, report)
+                            : answer_of_tables(recordings, parameters);
+  if (tables && delay_is_doubtful(answer, parameters)) {
+    std::erase(kinds, Kind::delay);
+    parameters = Parameters(recordings.front().scenario, kinds, simulated);
+    answer = answer_of_tables(recordings, parameters);
+  }
   const scenario::Scenario& scenario = recordings.front().scenario;
-  LeastSquares answer = least_squares(regressions, parameters, *scenario.model, simulated);
   Identified result;
   result.rank = answer.rank;
   result.condition = answer.condition;
   result.validated = validate.has_value();
   result.simulated = simulated;
-  if (simulated) {
-    const Fit fit = output_error(recordings, parameters, answer.values, report);
-    result.condition = fit.condition;
-    answer.values = fit.values;
-    answer.half_width = fit.half_width;
-  }
   set_links(parameters, answer.values, scenario, result);
-  for (Eigen::Index i = 0; i < parameters.size(); ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const auto& entry = parameters.entries()[at];
-    Identified::Parameter each{entry, answer.values[i], answer.half_width[i], "", false};
-    if (!answer.sums[at].empty()) {
-      each.in_sum = !result.links.empty();
-      each.half_width = std::numeric_limits<double>::infinity();
-      each.doubt = answer.sums[at] != "nothing" ? "only in sums with " + answer.sums[at]
-                   : entry.kind == Kind::inertia
-                       ? "it has no part in any torque"
-                       : "the joint hardly moves, or it has no part in any torque";
-    } else if (entry.kind != Kind::inertia) {
-      each.doubt = doubt_about(each, i, recordings, regressions);
-    }
-    result.parameters.push_back(std::move(each));
-  }
-  result.checks = check(validate ? *validate : recordings.front(), parameters, answer.values);
+  set_parameters(answer, parameters, result);
+  set_checks(answer, parameters, validate, result);
+  if (tables) result.no_fit = why_no_fit(answer);
   result.overrides = parameters.overrides(scenario, answer.values);
+  if (parameters.first(Kind::load) >= 0) {
+    result.load = load_of(answer, answer.values, parameters, scenario.plant.payload.link);
+    result.overrides.push_back(override_of(*result.load));
+  }
   return result;
 }
 
@@ -148,21 +330,50 @@ std::string urdf_of(const Identified& found, const scenario::Scenario& scenario)
   return robot::urdf_with_inertials(scenario.robot.urdf_text, links);
 }
 
+namespace {
+
+/// Returns the sentences on what the model lacks.
+std::string remarks(const Identified& found) {
+  std::vector<std::string> joints;
+  std::string text;
+  for (const Identified::Check& each : found.checks) {
+    if (each.misfit.found) joints.push_back(each.joint);
+  }
+  if (!joints.empty()) {
+    text += fmt::format("  the model lacks something at {}; {} intervals do not hold\n",
+                        fmt::join(joints, ", "), joints.size() > 1 ? "their" : "its");
+  }
+  for (const Identified::Check& each : found.checks) {
+    if (each.misfit.slow_friction == 0) continue;
+    text += fmt::format(
+        "  friction of {} is not viscous + Coulomb: slow and fast motion differ "
+        "by {:.2g}\n",
+        each.joint, std::abs(each.misfit.slow_friction));
+  }
+  return text;
+}
+
+}  // namespace
+
 std::string text(const Identified& found, const std::string& name) {
   std::string text =
       fmt::format("{}: 95 % intervals, condition {:.3g}{}\n", name, found.condition,
                   found.simulated ? "" : "; by least squares, as no controller is known");
   for (const Identified::Parameter& each : found.parameters) {
-    if (each.entry.kind == Kind::inertia) continue;
+    const bool in_load = each.entry.kind == Kind::load && each.doubt.empty();
+    if (each.entry.kind == Kind::inertia || in_load || each.entry.component > 0) continue;
     if (each.in_sum) {
       text += fmt::format("  {:<24} {:>10.4g} {}: {}\n", each.entry.name, each.value,
                           each.entry.unit, each.doubt);
       continue;
     }
-    text += fmt::format("  {:<24} {:>10.4g} +- {:.2g} {}{}\n", each.entry.name, each.value,
-                        each.half_width, each.entry.unit,
-                        each.doubt.empty() ? "" : ": not identifiable, " + each.doubt);
+    text += fmt::format("  {:<24} {:>10.4g} {} {:.2g} {}{}\n", each.entry.name, each.value,
+                        each.at_bound ? "to" : "+-", each.half_width, each.entry.unit,
+                        !each.doubt.empty() ? ": not identifiable, " + each.doubt
+                        : each.is_small()   ? ": small, not told from zero"
+                                            : "");
   }
+  if (found.load) text += identify::text(*found.load);
   if (!found.links.empty()) {
     const auto alone = std::ranges::count_if(found.parameters, [](const auto& each) {
       return each.entry.kind == Kind::inertia && each.doubt.empty();
@@ -181,15 +392,13 @@ std::string text(const Identified& found, const std::string& name) {
                       found.validated ? "data not used" : "the same data",
                       found.simulated ? "; position error" : "");
   for (const Identified::Check& each : found.checks) {
-    text += fmt::format("  {:<24} {:>6.2f} % -> {:.2f} %", each.joint, 100 * each.before,
-                        100 * each.after);
-    if (each.position_error) {
-      text += fmt::format("; {:.2g} {} rms, correlation {:.2f}", *each.position_error, each.unit,
-                          *each.correlation);
-    }
-    text += "\n";
+    text += fmt::format(
+        "  {:<24} {:>6.2f} % -> {:.2f} %{}, correlation {:.2f}{}\n", each.joint, 100 * each.before,
+        100 * each.after,
+        each.position_error ? fmt::format("; {:.2g} {} rms", *each.position_error, each.unit) : "",
+        each.misfit.correlation, each.misfit.found ? ", misfit" : "");
   }
-  return text;
+  return text + remarks(found);
 }
 
 void to_json(nlohmann::ordered_json& json, const Identified& found) {
@@ -211,8 +420,11 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
                                   {"value", each.value},
                                   {"half_width", each.half_width},
                                   {"identifiable", each.doubt.empty()},
+                                  {"at_bound", each.at_bound},
+                                  {"small", each.is_small()},
                                   {"doubt", each.doubt}});
   }
+  if (found.load) to_json(json["payload"], *found.load);
   for (const Identified::Link& each : found.links) {
     json["links"].push_back(
         {{"name", each.name}, {"before", mass(each.before)}, {"after", mass(each.after)}});
@@ -220,10 +432,13 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
   for (const Identified::Check& each : found.checks) {
     json["joints"].push_back(
         {{"name", each.joint}, {"torque_error_before", each.before}, {"torque_error", each.after}});
-    if (!each.position_error) continue;
-    json["joints"].back()["position_error"] = *each.position_error;
-    json["joints"].back()["correlation"] = *each.correlation;
+    nlohmann::ordered_json& joint = json["joints"].back();
+    if (each.position_error) joint["position_error"] = *each.position_error;
+    joint["correlation"] = each.misfit.correlation;
+    joint["misfit"] = each.misfit.found;
+    joint["slow_friction"] = each.misfit.slow_friction;
   }
+  json["no_fit"] = found.no_fit;
   json["overrides"] = found.overrides;
 }
 

@@ -1,11 +1,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "identify/load.h"
+#include "identify/misfit.h"
 #include "identify/output_error.h"
 #include "identify/parameters.h"
 #include "identify/recording.h"
@@ -15,41 +18,52 @@ namespace tachless::identify {
 struct Identified {
   struct Parameter {
     Parameters::Entry entry;
+    /// A value at its bound is zero; the true one is then at most the half width.
     double value, half_width;
-    std::string doubt;    ///< why it is not identifiable; empty: it is
-    bool in_sum = false;  ///< the parameter is determined only in a sum with others
+    std::string doubt;      ///< why it is not identifiable; empty: it is
+    bool in_sum = false;    ///< the parameter is determined only in a sum with others
+    bool at_bound = false;  ///< the value is zero because it cannot be negative
+
+    /// Returns whether the parameter is known to be small but not told from zero.
+    [[nodiscard]] bool is_small() const {
+      return doubt.empty() && entry.not_negative && std::abs(value) <= half_width;
+    }
   };
   /// A link together with everything that is fixed to it.
   struct Link {
     std::string name;
     robot::MassProperties before, after;
   };
-  /// The check of one joint, on the first recording or on data that was not used.
+  /// The check of one joint, on the recording with the largest error, or on data that was not used.
   struct Check {
     std::string joint, unit;
     /// Rms torque error over the peak torque, with all unknowns zero and with the identified
     /// values.
     double before, after;
-    /// Measured minus simulated positions, if the loop can be simulated: rms [rad; m], and the
-    /// correlation from one tick to the next. Correlation 0 means white noise.
-    std::optional<double> position_error, correlation;
+    /// Rms of measured minus simulated positions, if the loop can be simulated [rad; m].
+    std::optional<double> position_error;
+    /// How the recordings that were used differ from the model (misfit.h).
+    Misfit misfit;
   };
 
   std::vector<Parameter> parameters;  ///< link parameters are differences to the URDF's values
-  std::vector<Link> links;            ///< empty if the links are those of the URDF
-  Eigen::Index rank = 0;   ///< number of parameter combinations that least squares determines
-  bool simulated = false;  ///< the answer is from output error; otherwise from least squares
+  std::optional<Load> load;
+  std::vector<Link> links;  ///< empty if the links are those of the URDF
+  Eigen::Index rank = 0;    ///< number of parameter combinations that least squares determines
+  bool simulated = false;   ///< the answer is from output error; otherwise from least squares
   double condition = 0;
   std::vector<Check> checks;
   bool validated = false;  ///< `checks` use data that was not used to identify
+  /// Why the recordings do not fit the robot, and what would make them fit; empty: they fit.
+  std::string no_fit;
+  std::vector<std::string> advice;  ///< what a recording of the doubtful parameters needs
   std::vector<std::string> overrides;
 };
 
 /// Identifies the unknown parameters. The first step is least squares on filtered positions and
 /// torques. For recordings of known laws, output error of the closed loop follows; it has no
 /// offsets.
-/// @param validate a recording used only for the checks; nothing: the checks use the first
-/// recording
+/// @param validate a recording used only for the checks; nothing: the checks use all recordings
 /// @throw base::Failure(bad_usage) for recordings of different robots, and when no parameter of
 /// `unknown` is left to identify
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,

@@ -15,7 +15,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int most_steps = 200;
-constexpr double prior = 0.5;      ///< standard deviation
+constexpr double prior = 0.5;  ///< standard deviation
+/// Standard deviations of a load's mass [kg] and of its other numbers [kg m; kg m2] about zero.
+/// They keep numbers that have no part in any torque at zero.
+constexpr double load_mass = 100, load_moment = 1;
 constexpr double smallest = 0.01;  ///< mass [kg] and length [m] that a body without mass gets
 
 /// A body's U as ten numbers: the logarithm of its scale, the logarithms of three lengths, the
@@ -78,6 +81,15 @@ Shape shape_of(const robot::MassProperties& body) {
   throw std::domain_error("a body's inertia is not a number");
 }
 
+/// Takes parameter i out of the Newton step H x = slope.
+void hold(Index i, MatrixXd& H, VectorXd& slope) {
+  const double own = H(i, i);
+  H.row(i).setZero();
+  H.col(i).setZero();
+  H(i, i) = own;
+  slope[i] = 0;
+}
+
 }  // namespace
 
 VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters& parameters,
@@ -92,6 +104,10 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
   }
   if (links >= 0)
     stiffness.segment(links, 10 * std::ssize(shapes)).setConstant(1 / (prior * prior));
+  if (const Index load = parameters.first(Kind::load); load >= 0) {
+    stiffness.segment<10>(load).setConstant(1 / (load_moment * load_moment));
+    stiffness[load] = 1 / (load_mass * load_mass);
+  }
   const VectorXd first = z;
   const auto for_each_body = [&](const auto& act) {
     for (std::size_t i = 0; i < shapes.size(); ++i) act(i, links + 10 * static_cast<Index>(i));
@@ -107,10 +123,12 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     const VectorXd x = values_at(at);
     return 0.5 * x.dot(N * x) - b.dot(x) + 0.5 * (at - first).cwiseAbs2().dot(stiffness);
   };
+  const auto not_negative = [&](Index i) {
+    return parameters.entries()[static_cast<std::size_t>(i)].not_negative;
+  };
   const auto bounded = [&](VectorXd at) {
     for (Index i = 0; i < size; ++i) {
-      const Kind kind = parameters.entries()[static_cast<std::size_t>(i)].kind;
-      if (kind != Kind::inertia && kind != Kind::offset) at[i] = std::max(0.0, at[i]);
+      if (not_negative(i)) at[i] = std::max(0.0, at[i]);
     }
     return at;
   };
@@ -122,8 +140,11 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     });
     MatrixXd H = J.transpose() * N * J;
     H.diagonal() += stiffness;
-    const VectorXd slope =
-        J.transpose() * (b - N * values_at(z)) - stiffness.cwiseProduct(z - first);
+    VectorXd slope = J.transpose() * (b - N * values_at(z)) - stiffness.cwiseProduct(z - first);
+    // A parameter that stays at its bound has no part in the step of the others.
+    for (Index i = 0; i < size; ++i) {
+      if (not_negative(i) && z[i] <= 0 && slope[i] <= 0) hold(i, H, slope);
+    }
     const VectorXd unit = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     H = unit.asDiagonal() * H * unit.asDiagonal();
     H.diagonal().setConstant(1 + damping);

@@ -1,6 +1,7 @@
 #include "identify/least_squares.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -18,10 +19,19 @@ using Eigen::VectorXd;
 
 constexpr double cutoff_hz = 15;
 constexpr double settle_s = 0.3;  ///< left out at both ends because of the filter's transient
+/// Twice the noise bandwidth of the filter in both directions: white noise has so many independent
+/// values per second behind it. The integral of 1 / (1 + x^4)^2 is 0.833.
+constexpr double independent_hz = 2 * 0.833 * cutoff_hz;
+/// Share of a joint's largest speed below which its friction may be that of rest.
+constexpr double slowest = 0.2;
+/// Times around slow instants [s], the longest first that leaves enough rows. The filter's answer
+/// to a wrong sign of the velocity falls to a thousandth within 0.1 s.
+constexpr std::array<double, 4> guards_s = {0.1, 0.05, 0.025, 0};
+constexpr double least_share = 0.2;  ///< of a joint's rows that are not slow
 
 /// Applies a second-order Butterworth low-pass forwards and backwards, which adds no phase.
-void low_pass(Eigen::Ref<VectorXd> x, double h) {
-  const double w = std::tan(std::numbers::pi * std::min(cutoff_hz * h, 0.2));
+void low_pass(Eigen::Ref<VectorXd> x, double h, double hz) {
+  const double w = std::tan(std::numbers::pi * std::min(hz * h, 0.2));
   const double scale = 1 / (1 + std::numbers::sqrt2 * w + w * w);
   const double b = w * w * scale, a1 = 2 * (w * w - 1) * scale,
                a2 = (1 - std::numbers::sqrt2 * w + w * w) * scale;
@@ -36,28 +46,6 @@ void low_pass(Eigen::Ref<VectorXd> x, double h) {
     x.reverseInPlace();
   }
 }
-
-/// The robot with all unknowns zero. If the payload is unknown, `loaded` has 1 kg of it.
-struct Models {
-  robot::Model bare, loaded;
-
-  Models(const Recording& recording, const Parameters& parameters) {
-    const VectorXd zero = VectorXd::Zero(parameters.size());
-    scenario::Scenario plant = parameters.plant(recording.scenario, zero);
-    const bool unknown = parameters.first(Kind::payload) >= 0;
-    // The payload's own inertia stays, if it has one.
-    if (unknown) plant.plant.payload.mass_kg = 1e-9;
-    bare = scenario::with_payload(plant, *plant.model);
-    bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
-    drive = plant.plant.drive;
-    if (!unknown) return;
-    plant.plant.payload.mass_kg += 1;
-    loaded = scenario::with_payload(plant, *plant.model);
-    loaded.rotor_inertia = bare.rotor_inertia;
-  }
-
-  plant::DriveSpec drive;
-};
 
 /// Returns a model for each number of each body, with all else massless. The model of a first
 /// moment has a mass of 1 kg at 1 m.
@@ -77,14 +65,80 @@ std::vector<robot::Model> unit_models(const robot::Model& bare) {
   return all;
 }
 
+/// Returns the arm with 1 kg at the load's frame, and with each number of a load besides. Their
+/// differences are the load's columns; every model has a mass.
+std::vector<robot::Model> load_models(const robot::Model& bare, const std::string& link) {
+  std::vector<robot::Model> all;
+  for (Eigen::Index c = -1; c < Inertial::SizeAtCompileTime; ++c) {
+    Inertial load = Inertial::Unit(0);
+    if (c >= 0) load += Inertial::Unit(c);
+    all.push_back(robot::with_payload(bare, mass_properties(load), link));
+  }
+  return all;
+}
+
+/// The robot with all unknowns zero. If the payload is unknown, `loaded` has 1 kg of it.
+struct Models {
+  robot::Model bare, loaded;
+
+  Models(const Recording& recording, const Parameters& parameters) {
+    const VectorXd zero = VectorXd::Zero(parameters.size());
+    scenario::Scenario plant = parameters.plant(recording.scenario, zero);
+    const bool unknown = parameters.first(Kind::payload) >= 0;
+    // The payload's own inertia stays, if it has one.
+    if (unknown) plant.plant.payload.mass_kg = 1e-9;
+    bare = scenario::with_payload(plant, *plant.model);
+    bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
+    drive = plant.plant.drive;
+    if (parameters.first(Kind::inertia) >= 0) units = unit_models(bare);
+    if (parameters.first(Kind::load) >= 0) {
+      loads = load_models(bare, recording.scenario.plant.payload.link);
+    }
+    if (!unknown) return;
+    plant.plant.payload.mass_kg += 1;
+    loaded = scenario::with_payload(plant, *plant.model);
+    loaded.rotor_inertia = bare.rotor_inertia;
+  }
+
+  plant::DriveSpec drive;
+  std::vector<robot::Model> units, loads;  ///< for links and load, if these are unknown
+};
+
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
+
+/// Sets `slow` of the rows of joint j.
+void set_slow(Regression& of, Eigen::Index j) {
+  const Eigen::Index n = of.peak.size(), instants = of.torque.size() / n;
+  const auto speed = [&](Eigen::Index k) { return std::abs(of.speed[k * n + j]); };
+  double largest = 0;
+  for (Eigen::Index k = 0; k < instants; ++k) largest = std::max(largest, speed(k));
+  const double step_s = instants > 1 ? of.time_s[n] - of.time_s[0] : 1;
+  for (const double guard_s : guards_s) {
+    const auto guard = static_cast<Eigen::Index>(std::ceil(guard_s / step_s - 1e-9));
+    std::vector<bool> slow(static_cast<std::size_t>(instants), false);
+    for (Eigen::Index k = 0; k < instants; ++k) {
+      if (speed(k) >= slowest * largest) continue;
+      const Eigen::Index from = std::max<Eigen::Index>(0, k - guard),
+                         to = std::min(instants, k + guard + 1);
+      std::fill(slow.begin() + from, slow.begin() + to, true);
+    }
+    for (Eigen::Index k = 0; k < instants; ++k) {
+      of.slow[static_cast<std::size_t>(k * n + j)] = slow[static_cast<std::size_t>(k)];
+    }
+    const auto fast = std::ranges::count(slow, false);
+    if (static_cast<double>(fast) >= least_share * static_cast<double>(instants)) return;
+  }
+}
 
 /// Selects the rows at every few instants and leaves out both ends.
 /// @param columns one matrix per parameter
 /// @param torque one row per tick
 /// @param whole scale of the torques, filtered once less than `applied`
+/// @param at_rest_before the motion begins and ends without a jump of the filtered velocity, so
+/// that `share` covers both ends
 Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
-                   const MatrixXd& whole, const MatrixXd& applied, double h) {
+                   const MatrixXd& whole, const MatrixXd& applied, const MatrixXd& speed, double h,
+                   bool at_rest_before) {
   const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
   const auto edge = static_cast<Eigen::Index>(settle_s / h);
   const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
@@ -93,10 +147,18 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
                     VectorXd(instants * n),
                     VectorXd(instants * n),
                     Eigen::VectorXi(instants * n),
+                    VectorXd(instants * n),
+                    std::vector<bool>(static_cast<std::size_t>(instants * n)),
                     whole.cwiseAbs().colwise().maxCoeff().transpose(),
                     VectorXd(std::ssize(columns))};
   for (std::size_t i = 0; i < columns.size(); ++i) {
-    const VectorXd largest = columns[i].cwiseAbs().colwise().maxCoeff().transpose();
+    const Eigen::Index out = at_rest_before ? 0 : edge;
+    const VectorXd largest = columns[i]
+                                 .middleRows(out, columns[i].rows() - 2 * out)
+                                 .cwiseAbs()
+                                 .colwise()
+                                 .maxCoeff()
+                                 .transpose();
     result.share[static_cast<Eigen::Index>(i)] =
         largest.cwiseQuotient(result.peak.cwiseMax(1e-300)).maxCoeff();
   }
@@ -111,26 +173,88 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
       result.applied[row] = applied(k, j);
       result.time_s[row] = static_cast<double>(k) * h;
       result.joint[row] = static_cast<int>(j);
+      result.speed[row] = speed(k, j);
     }
   }
+  for (Eigen::Index j = 0; j < n; ++j) set_slow(result, j);
   return result;
+}
+
+/// The filtered motion at an instant.
+struct Instant {
+  const Vector &q, &v, &a;
+  const Vector& own;                   ///< torque of the robot with all unknowns zero
+  const Eigen::RowVectorXd& per_tick;  ///< change of the torque in a tick
+};
+
+/// Sets row k of the column of each parameter.
+void set_columns(const Recording& recording, const Parameters& parameters, const Models& models,
+                 const Instant& at, Eigen::Index k, std::vector<MatrixXd>& columns) {
+  const Eigen::Index inertia = parameters.first(Kind::inertia);
+  const auto torque = [&](const robot::Model& of) {
+    return robot::inverse_dynamics<double>(of, at.q, at.v, at.a);
+  };
+  const Vector light = models.loads.empty() ? at.own : torque(models.loads.front());
+  for (Eigen::Index i = 0; i < parameters.size(); ++i) {
+    const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    MatrixXd& column = columns[static_cast<std::size_t>(i)];
+    switch (entry.kind) {
+      case Kind::rotor:
+        column(k, entry.joint) = at.a[entry.joint];
+        break;
+      case Kind::viscous:
+        column(k, entry.joint) = at.v[entry.joint];
+        break;
+      case Kind::coulomb:
+        column(k, entry.joint) = sign(at.v[entry.joint]);
+        break;
+      case Kind::payload:
+        column.row(k) = (torque(models.loaded) - at.own).transpose();
+        break;
+      case Kind::delay:
+        column.row(k) = at.per_tick;
+        break;
+      case Kind::inertia:
+        column.row(k) = torque(models.units[static_cast<std::size_t>(i - inertia)]).transpose();
+        if (entry.component >= 1 && entry.component <= 3) {
+          column.row(k) -= columns[static_cast<std::size_t>(i - entry.component)].row(k);
+        }
+        break;
+      case Kind::offset:
+        column(k, entry.joint) = 1;
+        break;
+      case Kind::load:
+        if (!recording.loaded) break;
+        column.row(k) =
+            (torque(models.loads[static_cast<std::size_t>(entry.component + 1)]) - light)
+                .transpose();
+        break;
+    }
+  }
 }
 
 }  // namespace
 
-MatrixXd low_passed(MatrixXd columns, double h) {
-  for (Eigen::Index i = 0; i < columns.cols(); ++i) low_pass(columns.col(i), h);
+MatrixXd low_passed(MatrixXd columns, double h, double hz) {
+  for (Eigen::Index i = 0; i < columns.cols(); ++i) low_pass(columns.col(i), h, hz);
   return columns;
 }
 
-VectorXd Regression::residual(const VectorXd& values) const {
+VectorXd Regression::residual(const VectorXd& values, const std::vector<bool>& with_slow) const {
   const VectorXd left = torque - columns * values;
-  VectorXd sum = VectorXd::Zero(peak.size()), count = VectorXd::Zero(peak.size());
+  VectorXd sum = VectorXd::Zero(peak.size()), count = VectorXd::Constant(peak.size(), 1e-300);
   for (Eigen::Index row = 0; row < left.size(); ++row) {
+    if (!with_slow.empty() && !used(row, with_slow)) continue;
     sum[joint[row]] += left[row] * left[row];
     count[joint[row]] += 1;
   }
   return sum.cwiseQuotient(count).cwiseSqrt();
+}
+
+double rows_alike(const Regression& of) {
+  const Eigen::Index n = of.peak.size();
+  if (of.time_s.size() <= n) return 1;
+  return std::max(1.0, 1 / (independent_hz * (of.time_s[n] - of.time_s[0])));
 }
 
 Regression regression(const Recording& recording, const Parameters& parameters) {
@@ -146,11 +270,11 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   }
   MatrixXd left = low_passed(tau, h);  // the robot's own torque is subtracted below
   const MatrixXd whole = left;
-  const Eigen::Index inertia = parameters.first(Kind::inertia),
-                     delay = parameters.first(Kind::delay);
-  const std::vector<robot::Model> units =
-      inertia < 0 ? std::vector<robot::Model>() : unit_models(models.bare);
+  const Eigen::Index delay = parameters.first(Kind::delay);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
+  MatrixXd speed = MatrixXd::Zero(ticks, n);
+  // Ticks of delay that the torques have already.
+  const int had = recording.controlled ? recording.scenario.loop.command_delay : recording.moved;
   for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
     const Vector at = q.row(k).transpose();
     const Vector v = (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h);
@@ -162,55 +286,23 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     left.row(k) -= (own + friction).transpose();
     // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
     const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
-    if (delay >= 0) left.row(k) += recording.scenario.loop.command_delay * per_tick;
-    for (Eigen::Index i = 0; i < p; ++i) {
-      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
-      MatrixXd& column = columns[static_cast<std::size_t>(i)];
-      switch (entry.kind) {
-        case Kind::rotor:
-          column(k, entry.joint) = a[entry.joint];
-          break;
-        case Kind::viscous:
-          column(k, entry.joint) = v[entry.joint];
-          break;
-        case Kind::coulomb:
-          column(k, entry.joint) = sign(v[entry.joint]);
-          break;
-        case Kind::payload:
-          column.row(k) =
-              (robot::inverse_dynamics<double>(models.loaded, at, v, a) - own).transpose();
-          break;
-        case Kind::delay:
-          column.row(k) = per_tick;
-          break;
-        case Kind::inertia:
-          column.row(k) = robot::inverse_dynamics<double>(
-                              units[static_cast<std::size_t>(i - inertia)], at, v, a)
-                              .transpose();
-          if (entry.component >= 1 && entry.component <= 3) {
-            column.row(k) -= columns[static_cast<std::size_t>(i - entry.component)].row(k);
-          }
-          break;
-        case Kind::offset:
-          column(k, entry.joint) = 1;
-          break;
-      }
-    }
+    if (delay >= 0) left.row(k) += had * per_tick;
+    speed.row(k) = v.transpose();
+    if (p > 0) set_columns(recording, parameters, models, {at, v, a, own, per_tick}, k, columns);
   }
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);
   left = low_passed(std::move(left), h);
   for (MatrixXd& column : columns) column = low_passed(std::move(column), h);
 
-  return thinned(columns, left, whole, low_passed(whole, h), h);
+  return thinned(columns, left, whole, low_passed(whole, h), low_passed(std::move(speed), h), h,
+                 recording.controlled);
 }
 
 namespace {
 
 constexpr int passes = 4;
 constexpr int blocks = 20;  ///< of time, for the covariance
-/// Share of a joint's largest speed below which its friction may be that of rest.
-constexpr double slowest = 0.1;
 
 /// All rows, each multiplied by its joint's weight.
 struct Weighted {
@@ -218,20 +310,15 @@ struct Weighted {
   VectorXd torque;
 };
 
-/// @param viscous index of the column that is the first joint's velocity. Rows at low speed then
-/// have weight 0; -1 keeps them.
-Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight, Eigen::Index viscous) {
+/// Slow rows have weight 0 unless they are used of that joint.
+Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight,
+                  const std::vector<bool>& with_slow) {
   Eigen::Index rows = 0, row = 0;
   for (const Regression& each : of) rows += each.torque.size();
   Weighted all{MatrixXd(rows, of.front().columns.cols()), VectorXd(rows)};
   for (const Regression& each : of) {
-    const MatrixXd speed =
-        each.columns.middleCols(std::max<Eigen::Index>(0, viscous), viscous < 0 ? 0 : weight.size())
-            .cwiseAbs();
-    const Eigen::RowVectorXd least = slowest * speed.colwise().maxCoeff();
     for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
-      const Eigen::Index j = each.joint[i];
-      const double w = viscous >= 0 && speed(i, j) < least[j] ? 0 : weight[j];
+      const double w = each.used(i, with_slow) ? weight[each.joint[i]] : 0;
       all.columns.row(row) = w * each.columns.row(i);
       all.torque[row] = w * each.torque[i];
     }
@@ -246,12 +333,18 @@ double quantile(double freedom) {
   return 1.96 * std::exp(x * (1.21 + x * (0.735 - 0.075 * x)));
 }
 
+/// Half widths of combinations, and their changes when each block of time is left out.
+struct Widths {
+  VectorXd half;
+  MatrixXd moves;
+};
+
 /// Returns the half widths of the 95 % intervals of `of` times the least-squares solution. They are
 /// the solution's changes when each block of time is left out, so correlated residuals count
 /// correctly. Student's quantile has the degrees of freedom of that sum of squares for a white
 /// residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for linear regression with
 /// multi-stage samples, Survey Methodology 28(2), 2002).
-VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
+Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
   const Eigen::Index length = residual.size() / blocks, p = J.cols();
   const MatrixXd N = J.transpose() * J, inverse = numerics::inverse(N);
   // Normal matrices of the blocks; solutions of the other blocks.
@@ -277,15 +370,15 @@ VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd
     const double width = quantile(freedom) * moves.row(i).norm() * std::sqrt(1 - 1.0 / blocks);
     result[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
   }
-  return result;
+  return {std::move(result), std::move(moves)};
 }
 
 /// Computes which parameters are determined, alone or in sums, and how well.
 void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
   VectorXd norm = rows.columns.colwise().norm().transpose();
   norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
-  static_cast<Precision&>(of) =
-      precision(rows.columns, norm, rows.torque - rows.columns * of.values);
+  static_cast<Precision&>(of) = precision(
+      rows.columns, norm, rows.torque - rows.columns * of.values, at_bound(parameters, of.values));
   of.sums.resize(static_cast<std::size_t>(norm.size()));
   for (Eigen::Index i = 0; i < norm.size(); ++i) {
     if (of.free(i, i) < 1e-6) continue;
@@ -302,33 +395,110 @@ void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSqua
 
 }  // namespace
 
-Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual) {
-  // Share of the scaled normal matrix's largest eigenvalue that counts as zero: a condition of 3e4.
-  constexpr double zero = 1e-9;
-  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-  const auto [value, V] = numerics::symmetric_eigen(scaled.transpose() * scaled);
-  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
-  const Eigen::Index rank = value.size() - null;
-  const auto determined = V.rightCols(rank);
-  return {half_widths(scaled * determined, residual, determined).cwiseQuotient(norm), rank,
-          std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]),
-          V.leftCols(null) * V.leftCols(null).transpose()};
+namespace {
+
+/// The normal matrix of scaled columns, split into what is determined and what is not.
+struct Determined {
+  MatrixXd scaled;   ///< J with columns of norm 1
+  VectorXd value;    ///< determined eigenvalues, ascending
+  MatrixXd vectors;  ///< their eigenvectors
+  MatrixXd free;     ///< projector onto the undetermined combinations
+
+  Determined(const MatrixXd& J, const VectorXd& norm) {
+    // Share of the largest eigenvalue that counts as zero: a condition of 3e4.
+    constexpr double zero = 1e-9;
+    scaled = J * norm.cwiseInverse().asDiagonal();
+    const auto [all, V] = numerics::symmetric_eigen(scaled.transpose() * scaled);
+    const Eigen::Index null = (all.array() < zero * all.maxCoeff()).count();
+    value = all.tail(all.size() - null);
+    vectors = V.rightCols(all.size() - null);
+    free = V.leftCols(null) * V.leftCols(null).transpose();
+  }
+
+  /// Returns the residual after least squares on the columns.
+  [[nodiscard]] VectorXd residual(const VectorXd& of) const {
+    const MatrixXd basis = scaled * vectors;
+    return of - basis * (basis.transpose() * of).cwiseQuotient(value);
+  }
+};
+
+/// Returns the numbers of the parameters that are not at their bound.
+std::vector<Eigen::Index> inside(Eigen::Index size, const std::vector<bool>& at_bound) {
+  std::vector<Eigen::Index> result;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) result.push_back(i);
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<bool> at_bound(const Parameters& parameters, const VectorXd& values) {
+  std::vector<bool> result;
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    result.push_back(parameters.entries()[static_cast<std::size_t>(i)].not_negative &&
+                     values[i] <= 0);
+  }
+  return result;
+}
+
+Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual,
+                    const std::vector<bool>& at_bound) {
+  const Determined all(J, norm);
+  Precision result{VectorXd(J.cols()), all.value.size(),
+                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()), all.free,
+                   MatrixXd::Zero(J.cols(), blocks)};
+  const auto widths = [&](const Determined& of, const VectorXd& left, const MatrixXd& rows) {
+    return half_widths(of.scaled * of.vectors, left, rows);
+  };
+  std::vector<Eigen::Index> free = inside(J.cols(), at_bound);
+  if (!free.empty()) {
+    const Determined found(J(Eigen::all, free), norm(free));
+    const Widths widths_of_free = widths(found, residual, found.vectors);
+    result.half_width(free) = widths_of_free.half.cwiseQuotient(norm(free));
+    result.moves(free, Eigen::all) = norm(free).cwiseInverse().asDiagonal() * widths_of_free.moves;
+  }
+  for (Eigen::Index i = 0; i < J.cols(); ++i) {
+    if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) continue;
+    free.push_back(i);
+    const Determined found(J(Eigen::all, free), norm(free));
+    const MatrixXd last = found.vectors.bottomRows(1);
+    result.half_width[i] = widths(found, found.residual(residual), last).half[0] / norm[i];
+    free.pop_back();
+  }
+  return result;
+}
+
+double Precision::half_width_of(const VectorXd& combination) const {
+  double most = 1.96;
+  for (Eigen::Index i = 0; i < combination.size(); ++i) {
+    const double moved = moves.row(i).norm();
+    if (combination[i] != 0 && moved > 0) most = std::max(most, half_width[i] / moved);
+  }
+  return most * (combination.transpose() * moves).norm();
 }
 
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
-                           const robot::Model& model, bool start) {
+                           const robot::Model& model, const std::vector<bool>& with_slow) {
   const Eigen::Index n = of.front().peak.size();
+  const std::vector<bool> slow =
+      with_slow.empty() ? std::vector<bool>(static_cast<std::size_t>(n), false) : with_slow;
   LeastSquares result;
   VectorXd weight = VectorXd::Ones(n);
   for (const Regression& each : of)
     weight = weight.cwiseMin(each.peak.cwiseMax(1e-9).cwiseInverse());
   for (int pass = 0; pass < passes; ++pass) {
-    const Weighted rows = weighted(of, weight, start ? parameters.first(Kind::viscous) : -1);
-    result.values = possible_values(rows.columns.transpose() * rows.columns,
-                                    rows.columns.transpose() * rows.torque, parameters, model);
+    const Weighted rows = weighted(of, weight, slow);
+    // Rows of one recording are as far apart as those of the others, if their loggers agree.
+    const double alike = rows_alike(of.front());
+    result.values =
+        possible_values(rows.columns.transpose() * rows.columns / alike,
+                        rows.columns.transpose() * rows.torque / alike, parameters, model);
     if (pass + 1 == passes) set_intervals(rows, parameters, result);
     VectorXd residual = VectorXd::Zero(n);
-    for (const Regression& each : of) residual = residual.cwiseMax(each.residual(result.values));
+    for (const Regression& each : of) {
+      residual = residual.cwiseMax(each.residual(result.values, slow));
+    }
     weight = residual.cwiseMax(1e-9).cwiseInverse();
   }
   return result;

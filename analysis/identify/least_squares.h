@@ -18,18 +18,32 @@ struct Regression {
   Eigen::VectorXd applied;  ///< whole torque [N m; N]
   Eigen::VectorXd time_s;   ///< time of the row from the recording's start
   Eigen::VectorXi joint;    ///< joint of the row
-  Eigen::VectorXd peak;     ///< largest filtered torque of each joint [N m; N]
+  Eigen::VectorXd speed;    ///< filtered velocity of that joint [rad/s; m/s]
+  /// True where that joint is slower than a fifth of its largest speed at most 0.1 s before or
+  /// after. The time is shorter for a joint that would have less than a fifth of its rows left.
+  std::vector<bool> slow;
+  Eigen::VectorXd peak;   ///< largest filtered torque of each joint [N m; N]
   Eigen::VectorXd share;  ///< of each parameter: largest torque of one unit at any tick, over peak
 
   /// Returns the rms of the torque that `values` leave unexplained, per joint [N m; N].
-  [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values) const;
+  /// @param with_slow whether a joint's slow rows count; empty: all rows do
+  [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values,
+                                         const std::vector<bool>& with_slow = {}) const;
+  /// Returns whether a row is used if slow rows are used of these joints.
+  [[nodiscard]] bool used(Eigen::Index row, const std::vector<bool>& with_slow) const {
+    const auto at = static_cast<std::size_t>(row);
+    return !slow[at] || with_slow[static_cast<std::size_t>(joint[row])];
+  }
 };
 
 Regression regression(const Recording& recording, const Parameters& parameters);
 
-/// Filters each column with that low-pass (15 Hz).
+/// Returns how many rows in succession count as one independent row behind the filter.
+double rows_alike(const Regression& of);
+
+/// Filters each column with that low-pass.
 /// @param h period of the rows [s]
-Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h);
+Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h, double cutoff_hz = 15);
 
 /// The precision of a least-squares estimate.
 struct Precision {
@@ -39,26 +53,38 @@ struct Precision {
   /// Square root of the ratio of the determined eigenvalues.
   double condition = 0;
   Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
+  /// Changes of the parameters when each block of time is left out, a column per block.
+  Eigen::MatrixXd moves;
+
+  /// Returns the half width of a combination of the parameters. Its degrees of freedom are the
+  /// fewest of the parameters in it.
+  [[nodiscard]] double half_width_of(const Eigen::VectorXd& combination) const;
 };
 /// Computes the precision from the variation of the estimate when blocks of time are left out. It
-/// holds for residuals of any autocorrelation.
+/// holds for residuals of any autocorrelation. A parameter at its bound is held there for the
+/// precision of the others. Its own half width is that of the estimate in which it alone is free of
+/// its bound, so that the true value is at most a half width from the bound.
 /// @param J Jacobian, rows in order of time
 /// @param norm norms of its columns, by which it is scaled
 /// @param residual in order of time
+/// @param at_bound parameters that are at their bound; empty: none is
 Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
-                    const Eigen::VectorXd& residual);
+                    const Eigen::VectorXd& residual, const std::vector<bool>& at_bound = {});
+
+/// Returns which values are at the bound that `possible_values` keeps.
+std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& values);
 
 /// Weighted least squares: the weight of a joint is the reciprocal of its residual. Friction,
-/// rotors and payload are not negative, and links are physically possible (inertia.h). Errors of
-/// the filtered signs of the velocity bias the result. It therefore serves as a start for
-/// `output_error` and is the answer only if no loop can be simulated. With `start`, rows of joints
-/// at rest are left out, because their friction can be anything up to Coulomb's.
+/// rotors and payload are not negative, and links are physically possible (inertia.h). Slow rows
+/// bias the result, because filtered signs of the velocity are wrong there and a joint at rest may
+/// have any friction up to Coulomb's.
 struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
   /// For each parameter: the others it is determined with in a sum; empty: alone.
   std::vector<std::string> sums;
 };
+/// @param with_slow whether a joint's slow rows are used; empty: no joint's are
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
-                           const robot::Model& model, bool start = false);
+                           const robot::Model& model, const std::vector<bool>& with_slow = {});
 
 }  // namespace tachless::identify

@@ -16,23 +16,30 @@ namespace tachless::identify {
 struct Fit {
   Eigen::VectorXd values;
   Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
+  Eigen::MatrixXd moves;       ///< as `Precision::moves`
   double condition = 0;        ///< of the scaled normal matrix
   Eigen::VectorXd residual;    ///< rms of measured minus simulated position, per joint [rad; m]
+  std::vector<Eigen::MatrixXd> noise;  ///< of each recording, as `simulated_residual` takes it
 };
 
 using Report = std::function<void(std::string_view what)>;
 
 /// Fits the parameters by Gauss-Newton on measured minus simulated positions. The weight of a joint
-/// is the reciprocal of its residual. The parameters stay physically possible (inertia.h).
-/// Derivatives are differences of simulations. The intervals hold for residuals of any
-/// autocorrelation (`precision`). Without convergence they are wider by the remaining step.
+/// is the reciprocal of its residual. The parameters stay physically possible (inertia.h). In the
+/// first passes the simulated law reads, besides the simulated positions, the part of the last
+/// residual above 50 Hz. This part is the recorded encoders' noise. That noise shakes the arm and
+/// lowers its dry friction. Derivatives are differences of simulations. The intervals hold for
+/// residuals of any autocorrelation (`precision`). Without convergence they are wider by the
+/// remaining step.
 /// @throw base::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);
 
 /// Returns measured minus simulated positions [rad; m], one row per tick. There are fewer rows if
 /// the simulated run ends early.
+/// @param noise added to the positions that the simulated law reads, a row per tick; empty: none
 Eigen::MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
-                                   const Eigen::VectorXd& values);
+                                   const Eigen::VectorXd& values,
+                                   const Eigen::MatrixXd& noise = {});
 
 }  // namespace tachless::identify

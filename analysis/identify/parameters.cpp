@@ -26,6 +26,7 @@ std::string unit_of(Kind kind, bool turns) {
       return "ticks";
     case Kind::payload:
     case Kind::inertia:
+    case Kind::load:
       break;
   }
   return "kg";
@@ -34,8 +35,13 @@ std::string unit_of(Kind kind, bool turns) {
 /// Largest delay [ticks]: just below the tick after the longest delay of a drive.
 constexpr double longest_delay = plant::max_delay_ticks + 0.999;
 
+/// Smallest mass of a load that is in a model [kg].
+constexpr double least_load = 1e-6;
+
 constexpr std::array<const char*, 10> component_names = {"mass", "mx",  "my",  "mz",  "Ixx",
                                                          "Iyy",  "Izz", "Ixy", "Ixz", "Iyz"};
+
+const char* unit_of_component(int c) { return c == 0 ? "kg" : c < 4 ? "kg m" : "kg m2"; }
 
 }  // namespace
 
@@ -59,11 +65,21 @@ robot::MassProperties mass_properties(const Inertial& value) {
   return body;
 }
 
-Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown) {
+Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
+                       bool controlled)
+    : controlled_(controlled) {
   for (const Kind kind : unknown) {
     const std::string name(kind_names[static_cast<std::size_t>(kind)]);
     if (kind == Kind::payload || kind == Kind::delay) {
-      entries_.push_back({kind, -1, name, unit_of(kind, true)});
+      entries_.push_back({kind, -1, name, unit_of(kind, true), controlled || kind != Kind::delay});
+      continue;
+    }
+    if (kind == Kind::load) {
+      for (int c = 0; c < std::ssize(component_names); ++c) {
+        entries_.push_back({kind, -1,
+                            fmt::format("payload {}", component_names[static_cast<std::size_t>(c)]),
+                            unit_of_component(c), c == 0, c});
+      }
       continue;
     }
     if (kind == Kind::inertia) {
@@ -74,10 +90,7 @@ Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kin
               {kind, body,
                fmt::format("{} {}", component_names[at],
                            scenario.model->bodies[static_cast<std::size_t>(body)].link),
-               c == 0  ? "kg"
-               : c < 4 ? "kg m"
-                       : "kg m2",
-               c});
+               unit_of_component(c), false, c});
         }
       }
       continue;
@@ -85,8 +98,8 @@ Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kin
     for (int i = 0; i < scenario.num_joints; ++i) {
       const auto at = static_cast<std::size_t>(i);
       const bool turns = scenario.model->joint_types[at] == robot::JointType::revolute;
-      entries_.push_back(
-          {kind, i, name + " " + scenario.model->joint_names[at], unit_of(kind, turns)});
+      entries_.push_back({kind, i, name + " " + scenario.model->joint_names[at],
+                          unit_of(kind, turns), kind != Kind::offset});
     }
   }
 }
@@ -121,6 +134,9 @@ scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
         changed.loop.command_delay = static_cast<int>(std::clamp(value, 0.0, longest_delay));
         drive.delay_fraction = std::clamp(value, 0.0, longest_delay) - changed.loop.command_delay;
         break;
+      case Kind::load:
+        changed.plant.payload.mass_kg = 0;  // the load is in the model below
+        break;
       case Kind::inertia:
       case Kind::offset:
         break;
@@ -138,6 +154,14 @@ scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
       if (!change.isZero(0)) of_body = mass_properties(inertial_of(of_body) + change);
     }
   }
+  if (const Eigen::Index load = first(Kind::load); load >= 0) {
+    Inertial value = values.segment<10>(load);
+    if (!value.isZero(0)) {
+      value[0] = std::max(value[0], least_load);
+      *model = robot::with_payload(std::move(*model), mass_properties(value),
+                                   scenario.plant.payload.link);
+    }
+  }
   model->lower.setConstant(-robot::Model::unlimited);
   model->upper.setConstant(robot::Model::unlimited);
   model->velocity_limit.setConstant(robot::Model::unlimited);
@@ -147,6 +171,11 @@ scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
   encoder.resolution_bits.reset();
   encoder.noise_std_rad = encoder.velocity_noise_std_rad_per_s = 0;
   return changed;
+}
+
+Eigen::VectorXd Parameters::without_load(Eigen::VectorXd values) const {
+  if (const Eigen::Index load = first(Kind::load); load >= 0) values.segment<10>(load).setZero();
+  return values;
 }
 
 std::vector<double> Parameters::of(Kind kind, const Eigen::VectorXd& values) const {
@@ -178,7 +207,7 @@ std::vector<std::string> Parameters::overrides(const scenario::Scenario& scenari
   for (const double mass : of(Kind::payload, values)) {
     result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
   }
-  for (const double delay : of(Kind::delay, values)) {
+  for (const double delay : controlled_ ? of(Kind::delay, values) : std::vector<double>()) {
     const int whole = static_cast<int>(std::lround(delay)), own = scenario.loop.command_delay;
     result.push_back(fmt::format("loop.command_delay={}", std::min(whole, own)));
     result.push_back(

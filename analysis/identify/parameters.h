@@ -13,10 +13,12 @@ namespace tachless::identify {
 
 /// Kinds of parameters. `inertia`: mass, first moments and inertia of every link. `offset`:
 /// constant error of a torque sensor or motor current. `delay`: ticks, with a fraction, from a
-/// measurement until the torque computed from it acts.
-enum class Kind { rotor, viscous, coulomb, payload, delay, inertia, offset };
-inline constexpr std::array<std::string_view, 7> kind_names = {
-    "rotor", "viscous", "coulomb", "payload", "delay", "inertia", "offset"};
+/// measurement until the torque computed from it acts. `payload`: mass of a payload whose place the
+/// scenario says. `load`: mass, first moments and inertia of a payload on the scenario's payload
+/// link.
+enum class Kind { rotor, viscous, coulomb, payload, delay, inertia, offset, load };
+inline constexpr std::array<std::string_view, 8> kind_names = {
+    "rotor", "viscous", "coulomb", "payload", "delay", "inertia", "offset", "load"};
 /// Number of leading kinds for which a motion can be designed.
 inline constexpr std::size_t num_motion_kinds = 4;
 
@@ -28,19 +30,24 @@ Inertial inertial_of(const robot::MassProperties& body);
 robot::MassProperties mass_properties(const Inertial& value);
 
 /// The unknown parameters of a robot as one vector: each kind's joints in order, one number for the
-/// payload's mass and one for the delay, ten numbers for each body. A body's numbers are
-/// differences to the URDF's values.
+/// payload's mass and one for the delay, ten numbers for each body and for the load. A body's
+/// numbers are differences to the URDF's values.
 class Parameters {
  public:
   struct Entry {
     Kind kind;
-    int joint;         ///< -1 for the payload and the delay; for `inertia` the index of the body
+    int joint;         ///< -1 for payload, load and delay; for `inertia` the index of the body
     std::string name;  ///< "rotor elbow", "Izz forearm"
     std::string unit;
+    bool not_negative = true;
     int component = 0;  ///< index into an `Inertial`
   };
 
-  Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown);
+  /// @param controlled the recordings are of the scenario's own law (`Recording::controlled`).
+  /// Otherwise a delay is the time by which a table's torques are late. It may be negative and
+  /// belongs to the table, so that it is not written.
+  Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
+             bool controlled = true);
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
   [[nodiscard]] Eigen::Index size() const { return std::ssize(entries_); }
@@ -51,6 +58,9 @@ class Parameters {
   /// Returns the scenario with these values in its plant, ideal encoders and native mechanics.
   [[nodiscard]] scenario::Scenario plant(const scenario::Scenario& scenario,
                                          const Eigen::VectorXd& values) const;
+
+  /// Returns the values for a run without the load.
+  [[nodiscard]] Eigen::VectorXd without_load(Eigen::VectorXd values) const;
 
   /// Returns overrides such as "plant.drive.coulomb_friction_Nm=[1, 2]" that write the values into
   /// a scenario. Friction is written for the plant and for the law's feedforward. A delay is
@@ -63,6 +73,7 @@ class Parameters {
   [[nodiscard]] std::vector<double> of(Kind kind, const Eigen::VectorXd& values) const;
 
   std::vector<Entry> entries_;
+  bool controlled_;
 };
 
 }  // namespace tachless::identify

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <utility>
 #include <vector>
 
@@ -36,6 +37,15 @@ void begin_as_recorded(Recording& recording) {
 }
 
 }  // namespace
+
+Recording with_torques_moved(const Recording& recording, int ticks) {
+  Recording result = recording;
+  const Eigen::Index rows = recording.num_ticks() - std::abs(ticks);
+  result.q = ticks > 0 ? recording.q.bottomRows(rows) : recording.q.topRows(rows);
+  result.tau = ticks > 0 ? recording.tau.topRows(rows) : recording.tau.bottomRows(rows);
+  result.moved += ticks;
+  return result;
+}
 
 void require_usable(const Recording& recording) {
   const double seconds =

@@ -279,19 +279,18 @@ def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Map
     return _result("design", [robot, *_options({"write": write, **goal})], overrides or {})
 
 
-def identify(*logs: Path, unknown: Union[str, Sequence[str]] = ("rotor", "viscous", "coulomb"),
-             **options: Any) -> Result:
+def identify(*logs: Path, unknown: Union[str, Sequence[str], None] = None, **options: Any) -> Result:
     """Identifies rotor inertia, friction and payload from logs of runs (tachless identify).
 
     Args:
         logs: paths of logs of one robot.
-        unknown: names of the unknown parameters.
-        options: the command's options: validate, write, force, ...
+        unknown: names of the unknown parameters; None: rotor, viscous, coulomb, and a table's delay.
+        options: the command's options: validate, write, on, without, all, force, ...
 
     Raises:
         Error: the parameters cannot be identified from a log (code 2).
     """
-    if options.get("all"):  # the command refuses --unknown together with --all
+    if unknown is None or options.get("all"):  # the command refuses --unknown together with --all
         return _result("identify", [*logs, *_options(options)], {})
     names = [unknown] if isinstance(unknown, str) else list(unknown)
     return _result("identify", [*logs, *_options({"unknown": names, **options})], {})

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <random>
 #include <string>
 #include <utility>
 #include <variant>
@@ -60,6 +62,20 @@ inline Recording record(const scenario::Scenario& believed, const scenario::Scen
     return true;
   });
   return result;
+}
+
+/// Draws parameters of a size that the gains of `believed` can move.
+inline Eigen::VectorXd draw_truth(const scenario::Scenario& believed, const Parameters& parameters,
+                                  std::mt19937& random) {
+  const Vector& kp = believed.controller.gains.at("kp");
+  Eigen::VectorXd truth(parameters.size());
+  for (Eigen::Index i = 0; i < truth.size(); ++i) {
+    const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    const double share = entry.kind == Kind::rotor ? 0.01 : 0.03;
+    truth[i] = std::uniform_real_distribution<double>(0.2, 2)(random) *
+               (entry.joint < 0 ? 1 : share * std::sqrt(kp[entry.joint]));
+  }
+  return truth;
 }
 
 /// Returns the plant with hidden parameters and the scenario's own encoders.

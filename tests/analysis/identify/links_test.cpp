@@ -13,6 +13,7 @@
 #include "robot/dynamics.h"
 #include "robot/urdf_xml.h"
 #include "tests/analysis/identify/hidden_arm.h"
+#include "tests/analysis/identify/table_of_motion.h"
 #include "tests/support/temporary_directory.h"
 
 namespace tachless::identify {
@@ -25,35 +26,13 @@ using testing::HasSubstr;
 
 const std::vector<Kind> everything = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia,
                                       Kind::offset};
-constexpr double h = 0.005;
 
-/// Returns a motion of several sines per joint, which depends on `seed`, and the torques of an arm
-/// whose controller is unknown.
+/// Returns the table of an arm with friction of 0.4 N m s/rad and 0.3 N m and with torque offsets.
 Recording motion(const scenario::Scenario& scenario, const robot::Model& arm, double seconds,
                  double seed) {
-  const auto ticks = static_cast<Index>(seconds / h), n = Index{arm.num_joints};
-  Recording run{"a table", scenario, Eigen::MatrixXd(ticks, n), Eigen::MatrixXd(ticks, n), false};
-  run.scenario.loop.period_s = h;
-  for (Index k = 0; k < ticks; ++k) {
-    const double t = h * static_cast<double>(k);
-    Vector q = Vector::Zero(n), v = q, a = q;
-    for (Index i = 0; i < n; ++i) {
-      for (int term = 1; term <= 4; ++term) {
-        const double w = (0.7 + 0.31 * static_cast<double>(i) + seed) * term;
-        const double amplitude = 0.5 / term, phase = term * static_cast<double>(i + 1) + seed;
-        q[i] += amplitude * std::sin(w * t + phase);
-        v[i] += amplitude * w * std::cos(w * t + phase);
-        a[i] -= amplitude * w * w * std::sin(w * t + phase);
-      }
-    }
-    Vector tau = robot::inverse_dynamics<double>(arm, q, v, a);
-    for (Index i = 0; i < n; ++i) {
-      tau[i] += 0.4 * v[i] + (v[i] > 0 ? 0.3 : -0.3) + 0.1 * static_cast<double>(i);
-    }
-    run.q.row(k) = q.transpose();
-    run.tau.row(k) = tau.transpose();
-  }
-  return run;
+  return table_of_motion(scenario, arm, seconds, seed, [](Index joint, double v, double /*load*/) {
+    return 0.4 * v + (v > 0 ? 0.3 : -0.3) + 0.1 * static_cast<double>(joint);
+  });
 }
 
 /// Returns a model with another mass, centre and inertia for every link, and with rotors.
@@ -137,6 +116,29 @@ TEST(Links, OfAPayloadWithAnInertiaTheMassIsFound) {
   EXPECT_EQ(payload.entry.name, "payload");
   // The filtered signs of the velocity cause the remaining error.
   EXPECT_NEAR(payload.value, 0.5, 0.01);
+}
+
+/// A torque sensor on the link side of the gear measures no rotor, and a wrist's torque is mostly
+/// noise. Each rotor is then known to be small, and the model is whole.
+TEST(Links, AParameterThatIsNotToldFromZeroIsKnownToBeSmall) {
+  const scenario::Scenario scenario = iiwa();
+  robot::Model arm = changed(*scenario.model);
+  arm.rotor_inertia.setZero();
+  Recording run = table_of_motion(
+      scenario, arm, 14, 0,
+      [](Index /*joint*/, double v, double /*load*/) { return 0.05 * v + (v > 0 ? 0.15 : -0.15); });
+  add_noise(run, 0.02);
+  const Identified found = identify({run}, everything, {}, ignore);
+  int small = 0;
+  for (const Identified::Parameter& each : found.parameters) {
+    EXPECT_TRUE(each.doubt.empty() || each.in_sum || each.entry.kind == Kind::inertia)
+        << each.entry.name << ": " << each.doubt;
+    small += each.entry.kind == Kind::rotor && each.is_small() ? 1 : 0;
+    EXPECT_TRUE(!each.at_bound || each.value == 0) << each.entry.name;
+  }
+  EXPECT_GE(small, 3);
+  EXPECT_THAT(identify::text(found, "arm"), HasSubstr("small, not told from zero"));
+  for (const Identified::Check& each : found.checks) EXPECT_FALSE(each.misfit.found) << each.joint;
 }
 
 TEST(Links, OfALogTheLoopIsSimulatedWithThem) {

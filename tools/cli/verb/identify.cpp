@@ -5,10 +5,12 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -68,17 +70,21 @@ struct Excite {
   fs::path input, output;
   std::vector<std::string> overrides, unknown = {"rotor", "viscous", "coulomb"};
   identify::ExcitationGoal goal;
-  bool force = false, quiet = false;
+  bool all = false, force = false, quiet = false;
 
   void declare(CLI::App& command) {
     session::with_installed_scenarios(session::add_scenario(command, input, overrides));
-    add_unknown(command, unknown, identify::num_motion_kinds);
+    CLI::Option* const chosen = add_unknown(command, unknown, identify::num_motion_kinds);
+    command.add_flag("--all", all, "Unknown: rotor, viscous, coulomb and inertia of all links")
+        ->excludes(chosen);
     command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
         ->check(CLI::Range(5.0, 60.0));
     command
         .add_option("--reach", goal.reach,
                     "How far a joint may go from where it begins [rad; m]; default: 0.5")
         ->check(CLI::Range(0.02, 3.0));
+    command.add_option("--floor", goal.floor,
+                       "Height above the base's origin above which links' origins stay [m]");
     command.add_option("--write", output, "The scenario with this motion, as a file")->required();
     command.add_flag("--force", force, "Replace that file if it exists");
     add_quiet(command, quiet);
@@ -89,7 +95,9 @@ struct Excite {
     const scenario::Scenario scenario = scenario::load_scenario(input, overrides);
     Screen screen(quiet);
     const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
-    const identify::Excitation found = identify::excite(scenario, kinds(unknown), goal, show);
+    std::vector<std::string> sought = unknown;
+    if (all) sought.emplace_back("inertia");
+    const identify::Excitation found = identify::excite(scenario, kinds(sought), goal, show);
     std::vector<std::string> changes = overrides;
     changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
     changes.push_back("name=" + scenario_name(output));
@@ -97,10 +105,7 @@ struct Excite {
     const std::vector<std::string> objections =
         certify::objections(certify::certify(moving, false, show));
     screen.clear();
-    print_text(fmt::format(
-        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n",
-        output.string(), found.condition, fmt::join(found.reach, ", "),
-        fmt::join(found.speed, ", "), fmt::join(found.torque, ", ")));
+    print_text(text(found));
     for (const std::string& objection : objections) {
       base::log_error("{}: {}; nothing written", input.string(), objection);
     }
@@ -109,13 +114,31 @@ struct Excite {
     std::cout << fmt::format("  type: tachless run {}\n", base::shell_word(output.string()));
     return ExitCode::done;
   }
+
+ private:
+  [[nodiscard]] std::string text(const identify::Excitation& found) const {
+    std::string text = fmt::format(
+        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n"
+        "  predicted 95 % intervals, with torque noise of {:g} % of the limit\n",
+        output.string(), found.condition, fmt::join(found.reach, ", "),
+        fmt::join(found.speed, ", "), fmt::join(found.torque, ", "), 100 * identify::noise_share);
+    for (const auto& [name, unit, half_width] : found.widths) {
+      text += std::isfinite(half_width)
+                  ? fmt::format("  {:<24} +- {:.2g} {}\n", name, half_width, unit)
+                  : fmt::format("  {:<24} only in sums with others\n", name);
+    }
+    return text;
+  }
 };
 
 struct Identify {
   std::vector<fs::path> logs;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
+  std::vector<fs::path> without;
+  std::string carrier;
   fs::path validate, output;
   bool all = false, force = false, json = false, quiet = false;
+  CLI::Option* chosen = nullptr;  ///< --unknown
 
   void declare(CLI::App& command) {
     command
@@ -123,11 +146,15 @@ struct Identify {
                     "Logs of runs of one robot, or their directories; or YAML files that say what "
                     "the columns of another logger's tables are")
         ->required();
-    CLI::Option* const some = add_unknown(command, unknown, identify::kind_names.size());
+    chosen = add_unknown(command, unknown, identify::kind_names.size() - 1);  // the load is --on's
     command
         .add_flag("--all", all,
-                  "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset")
-        ->excludes(some);
+                  "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset, and "
+                  "a table's delay")
+        ->excludes(chosen);
+    command.add_option("--on", carrier,
+                       "Link that carries a payload of unknown mass, centre and inertia");
+    command.add_option("--without", without, "Logs of runs without this payload")->needs("--on");
     command.add_option("--validate", validate, "A log that is not used, to check the result with");
     command.add_option("--write", output,
                        "The log's scenario with the result, as F.yaml, and its URDF beside it");
@@ -142,9 +169,11 @@ struct Identify {
     if (!output.empty()) require_writable(urdf, force);
     std::vector<Recording> recordings;
     std::optional<Recording> other;
-    if (!validate.empty()) other = read(validate);
-    for (const fs::path& log : logs) {
-      recordings.push_back(read(log));
+    if (!validate.empty()) other = read_loaded(validate);
+    for (std::size_t i = 0; i < logs.size() + without.size(); ++i) {
+      const bool loaded = i < logs.size();
+      recordings.push_back(read_loaded(loaded ? logs[i] : without[i - logs.size()]));
+      recordings.back().loaded = loaded;
       std::error_code error;  // a file may have several names
       if (!other || !fs::equivalent(other->source, recordings.back().source, error)) continue;
       throw base::bad_usage("--validate {}: is fitted too; allowed: another log",
@@ -158,21 +187,30 @@ struct Identify {
     Screen screen(quiet);
     const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia",
                                                  "offset"};
+    std::vector<std::string> sought = all ? everything : unknown;
+    if (!chosen->count() && !recordings.front().controlled) sought.emplace_back("delay");
+    if (!carrier.empty()) std::erase(sought, "payload");
+    std::vector<identify::Kind> unknown_kinds = kinds(sought);
+    if (!carrier.empty()) unknown_kinds.push_back(identify::Kind::load);
     const identify::Identified found = identify::identify(
-        recordings, kinds(all ? everything : unknown), other,
+        recordings, unknown_kinds, other,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     print(json, found, identify::text(found, scenario.name));
+    if (!found.no_fit.empty()) {
+      base::log_error("{}: {}{}", recordings.front().source, found.no_fit,
+                      output.empty() ? "" : "; nothing written");
+      return ExitCode::check_said_no;
+    }
     bool whole = true;
     for (const auto& each : found.parameters) {
       whole = whole && (each.doubt.empty() || each.in_sum);
     }
     if (!whole) {
       base::log_error(
-          "{}: not every parameter is identifiable{}; record a motion that moves each joint both "
-          "ways, slowly and fast (a joint that friction holds moves with a guess of it: run with "
-          "--set controller.friction.coulomb=…), or leave one out of --unknown",
-          recordings.front().source, output.empty() ? "" : ": nothing written");
+          "{}: not every parameter is identifiable{}; record {}, or leave one out of --unknown",
+          recordings.front().source, output.empty() ? "" : ": nothing written",
+          fmt::join(found.advice, "; "));
       return ExitCode::check_said_no;
     }
     if (!output.empty()) write(scenario, found, urdf);
@@ -180,6 +218,19 @@ struct Identify {
   }
 
  private:
+  /// Reads a recording whose payload, if it is asked for, is on the link of --on.
+  [[nodiscard]] Recording read_loaded(const fs::path& log) const {
+    Recording recording = read(log);
+    if (carrier.empty()) return recording;
+    try {
+      robot::with_payload(*recording.scenario.model, {}, carrier);
+    } catch (const std::invalid_argument& refused) {
+      throw base::bad_usage("--on {}: {}", carrier, refused.what());
+    }
+    recording.scenario.plant.payload = {.link = carrier};
+    return recording;
+  }
+
   void write(const scenario::Scenario& scenario, const identify::Identified& found,
              const fs::path& urdf) const {
     std::vector<std::string> overrides = found.overrides;

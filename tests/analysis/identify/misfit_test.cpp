@@ -1,0 +1,233 @@
+// Intervals of tables, and whether a wrong model is called wrong.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "identify/misfit.h"
+#include "tests/analysis/identify/hidden_arm.h"
+#include "tests/analysis/identify/table_of_motion.h"
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::Index;
+using testing::HasSubstr;
+using testing::Not;
+
+const std::vector<Kind> seen_in_tables = {Kind::rotor, Kind::viscous, Kind::coulomb};
+const std::vector<Kind> of_table = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::delay};
+
+/// Rotors, viscous and Coulomb friction, payload of the two-link arm.
+const Eigen::VectorXd hidden_truth = (Eigen::VectorXd(7) << 1, 0.2, 3, 0.9, 3.3, 1, 0).finished();
+
+Recording log_of(const scenario::Scenario& plant, const scenario::Scenario& believed) {
+  return record(believed, plant);
+}
+
+/// Returns the run's table: the torques that act at its instants.
+Recording table_of(const Recording& run) {
+  Recording table = run;
+  table.controlled = false;
+  const Index rows = run.num_ticks();
+  table.tau.bottomRows(rows - 1) = 0.5 * (run.tau.topRows(rows - 1) + run.tau.bottomRows(rows - 1));
+  return table;
+}
+
+Recording hidden_table(double seconds) {
+  const scenario::Scenario believed = scenario("practical_rigid", "18", seconds);
+  return table_of(log_of(hidden(believed, hidden_truth), believed));
+}
+
+/// Expects narrow intervals and errors below twice their half widths.
+void expect_true_values(const Identified& found, double most) {
+  for (Index i = 0; i < 6; ++i) {
+    const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
+    EXPECT_EQ(each.doubt, "") << each.entry.name;
+    EXPECT_LT(std::abs(each.value - hidden_truth[i]), 2 * each.half_width) << each.entry.name;
+    EXPECT_LT(each.half_width, most * hidden_truth[i]) << each.entry.name;
+  }
+}
+
+/// 95 % of 60 intervals are 57 +- 1.7.
+TEST(Tables, IntervalsHold) {
+  const scenario::Scenario believed = scenario("practical_rigid", "18", 12);
+  std::mt19937 random(3);
+  int held = 0;
+  for (int arm = 0; arm < 10; ++arm) {
+    Eigen::VectorXd truth = draw_truth(believed, Parameters(believed, all), random);
+    truth[6] = 0;  // no payload
+    const Identified found =
+        identify({table_of(log_of(hidden(believed, truth), believed))}, of_table, {}, ignore);
+    for (Index i = 0; i < 6; ++i) {
+      const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
+      held += std::abs(each.value - truth[i]) <= each.half_width ? 1 : 0;
+    }
+    for (const Identified::Check& each : found.checks) {
+      EXPECT_FALSE(each.misfit.found) << each.joint;
+    }
+  }
+  EXPECT_GE(held, 53);
+}
+
+/// Filtered signs of the velocity are wrong around reversals. Rows there would bias every number.
+TEST(Tables, SlowRowsDoNotBiasTheAnswer) {
+  const Identified found = identify({hidden_table(14)}, of_table, {}, ignore);
+  expect_true_values(found, 0.02);
+  for (const Identified::Check& each : found.checks) EXPECT_FALSE(each.misfit.found) << each.joint;
+}
+
+/// An arm at rest may have any friction up to Coulomb's.
+TEST(Tables, RestAtTheEndDoesNotBiasTheAnswer) {
+  Recording table = hidden_table(14);
+  const Index rows = table.num_ticks(), rest = 4000;
+  table.q.conservativeResize(rows + rest, Eigen::NoChange);
+  table.tau.conservativeResize(rows + rest, Eigen::NoChange);
+  table.q.bottomRows(rest).rowwise() = table.q.row(rows - 1);
+  table.tau.bottomRows(rest).rowwise() = table.tau.row(rows - 1);
+  expect_true_values(identify({table}, of_table, {}, ignore), 0.02);
+}
+
+/// Commanded torques act later. The table does not say when.
+TEST(Tables, TheDelayOfTheirTorquesIsFound) {
+  const Recording aligned = hidden_table(14);
+  for (const int late : {-3, 0, 1, 6}) {
+    Recording table = with_torques_moved(aligned, -late);
+    table.moved = 0;
+    const Identified found = identify({table}, of_table, {}, ignore);
+    expect_true_values(found, 0.02);
+    EXPECT_NEAR(found.parameters.back().value, late, 0.1);
+    for (const std::string& each : found.overrides) EXPECT_THAT(each, Not(HasSubstr("delay")));
+  }
+}
+
+TEST(Tables, AJointThatStandsStillIsNamedWithWhatWouldHelp) {
+  Recording table = hidden_table(10);
+  table.q.col(1).setConstant(table.q(0, 1));
+  const Identified found = identify({table}, seen_in_tables, {}, ignore);
+  EXPECT_THAT(found.parameters[3].doubt, HasSubstr("the joint hardly moves"));
+  EXPECT_THAT(found.advice, testing::Contains(HasSubstr("motion of elbow")));
+}
+
+struct Wrong {
+  const char* what;
+  JointError error;
+};
+
+/// Each error of the torque is above 3 % of its peak, which is 100 N m at the shoulder.
+TEST(Tables, AWrongModelIsCalledWrong) {
+  const scenario::Scenario arm = scenario("practical_rigid", "20", 2);
+  const auto sign = [](double v) { return v > 0 ? 1.0 : -1.0; };
+  const std::vector<Wrong> wrong = {
+      {"friction with the load",
+       [&](Index /*j*/, double v, double load) {
+         return 2 * v + sign(v) * (2 + 0.1 * std::abs(load));
+       }},
+      {"quadratic friction",
+       [&](Index /*j*/, double v, double /*load*/) {
+         return 2 * v * (1 + 4 * std::abs(v)) + 2 * sign(v);
+       }},
+      {"more friction one way",
+       [&](Index /*j*/, double v, double /*load*/) { return 2 * v + (v > 0 ? 8 : -3); }},
+      {"a torque constant",
+       [&](Index /*j*/, double v, double load) { return 2 * v + 2 * sign(v) - 0.1 * load; }}};
+  for (const Wrong& each : wrong) {
+    Recording table = table_of_motion(arm, *arm.model, 15, 0, each.error);
+    add_noise(table, 0.01);
+    const Identified found = identify({table}, of_table, {}, ignore);
+    EXPECT_TRUE(std::ranges::any_of(found.checks, [](const auto& of) { return of.misfit.found; }))
+        << each.what;
+    EXPECT_THAT(identify::text(found, "arm"), HasSubstr("the model lacks something at "))
+        << each.what;
+  }
+  Recording right =
+      table_of_motion(arm, *arm.model, 15, 0,
+                      [&](Index /*j*/, double v, double /*load*/) { return 2 * v + 2 * sign(v); });
+  add_noise(right, 0.01);
+  EXPECT_THAT(identify::text(identify({right}, of_table, {}, ignore), "arm"),
+              Not(HasSubstr("lacks something")));
+}
+
+/// The test looks at every recording.
+TEST(Tables, AWrongSecondRecordingIsCalledWrong) {
+  const scenario::Scenario arm = scenario("practical_rigid", "20", 2);
+  const auto table = [&](double constant, double seed) {
+    Recording of =
+        table_of_motion(arm, *arm.model, 15, seed, [&](Index /*j*/, double v, double load) {
+          return 2 * v + (v > 0 ? 2 : -2) - constant * load;
+        });
+    add_noise(of, 0.01);
+    return of;
+  };
+  const Identified found = identify({table(0, 0), table(0.2, 0.1)}, of_table, {}, ignore);
+  EXPECT_TRUE(found.checks.front().misfit.found);
+  EXPECT_GT(found.checks.front().after, 0.02);
+}
+
+/// Slow motion with other friction than fast motion.
+TEST(Tables, FrictionOfSlowMotionIsCompared) {
+  const scenario::Scenario arm = scenario("practical_rigid", "20", 2);
+  const auto falling = [](Index joint, double v, double /*load*/) {
+    const double coulomb = joint == 0 ? 8 * (1 + std::exp(-std::abs(v) / 0.1)) : 2;
+    return 2 * v + (v > 0 ? coulomb : -coulomb);
+  };
+  // Fast motion for 15 s, and then a twentieth as fast.
+  Recording both = table_of_path(
+      arm, *arm.model, 30,
+      [](Index joint, double t) {
+        const double fast = 0.5 * (1 - std::tanh(t - 15)), shift = 0.3 * static_cast<double>(joint);
+        return fast * 0.5 * std::sin((1.7 + shift) * t) + 0.4 * std::sin((0.14 + 0.1 * shift) * t);
+      },
+      falling);
+  add_noise(both, 0.002);
+  const Identified found = identify({both}, of_table, {}, ignore);
+  EXPECT_GT(found.checks[0].misfit.slow_friction, 1);
+  EXPECT_EQ(found.checks[1].misfit.slow_friction, 0);
+  EXPECT_THAT(identify::text(found, "arm"),
+              HasSubstr("friction of shoulder is not viscous + Coulomb: slow and fast motion "
+                        "differ by"));
+}
+
+TEST(Logs, AWrongModelIsCalledWrong) {
+  const scenario::Scenario believed = scenario("practical_rigid", "20", 6);
+  const auto misfit = [&](const scenario::Scenario& plant) {
+    const Identified found = identify({log_of(plant, believed)}, seen_in_tables, {}, ignore);
+    return std::ranges::any_of(found.checks, [](const auto& of) { return of.misfit.found; });
+  };
+  EXPECT_FALSE(misfit(hidden(believed, hidden_truth)));
+  scenario::Scenario heavy = hidden(believed, hidden_truth), tilted = heavy, sticky = heavy;
+  auto model = std::make_shared<robot::Model>(*heavy.model);
+  for (robot::MassProperties& body : model->bodies) body.mass *= 1.2;
+  heavy.model = model;
+  EXPECT_TRUE(misfit(heavy));
+  auto leaning = std::make_shared<robot::Model>(*tilted.model);
+  leaning->gravity = 9.81 * Eigen::Vector3d(-std::sin(0.035), 0, -std::cos(0.035));
+  tilted.model = leaning;
+  EXPECT_TRUE(misfit(tilted));
+  sticky.plant.drive.static_friction_Nm = Eigen::Vector2d(6.6, 2);
+  sticky.plant.drive.stribeck_velocity_rad_per_s = Eigen::Vector2d(0.05, 0.05);
+  EXPECT_TRUE(misfit(sticky));
+}
+
+/// Noise of the encoder shakes the arm and lowers its dry friction. The simulated loop has the same
+/// noise.
+TEST(Logs, IntervalsHoldWithEncoderNoise) {
+  scenario::Scenario believed = scenario("practical_rigid", "16", 10);
+  believed.plant.encoder.noise_std_rad = 2e-4;
+  const Identified found =
+      identify({log_of(hidden(believed, hidden_truth), believed)}, seen_in_tables, {}, ignore);
+  for (Index i = 0; i < 6; ++i) {
+    const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
+    EXPECT_NEAR(each.value, hidden_truth[i], 1.5 * each.half_width) << each.entry.name;
+  }
+  for (const Identified::Check& each : found.checks) EXPECT_FALSE(each.misfit.found) << each.joint;
+}
+
+}  // namespace
+}  // namespace tachless::identify
