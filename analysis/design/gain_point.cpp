@@ -122,7 +122,8 @@ void GainPoint::look_at_margins() {
 
 void GainPoint::differentiate() {
   make_feedback(true);
-  make_grids();
+  // Derivatives at a frequency serve all loops, or are computed for the rows that need them.
+  if (feedback_.size() == 1 && !problem_->resonant) make_grids();
 }
 
 void GainPoint::make_feedback(bool derivatives) {
@@ -223,7 +224,12 @@ void GainPoint::add_margin_rows(std::size_t loop, std::vector<Row>& rows) const 
         (k == 0 || all[k] <= all[k - 1]) && (k + 1 == all.size() || all[k] <= all[k + 1]);
     const double least = problem_->share[loop] * (problem_->margin + margin_kept);
     if (all[k] > least + (lowest ? near_margin : 0.03)) continue;
-    problem_->loops[loop].add_rows(grid(loop)[k], feedback(loop), least, near_margin, rows);
+    const linear::RestLoop& at = problem_->loops[loop];
+    const linear::Feedback& law = feedback(loop);
+    const FeedbackAt& here = grid(loop)[k];
+    const bool complete = here.by_kind.size() == law.by_kind.size();
+    at.add_rows(complete ? here : linear::at_frequency(law, here.w, at.period_s()), law, least,
+                near_margin, rows);
   }
 }
 

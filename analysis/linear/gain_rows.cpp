@@ -52,11 +52,18 @@ FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s) {
   const Index memory = law.A.rows();
   MatrixXcd to_memory, from_memory;  // (z - A)^-1 B, C (z - A)^-1
   if (memory > 0) {
-    MatrixXcd resolvent = -law.A.cast<std::complex<double>>();
-    resolvent.diagonal().array() += std::polar(1.0, w * period_s);
-    const MatrixXcd inverse = numerics::complex_inverse(resolvent);
-    to_memory = inverse * law.B;
-    from_memory = law.C * inverse;
+    const std::complex<double> z = std::polar(1.0, w * period_s);
+    if (law.A.isDiagonal(0)) {  // each state is a filter of its own
+      const VectorXcd inverse = (z - law.A.diagonal().array()).inverse();
+      to_memory = inverse.asDiagonal() * law.B;
+      from_memory = law.C * inverse.asDiagonal();
+    } else {
+      MatrixXcd resolvent = -law.A.cast<std::complex<double>>();
+      resolvent.diagonal().array() += z;
+      const MatrixXcd inverse = numerics::complex_inverse(resolvent);
+      to_memory = inverse * law.B;
+      from_memory = law.C * inverse;
+    }
     at.K += law.C * to_memory;
   }
   for (const LinearLaw& by : feedback.by_kind) {
