@@ -273,7 +273,7 @@ class MotorLoop : public FormLoop {
 /// and moments are 0 or at their ends, and so is the friction.
 class AdaptiveLoop : public FormLoop {
  public:
-  static constexpr int most_corners = 1024;
+  static constexpr int most_corners = 64;
 
   explicit AdaptiveLoop(const scenario::Scenario& scenario)
       : samples_(scenario),

@@ -66,6 +66,11 @@ std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario
                                               const linear::OnProgress& tell) {
   const std::unique_ptr<FormLoop> loop = form_loop(scenario, why_not);
   if (!loop) return {};
+  constexpr int most_joints = 2;
+  if (!loop->weights() && scenario.num_joints > most_joints) {
+    why_not = "weights of V are searched for robots of one or two joints";
+    return {};
+  }
   tell("certified region: postures and instants");
   const int samples = scenario.num_joints <= 2 ? 500 : 200;
   const std::vector<ErrorForm> fine = forms_of(*loop, std::max(1, samples) * loop->corners());
