@@ -18,7 +18,8 @@
 #include "controller/law/rivals/kalman_velocity.h"
 #include "controller/law/rivals/kelly_flexible.h"
 #include "controller/law/rivals/kelly_regulation.h"
-#include "controller/law/rivals/lanari_wen.h"
+#include "controller/law/rivals/linear_adrc.h"
+#include "controller/law/rivals/motor_pd_feedforward.h"
 #include "controller/law/rivals/nicosia_tomei.h"
 #include "controller/law/rivals/numerical_difference.h"
 #include "controller/law/rivals/pd_gravity.h"
@@ -39,11 +40,11 @@ struct LawList {};
 using Laws =
     LawList<law::BerghuisNijmeijer, law::ComputedTorque, law::DifferenceOfError, law::FlexibleMotor,
             law::FlexiblePosition, law::KalmanVelocity, law::KellyFlexible, law::KellyRegulation,
-            law::LanariWen, law::LoriaOrtegaAdaptive, law::LoriaOrtegaBounded,
+            law::LinearAdrc, law::LoriaOrtegaAdaptive, law::LoriaOrtegaBounded,
             law::LoriaOrtegaFlexible, law::LoriaOrtegaIntegral, law::LoriaOrtegaMatrix,
-            law::LoriaOrtegaRigid, law::LoriaOrtegaScheduled, law::NicosiaTomei,
-            law::NumericalDifference, law::PdGravity, law::RobustDifferentiator, law::SlotineLi,
-            law::SlotineLiFlexible, law::WenBayard, law::ZhangDawson>;
+            law::LoriaOrtegaRigid, law::LoriaOrtegaScheduled, law::MotorPdFeedforward,
+            law::NicosiaTomei, law::NumericalDifference, law::PdGravity, law::RobustDifferentiator,
+            law::SlotineLi, law::SlotineLiFlexible, law::WenBayard, law::ZhangDawson>;
 
 /// Calls `action(std::type_identity<L>())` for the law of that name.
 /// @return whether there is such a law
