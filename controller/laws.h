@@ -18,7 +18,8 @@
 #include "controller/law/rivals/kalman_velocity.h"
 #include "controller/law/rivals/kelly_flexible.h"
 #include "controller/law/rivals/kelly_regulation.h"
-#include "controller/law/rivals/lanari_wen.h"
+#include "controller/law/rivals/linear_adrc.h"
+#include "controller/law/rivals/motor_pd_feedforward.h"
 #include "controller/law/rivals/nicosia_tomei.h"
 #include "controller/law/rivals/numerical_difference.h"
 #include "controller/law/rivals/pd_gravity.h"
@@ -46,7 +47,7 @@ using Laws = LawList<
     law::KalmanVelocity,
     law::KellyFlexible,
     law::KellyRegulation,
-    law::LanariWen,
+    law::LinearAdrc,
     law::LoriaOrtegaAdaptive,
     law::LoriaOrtegaBounded,
     law::LoriaOrtegaFlexible,
@@ -54,6 +55,7 @@ using Laws = LawList<
     law::LoriaOrtegaMatrix,
     law::LoriaOrtegaRigid,
     law::LoriaOrtegaScheduled,
+    law::MotorPdFeedforward,
     law::NicosiaTomei,
     law::NumericalDifference,
     law::PdGravity,

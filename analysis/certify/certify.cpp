@@ -269,7 +269,40 @@ std::string global_text(const lyapunov::GlobalConvergence& global) {
   return (global.shown ? "yes: " : "not shown: ") + global.why;
 }
 
+/// Returns what the unknown parameters take of the level.
+std::string parameters_text(const lyapunov::WeightedRegion& w) {
+  return fmt::format("the unknown parameters take at most {:.2g} % of the level",
+                     100 * *w.of_parameters / w.region.level);
+}
+
+Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
+  Group group{
+      "region",
+      "Certified region (sampled postures and instants: not a proof; continuous time, exact "
+      "model: no saturation, quantisation, delay or lead)",
+      {}};
+  group.add("status", "", "sampled", "");
+  group.add("start", "this start",
+            {{"certified", w.holds_initial_state()}, {"proved", false}, {"torque_share", Json()}},
+            w.holds_initial_state() ? "certified" : "NOT certified");
+  Json values = {{"level", json_of(w.region.level)},
+                 {"rate_per_s", json_of(w.region.rate)},
+                 {"error_rate_per_s", json_of(w.region.rate / 2)},
+                 {"e_at_rest", json_of(within(w.e_at_rest, range))},
+                 {"postures", w.forms},
+                 {"parameters", json_of(w.of_parameters)},
+                 {"initial_state", {{"V", w.V0}, {"certified", w.holds_initial_state()}}}};
+  group.add("largest", "largest region", std::move(values),
+            fmt::format("V = {:.4g} J of {:.4g} J, at {} postures and instants", w.V0,
+                        w.region.level, w.forms));
+  group.add("", "  one joint displaced, from rest", Json(), reach_text(w.e_at_rest, range));
+  group.add("", "  small errors decay at", Json(), fmt::format("{:.4g} 1/s", w.region.rate / 2));
+  if (w.of_parameters) group.add("", "  parameters", Json(), parameters_text(w));
+  return group;
+}
+
 Group region_group(const Certificate& all) {
+  if (all.weighted) return weighted_group(*all.weighted, all.start_range);
   Group group{"region", "Certified region", {}};
   if (!all.stability) {
     group.add("none", "none", all.no_stability, all.no_stability);
@@ -418,6 +451,21 @@ std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::Ve
       reach_text(region->region.e_at_rest, range), rest);
 }
 
+std::string region_text(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
+  return fmt::format(
+      "at sampled postures, in continuous time: this start is {}; from rest {}, one joint "
+      "displaced "
+      "at a time{}{}",
+      w.holds_initial_state() ? "in it" : "NOT in it", reach_text(w.e_at_rest, range),
+      w.of_parameters ? "; " : "", w.of_parameters ? parameters_text(w) : "");
+}
+
+std::string region_text(const Certificate& all) {
+  if (all.stability) return region_text(*all.stability, all.start_range);
+  if (all.weighted) return region_text(*all.weighted, all.start_range);
+  return "none: " + all.no_stability;
+}
+
 /// Returns why a loop has no margins.
 std::string no_margins(const Prediction& loop) {
   return loop.unstable_q.size() == 0
@@ -462,8 +510,7 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
     reference = fmt::format("{}", fmt::join(problems, "; "));
   }
   text += line("reference", reference);
-  text += line("certified region", all.stability ? region_text(*all.stability, all.start_range)
-                                                 : "none: " + all.no_stability);
+  text += line("certified region", region_text(all));
   if (all.global) text += line("globally", global_text(*all.global));
   return text;
 }
@@ -483,7 +530,9 @@ Certificate certify(const scenario::Scenario& scenario, bool paper, const linear
     result.drives = predict_drives(scenario, answers);
   }
   result.no_stability = no_region(result.loop);
-  if (result.no_stability.empty()) {
+  if (result.no_stability.empty() && lyapunov::has_error_form(scenario.controller.law)) {
+    result.weighted = lyapunov::weighted_region(scenario, result.no_stability, tell);
+  } else if (result.no_stability.empty()) {
     result.stability =
         lyapunov::stability_certificate(scenario, linear::Effort::full, result.no_stability, tell);
     if (result.stability) result.global = lyapunov::global_convergence(scenario);

@@ -11,6 +11,7 @@
 #include "lyapunov/global_convergence.h"
 #include "lyapunov/sampled_region.h"
 #include "lyapunov/stability_certificate.h"
+#include "lyapunov/weighted_region.h"
 
 /// `tachless certify`: the analysis of a scenario before it runs, for people and as JSON.
 namespace tachless::certify {
@@ -20,7 +21,8 @@ struct Certificate {
   Feasibility feasibility;
   std::optional<lyapunov::StabilityCertificate> stability;  ///< nothing under an unstable loop
   std::optional<lyapunov::PaperConditions> paper;           ///< where it was asked for
-  std::string no_stability;                                 ///< why there is none
+  std::string no_stability;                                 ///< why there is no region
+  std::optional<lyapunov::WeightedRegion> weighted;         ///< the region of the other laws
   /// Largest error of each joint that its range allows at the start [rad; m]; half a turn for a
   /// joint without limits. No region is shown beyond. Empty: not known.
   Eigen::VectorXd start_range;

@@ -83,8 +83,17 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
       "pi)/dq "
       "added, for every pi of the box; the unknown parameters are constant and in the box";
 
+  /// Its certificate depends on the box of the unknown parameters (lyapunov::weighted_region).
   static constexpr std::string_view no_certificate =
       "its region depends on the box of the unknown parameters";
+
+  /// A parameter of the load: the robot without mass that carries one kilogram, or two of them, the
+  /// half of whose difference is the parameter's.
+  struct Column {
+    std::vector<robot::Model> load;
+    double rate = 0;
+    std::array<double, 2> box{};
+  };
 
   using Columns =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, 4>;
@@ -189,14 +198,12 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
     return Y;
   }
 
- private:
-  /// A parameter of the load: the robot without mass that carries one kilogram, or two of them.
-  struct Column {
-    std::vector<robot::Model> load;
-    double rate = 0;
-    std::array<double, 2> box{};
-  };
+  /// Returns the load's parameters in the order of the estimates.
+  [[nodiscard]] const std::vector<Column>& columns() const { return columns_; }
+  /// Returns the law's gains; the box of the friction has one entry per joint.
+  [[nodiscard]] const Gains& gains() const { return gains_; }
 
+ private:
   void add_column(std::vector<robot::Model> load, double rate, std::array<double, 2> box) {
     columns_.push_back({std::move(load), rate, box});
   }

@@ -110,7 +110,7 @@ TEST(Registry, KnowsWhatEachLawIsFedWith) {
   EXPECT_EQ(law_facts("wen_bayard").measurement, "STATE");
   EXPECT_EQ(law_facts("slotine_li").measurement, "STATE");
   EXPECT_EQ(law_facts("slotine_li_flexible").measurement, "STATE");
-  EXPECT_EQ(law_facts("lanari_wen").measurement, "STATE");
+  EXPECT_EQ(law_facts("motor_pd_feedforward").measurement, "STATE");
   for (const char* law : {"numerical_difference", "kalman_velocity", "robust_differentiator"}) {
     EXPECT_EQ(law_facts(law).measurement, "POSITION");
   }
@@ -279,7 +279,7 @@ TEST(Registry, RefusesGainsOfOtherLawsAndNamesItsOwnWithTheirUnits) {
 
 TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {
   for (const char* law :
-       {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible", "lanari_wen"}) {
+       {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible", "motor_pd_feedforward"}) {
     scenario::Scenario scenario = flexible_scenario(law);
     scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     EXPECT_EQ(refusal(scenario), "accepted");

@@ -187,7 +187,7 @@ TEST_F(Study, FlexibilityIsBorneByTheLawsThatKnowOfIt) {
     EXPECT_LT(error("loria_ortega_flexible", stiffness),
               2 * error("slotine_li_flexible", stiffness));
   }
-  EXPECT_GT(error("lanari_wen", 1e2), 100 * error("loria_ortega_flexible", 1e2));
+  EXPECT_GT(error("motor_pd_feedforward", 1e2), 100 * error("loria_ortega_flexible", 1e2));
   // Beyond the limit of the clock; the rigid law is not.
   EXPECT_TRUE(std::isnan(error("loria_ortega_flexible", 1e6)));
   EXPECT_LT(error("loria_ortega_rigid", 1e6), 1e-4);

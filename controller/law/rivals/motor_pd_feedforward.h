@@ -8,31 +8,32 @@
 
 namespace tachless::controller::law {
 
-struct LanariWenGains {
+struct MotorPdFeedforwardGains {
   Vector kp, kv;
 
   static constexpr std::tuple keys{
-      gain("kp", &LanariWenGains::kp, "N m/rad", "Weight of the motor's position error"),
-      gain("kv", &LanariWenGains::kv, "N m s/rad", "Weight of the motor's velocity error")};
+      gain("kp", &MotorPdFeedforwardGains::kp, "N m/rad", "Weight of the motor's position error"),
+      gain("kv", &MotorPdFeedforwardGains::kv, "N m s/rad",
+           "Weight of the motor's velocity error")};
 };
 
-/// Tracking of a robot with flexible joints from motor position and velocity; all other terms come
-/// from the reference. L. Lanari and J. T. Wen (1992-1993) give several laws. This is the one with
-/// all-desired feed-forward, in the form implemented here:
+/// Tracking of a robot with flexible joints by a proportional-derivative law of the motors beside a
+/// feed-forward that is a function of the reference alone:
 ///
 ///   theta_ref = q_ref + K^-1 ID(q_ref, v_ref, vdot_ref),
 ///   tau = J thetaddot_ref + K (theta_ref - q_ref) - Kp e2 - Kv e2dot,   e2 = theta - theta_ref.
 ///
 /// The law measures the full state, because no smaller measurement holds motor velocity. It uses
 /// motor position and velocity only.
-class LanariWen : public FlexibleLaw<LanariWenGains>, public FullState {
+class MotorPdFeedforward : public FlexibleLaw<MotorPdFeedforwardGains>, public FullState {
  public:
-  static constexpr std::string_view name = "lanari_wen";
+  static constexpr std::string_view name = "motor_pd_feedforward";
   static constexpr std::array signals{Signal{"error", "rad"},
                                       Signal{"edot", "rad/s"}};  ///< of the motor
   static constexpr std::string_view source =
-      "L. Lanari and J. T. Wen, 1992-1993 (flexible joints, all-desired feed-forward), in the form "
-      "implemented here";
+      "common practice; the idea of a feed-forward of the reference alone is in L. Lanari and J. "
+      "T. "
+      "Wen, 1992-1993, whose laws were not compared with it";
   static constexpr std::string_view proved = "locally asymptotically stable, in continuous time";
   static constexpr std::string_view conditions =
       "K and Kp large beside the gradients of the links' torque on the reference; the region grows "
@@ -60,7 +61,7 @@ class LanariWen : public FlexibleLaw<LanariWenGains>, public FullState {
   }
 };
 
-static_assert(Law<LanariWen>);
-static_assert(!OutputFeedbackLaw<LanariWen>);
+static_assert(Law<MotorPdFeedforward>);
+static_assert(!OutputFeedbackLaw<MotorPdFeedforward>);
 
 }  // namespace tachless::controller::law

@@ -1,4 +1,4 @@
-#include "controller/law/rivals/lanari_wen.h"
+#include "controller/law/rivals/motor_pd_feedforward.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 namespace tachless::controller::law {
 namespace {
 
-const LanariWen::Gains gains{vector(4000, 1000), vector(80, 40)};
+const MotorPdFeedforward::Gains gains{vector(4000, 1000), vector(80, 40)};
 
-LanariWen law_with(double payload) {
+MotorPdFeedforward law_with(double payload) {
   return {{model_with(payload), stiffness, rotor_inertia}, gains, {}};
 }
 
@@ -62,7 +62,7 @@ State<8> beside() {
   return x;
 }
 
-TEST(LanariWen, ConvergesWithAndWithoutAPayloadThatTheModelKnows) {
+TEST(MotorPdFeedforward, ConvergesWithAndWithoutAPayloadThatTheModelKnows) {
   const Sine reference;
   for (const double payload : {0.0, 0.5}) {
     const Continuous exact{{{payload}}, reference};
@@ -77,7 +77,7 @@ TEST(LanariWen, ConvergesWithAndWithoutAPayloadThatTheModelKnows) {
   }
 }
 
-TEST(LanariWen, ApproachesItsContinuousEquationsWithFirstOrder) {
+TEST(MotorPdFeedforward, ApproachesItsContinuousEquationsWithFirstOrder) {
   const Sine reference{{0.3, -0.4}, 3};
   const Continuous exact{{}, reference};
   const auto continuous = solution(exact, beside(), 1.25e-4, 3200, 6.25e-5);
@@ -94,8 +94,8 @@ TEST(LanariWen, ApproachesItsContinuousEquationsWithFirstOrder) {
   EXPECT_NEAR(error[1] / error[2], 2, 0.1) << error[1];
 }
 
-TEST(LanariWen, IsItsFormula) {
-  const LanariWen law = law_with(0);
+TEST(MotorPdFeedforward, IsItsFormula) {
+  const MotorPdFeedforward law = law_with(0);
   Random random(1);
   for (int i = 0; i < 100; ++i) {
     const Sine reference{random.pair(1), random.between(1, 3)};
@@ -115,8 +115,8 @@ TEST(LanariWen, IsItsFormula) {
   }
 }
 
-TEST(LanariWen, TakesNothingFromTheLinks) {
-  const LanariWen law = law_with(0);
+TEST(MotorPdFeedforward, TakesNothingFromTheLinks) {
+  const MotorPdFeedforward law = law_with(0);
   Random random(2);
   messages::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1),
                                       random.pair(1)};

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+/// The closed loop of a law in error coordinates y beside the links' rate edot, and what a Lyapunov
+/// function with full weights certifies of it:
+///
+///   M eddot + [C(q, v) + Cd + D] edot = Gam y,   ydot = Fy y + Fe edot,   Cd = C(q, v_ref),
+///   V = 1/2 edot' M edot + 1/2 y' P y + (N y)' M edot,   delta = N y.
+///
+/// The paper's V (eq. 15) is P = diag(Kp, Kd B^-1), N = [E1, -E2]. Continuous time, exact model.
+namespace tachless::lyapunov {
+
+/// The loop at one posture and one instant of the reference.
+struct ErrorForm {
+  Eigen::MatrixXd Fy, Fe, Gam;
+  Eigen::MatrixXd M;               ///< of the links [kg m2]
+  Eigen::MatrixXd Cd;              ///< [N m s/rad]
+  Eigen::VectorXd damping;         ///< D [N m s/rad]
+  std::vector<Eigen::MatrixXd> C;  ///< C(q, x) = sum x_j C[j] [kg m2]
+};
+
+/// The weights of V.
+struct FormWeights {
+  Eigen::MatrixXd P, N;
+};
+
+/// Returns the matrix of 2 V in x = (y, edot).
+Eigen::MatrixXd lyapunov_matrix(const ErrorForm& form, const FormWeights& weights);
+
+/// Returns Mm with Vdot = -x' Mm x + edot' C(q, delta) edot exactly:
+///
+///   -Mm = sym [ P Fy + N' Gam,  P Fe + Fy' N' M + N' (W - D) + Gam';
+///               0,              -Cd - D + (N Fe)' M ],   W = Cd' - Cd.
+Eigen::MatrixXd decrease_matrix(const ErrorForm& form, const FormWeights& weights);
+
+/// The region that weights certify over a set of forms.
+struct FormRegion {
+  double level = 0;         ///< V <= level is invariant, and V falls in it [J]
+  double rho = 0;           ///< V falls where |L^-1 delta| <= rho, L L' = N P^-1 N' [J^1/2]
+  double rate = 0;          ///< of V in the limit of small errors [1/s]; errors decay at half of it
+  std::size_t binding = 0;  ///< the form that ends the region
+};
+
+/// Returns the region; its rho is 0 where V or Mm is not positive definite at the binding form.
+FormRegion region_of(const std::vector<ErrorForm>& forms, const FormWeights& weights);
+
+/// Entries of P and N that a search of weights may choose; all others are 0.
+struct FormEntries {
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> P;  ///< row <= column
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> N;
+};
+
+/// Searches the weights with the largest level over the forms, all of which decay at `rate` at
+/// least. Nothing when no weights are found.
+/// @param size typical size of P's diagonal
+/// @param from weights with which the search begins, if there are any
+std::optional<FormWeights> best_form_weights(const std::vector<ErrorForm>& forms,
+                                             const FormEntries& entries,
+                                             const Eigen::VectorXd& size, double rate,
+                                             const std::optional<FormWeights>& from = {});
+
+}  // namespace tachless::lyapunov

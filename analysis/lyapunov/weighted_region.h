@@ -1,0 +1,69 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "linear/effort.h"
+#include "lyapunov/error_form.h"
+#include "scenario/scenario.h"
+
+/// The certified region of the laws whose error equation is an `ErrorForm`: `flexible_position` and
+/// `flexible_motor` with weights of V that are searched, and `loria_ortega_adaptive` with its own
+/// weights at the corners of the box of the unknown parameters. Continuous time, an exact model but
+/// for these parameters, no lead. At sampled postures and instants: not a proof.
+namespace tachless::lyapunov {
+
+struct WeightedRegion {
+  FormRegion region;
+  FormWeights weights;
+  int forms = 0;  ///< postures and instants at which V was found to fall
+  /// Largest displacement of one joint alone, its link and motor together, at rest beside the
+  /// reference [rad; m].
+  Eigen::VectorXd e_at_rest;
+  double V0 = 0;  ///< at the scenario's start [J]
+  /// Largest part of V that belongs to the unknown parameters [J]. Nothing: the law has none.
+  std::optional<double> of_parameters;
+
+  [[nodiscard]] bool holds_initial_state() const {
+    return V0 + of_parameters.value_or(0) <= region.level;
+  }
+};
+
+/// The loop of such a law: its forms, its start, and the weights or the choice of them.
+class FormLoop {
+ public:
+  virtual ~FormLoop() = default;
+
+  /// Returns the form of posture and instant number `k`, the first at the scenario's start.
+  [[nodiscard]] virtual ErrorForm form(int k) const = 0;
+  /// Returns V's y at the start of the reference with links and motors displaced by e, at rest
+  /// beside it.
+  [[nodiscard]] virtual Eigen::VectorXd displaced(const Eigen::VectorXd& e) const = 0;
+  /// Returns (y, edot) at the scenario's start.
+  [[nodiscard]] virtual Eigen::VectorXd initial() const = 0;
+  /// Returns typical sizes of P's diagonal.
+  [[nodiscard]] virtual Eigen::VectorXd size() const = 0;
+  /// Returns the law's own weights; nothing: they are searched.
+  [[nodiscard]] virtual std::optional<FormWeights> weights() const { return {}; }
+  [[nodiscard]] virtual std::optional<double> of_parameters() const { return {}; }
+  /// Returns how many numbers k in a row show every corner of the parameters' box.
+  [[nodiscard]] virtual int corners() const { return 1; }
+};
+
+/// Returns whether the certificate of the law is of this kind.
+bool has_error_form(std::string_view law);
+
+/// Returns the loop of the scenario's law; nothing, and why, where there is no certificate.
+/// Precondition: `has_error_form`.
+std::unique_ptr<FormLoop> form_loop(const scenario::Scenario& scenario, std::string& why_not);
+
+/// Returns the region; nothing, and why, where none was found. Precondition: `has_error_form`.
+/// @throw base::Failure(bad_usage)
+std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario,
+                                              std::string& why_not,
+                                              const linear::OnProgress& tell = linear::no_progress);
+
+}  // namespace tachless::lyapunov
