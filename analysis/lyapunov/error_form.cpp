@@ -61,7 +61,7 @@ std::vector<MatrixXd> coriolis_bounds(const ErrorForm& form, int corners) {
   return all;
 }
 
-/// What one form says of given weights.
+/// The results of one form for given weights.
 struct OfForm {
   double rho = 0, w = 0, rate = 0;
 };

@@ -1,4 +1,4 @@
-// What certify says of a loop inside the drives.
+// Tests of the page of certify with a loop inside the drives.
 #include "certify/drive_prediction.h"
 
 #include <gmock/gmock.h>
