@@ -52,7 +52,7 @@ class LawWithNoise final : public controller::AnyLaw {
     command_ = step.command;
     signals_of_step_ = step.signals;
   }
-  void retune(std::string_view /*gains*/) override {}  // the law does it itself
+  void build(std::string_view /*gains*/) override {}  // the law does it itself
 
   controller::ScenarioLaw law_;
   const MatrixXd& noise_;
