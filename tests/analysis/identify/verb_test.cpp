@@ -105,18 +105,6 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   }
 }
 
-TEST_F(IdentifyVerb, SuggestsADesignForTheIntervalsOfTheRotors) {
-  const std::string fine = run("fine", {});
-  const std::string coarse =
-      run("coarse", {"--set", "plant.encoder.resolution_bits=9", "--set", "loop.duration_s=3"});
-  const auto suggested = [&](const std::string& log, const std::string& file) {
-    return tachless({"identify", log, "--write", directory_ / file, "--quiet"}).output;
-  };
-  EXPECT_THAT(suggested(fine, "fine.yaml"), HasSubstr("fine.yaml\n"));
-  EXPECT_THAT(suggested(coarse, "coarse.yaml"),
-              testing::ContainsRegex("coarse.yaml --uncertain rotors=[0-9]+%\n"));
-}
-
 TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
   const std::string urdf = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
   const auto step = [&](const Words& words) {

@@ -131,21 +131,6 @@ struct Excite {
   }
 };
 
-/// Returns the option with which `design` keeps the margin for the rotors' intervals, with a space
-/// before it; empty if they are narrower than the digits of a margin.
-std::string uncertain_option(const identify::Identified& found) {
-  constexpr double narrow = 0.01, most = 0.9;
-  double share = 0, inertia = 0;
-  for (const auto& each : found.parameters) {
-    if (each.entry.kind != identify::Kind::rotor) continue;
-    inertia = std::max(inertia, each.half_width);
-    share = std::max(share, each.half_width / each.value);
-  }
-  if (!(share >= narrow)) return "";
-  if (share > most) return fmt::format(" --uncertain rotors={:.2g}", inertia);
-  return fmt::format(" --uncertain rotors={:.0f}%", std::ceil(100 * share));
-}
-
 struct Identify {
   std::vector<fs::path> logs;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
@@ -258,8 +243,7 @@ struct Identify {
     base::UnfinishedFile(urdf, write_remedy).write(corrected);
     base::UnfinishedFile(output, write_remedy).write(text);
     if (json) return;
-    std::cout << fmt::format("  type: tachless design {}{}\n", base::shell_word(output.string()),
-                             uncertain_option(found));
+    std::cout << fmt::format("  type: tachless design {}\n", base::shell_word(output.string()));
   }
 };
 
