@@ -160,6 +160,7 @@ ScenarioLoop::ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers&
     : scenario_(without_texts(scenario)),
       weightless_(without_texts(without_weight(scenario))),
       model_(plant_of(scenario)),
+      drive_loop_(scenario::drive_loop(scenario)),
       trajectory_(reference::make_trajectory(scenario)),
       motion_(scenario, trajectory_) {
   if (answers) {
@@ -180,8 +181,7 @@ LinearPlant ScenarioLoop::plant_with(const robot::Model& model,
   const auto& drive = scenario_->robot.flexible;
   if (!drive) {
     LinearPlant arm = with_drives(rigid_plant(model, reference, friction), drives);
-    const auto loop = scenario::drive_loop(*scenario_);
-    return loop ? with_drive_loop(arm, *loop, scenario_->loop.period_s) : arm;
+    return drive_loop_ ? with_drive_loop(arm, *drive_loop_, scenario_->loop.period_s) : arm;
   }
   LinearPlant plant = flexible_plant(model, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);

@@ -16,6 +16,7 @@
 #include "messages/signals.h"
 #include "reference/make_trajectory.h"
 #include "robot/jet.h"
+#include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 
 /// A scenario's closed loop, linearised: its plant about its reference, and its law, whichever of
@@ -76,7 +77,8 @@ class ScenarioLoop {
   std::shared_ptr<const scenario::Scenario> scenario_,
       weightless_;  ///< weightless: without gravity
   controller::law::Settings settings_;
-  robot::Model model_;  ///< of the plant
+  robot::Model model_;                                 ///< of the plant
+  std::optional<scenario::DriveLoopSpec> drive_loop_;  ///< of plant.drive.loop
   reference::Trajectory trajectory_;
   Motion motion_;
   std::shared_ptr<AskedLaw> asked_;
