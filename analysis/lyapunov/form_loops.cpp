@@ -11,6 +11,7 @@
 #include "lyapunov/law_loop.h"
 #include "lyapunov/weighted_region.h"
 #include "numerics/postures.h"
+#include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
 
@@ -135,19 +136,18 @@ class PositionLoop : public FormLoop {
         law_(controller::make_law<FlexiblePosition>(scenario)),
         gains_(controller::gains_of<FlexiblePosition::Gains>(
             scenario, controller::law_facts(FlexiblePosition::name))) {
-    const auto& given = scenario.plant.initial;
-    const Vector &q = given.position_rad, &v = given.velocity_rad_per_s;
-    const Vector theta = given.motor_position_rad.value_or(
-        Vector(q + robot::gravity_torque(robot_.links, q).cwiseQuotient(robot_.stiffness)));
-    const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
+    const plant::ArmState start =
+        plant::initial_state(scenario.plant, scenario.robot.flexible, robot_.links);
     const ReferencePoint r = samples_.first();
-    const messages::BothPositionsMeasurement measured{q, theta};
+    const messages::BothPositionsMeasurement measured{start.q, start.theta};
     const auto signals = law_.step(law_.start(measured, r), measured, r).signals;
-    const Vector z = robot_.spring_torque(q, theta) -
-                     law_.link_torque(q, {r.v_ref, r.a_ref}, signals.value[0], signals.value[1]);
-    initial_.resize(6 * q.size());
+    const Vector z =
+        robot_.spring_torque(start.q, start.theta) -
+        law_.link_torque(start.q, {r.v_ref, r.a_ref}, signals.value[0], signals.value[1]);
+    initial_.resize(6 * start.q.size());
     initial_ << signals.value[0], signals.value[1], z,
-        thetadot - robot::first_derivative(law_.motor_reference(r)), signals.value[3], v - r.v_ref;
+        start.thetadot - robot::first_derivative(law_.motor_reference(r)), signals.value[3],
+        start.v - r.v_ref;
   }
 
   [[nodiscard]] ErrorForm form(int k) const override {
@@ -215,18 +215,15 @@ class MotorLoop : public FormLoop {
         gains_(controller::gains_of<FlexibleMotor::Gains>(
             scenario, controller::law_facts(FlexibleMotor::name))) {
     const auto law = controller::make_law<FlexibleMotor>(scenario);
-    const auto& given = scenario.plant.initial;
-    const Vector &q = given.position_rad, &v = given.velocity_rad_per_s;
-    const Vector theta = given.motor_position_rad.value_or(
-        Vector(q + robot::gravity_torque(robot_.links, q).cwiseQuotient(robot_.stiffness)));
-    const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
+    const plant::ArmState start =
+        plant::initial_state(scenario.plant, scenario.robot.flexible, robot_.links);
     const ReferencePoint r = samples_.first();
-    const messages::MotorPositionMeasurement measured{theta};
+    const messages::MotorPositionMeasurement measured{start.theta};
     const auto signals = law.step(law.start(measured, r), measured, r).signals;
-    initial_.resize(5 * q.size());
-    initial_ << q - r.q_ref, signals.value[0],
-        thetadot - robot::first_derivative(law.motor_reference(r).theta_d), signals.value[1],
-        v - r.v_ref;
+    initial_.resize(5 * start.q.size());
+    initial_ << start.q - r.q_ref, signals.value[0],
+        start.thetadot - robot::first_derivative(law.motor_reference(r).theta_d), signals.value[1],
+        start.v - r.v_ref;
   }
 
   [[nodiscard]] ErrorForm form(int k) const override {

@@ -19,6 +19,7 @@
 #include "controller/registry.h"
 #include "numerics/decompositions.h"
 #include "numerics/golden_section.h"
+#include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
 
@@ -47,23 +48,21 @@ inline constexpr bool has_rigid_loop = requires(const L& law) {
 &&!requires { L::no_certificate; };
 
 LawLoop flexible_loop(const scenario::Scenario& scenario) {
-  const auto& given = scenario.plant.initial;
   const messages::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
-  const Vector &q = given.position_rad, &v = given.velocity_rad_per_s;
   const auto law = controller::make_law<LoriaOrtegaFlexible>(scenario);
   const auto g = controller::gains_of<LoriaOrtegaFlexible::Gains>(
       scenario, controller::law_facts(LoriaOrtegaFlexible::name));
   const auto& drive = *scenario.robot.flexible;
-  const Vector theta = given.motor_position_rad.value_or(
-      Vector(q + robot::gravity_torque(*scenario.model, q).cwiseQuotient(drive.stiffness)));
-  const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
-  const messages::LinkStateMeasurement measured{q, v, theta};
+  const plant::ArmState start =
+      plant::initial_state(scenario.plant, scenario.robot.flexible, *scenario.model);
+  const messages::LinkStateMeasurement measured{start.q, start.v, start.theta};
   const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
   const auto motor = law.motor_reference(measured, reference, signals.value[1]);
   return {{flexible_error_system(drive.stiffness, drive.rotor_inertia, {g.kp1, g.kd1, g.a1, g.b1},
                                  {g.kp2, g.kd2, g.a2, g.b2})},
           joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
-                  v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)}),
+                  start.v - reference.v_ref,
+                  start.thetadot - robot::first_derivative(motor.theta_ref)}),
           {},
           {},
           {},
