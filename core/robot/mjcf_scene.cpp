@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "robot/mjcf_document.h"
+#include "robot/urdf_xml.h"
 
 namespace tachless::robot {
 namespace {
@@ -30,6 +31,15 @@ bool is_beside_robot(const MjcfDocument& document, const TiXmlElement& child) {
          });
 }
 
+/// Adds the names of the <include> elements below an element.
+void add_included(const TiXmlElement& of, std::vector<std::string>& files) {
+  for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+    const char* const file = e->Attribute("file");
+    if (e->ValueStr() == "include" && file != nullptr) files.emplace_back(file);
+    add_included(*e, files);
+  }
+}
+
 }  // namespace
 
 bool has_surroundings(const std::string& text, const std::string& source,
@@ -38,6 +48,15 @@ bool has_surroundings(const std::string& text, const std::string& source,
   return std::ranges::any_of(document.in_sections("worldbody"), [&](const TiXmlElement* each) {
     return is_beside_robot(document, *each);
   });
+}
+
+std::vector<std::string> included_files(const std::string& text) {
+  if (!why_too_large(text).empty()) return {};
+  TiXmlDocument document;
+  document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
+  std::vector<std::string> files;
+  if (document.RootElement() != nullptr) add_included(*document.RootElement(), files);
+  return files;
 }
 
 }  // namespace tachless::robot

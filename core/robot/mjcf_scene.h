@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "robot/mjcf.h"
 
@@ -12,5 +13,9 @@ namespace tachless::robot {
 /// @throw std::invalid_argument, one line, for a text that is no MJCF
 bool has_surroundings(const std::string& text, const std::string& source,
                       const IncludedText& included);
+
+/// Returns the files that an MJCF includes itself, in the order of its elements; none for a text
+/// that is no XML.
+std::vector<std::string> included_files(const std::string& text);
 
 }  // namespace tachless::robot

@@ -7,6 +7,7 @@
 
 #include "base/file_text.h"
 #include "base/fnv.h"
+#include "robot/mjcf_scene.h"
 
 namespace tachless::scenario {
 namespace {
@@ -20,9 +21,8 @@ std::uint64_t model_digest(const fs::path& file, const fs::path& folder, std::se
                            std::uint64_t hash) {
   const std::string text = base::given_text(file, base::max_text_bytes);
   hash = base::fnv(text, hash);
-  static const std::regex include(R"(<include\s[^>]*\bfile\s*=\s*["']([^"']*)["'])");
-  for (std::sregex_iterator each(text.begin(), text.end(), include), end; each != end; ++each) {
-    const fs::path included = folder / (*each)[1].str();
+  for (const std::string& name : robot::included_files(text)) {
+    const fs::path included = folder / name;
     if (seen.insert(included).second) hash = model_digest(included, folder, seen, hash);
   }
   return hash;

@@ -290,6 +290,9 @@ TEST_F(MujocoPlant, ThatStartsAgainIsTheModelOfItsDigest) {
   const std::string all = model("all.xml");
   write("arm.xml", arm());
   EXPECT_NE(model("all.xml"), all);
+  // An include in a comment is none.
+  write("all.xml", "<mujoco><!-- <include file=\"gone.xml\"/> --></mujoco>");
+  EXPECT_THAT(model("all.xml"), ::testing::MatchesRegex("all\\.xml@[0-9a-f]{16}"));
 }
 
 TEST_F(MujocoPlant, ThatRunsAwayEndsTheRun) {
