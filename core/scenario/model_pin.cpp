@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <regex>
 #include <set>
 
 #include "base/file_text.h"
@@ -56,8 +55,10 @@ void pin_model(YamlNode& root, const Scenario& scenario, const fs::path& directo
 }
 
 std::string without_digest(const std::string& model) {
-  static const std::regex digest("@[0-9a-f]{16}$");
-  return std::regex_replace(model, digest, "");
+  const std::size_t at = model.rfind('@');
+  const bool pinned = at != std::string::npos && model.size() == at + 17 &&
+                      model.find_first_not_of("0123456789abcdef", at + 1) == std::string::npos;
+  return pinned ? model.substr(0, at) : model;
 }
 
 }  // namespace tachless::scenario

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <regex>
 #include <string_view>
 
 #include "base/file_text.h"
@@ -270,14 +269,15 @@ std::string page_data(const Overlay& all, const std::vector<ReportSection>& sect
     }
   }
   for (const RecordedRun& run : all.runs) runs.push_back(robot_of(all, run));
-  const std::string text =
-      base::json_text(Json{{"end_s", all.end_s},
-                           {"live", all.live ? Json(all.runs[0].run_id) : Json()},
-                           {"robot", all.runs[0].info.robot},
-                           {"runs", runs},
-                           {"charts", charts}});
-  static const std::regex less("<");
-  return std::regex_replace(text, less, "\\u003c");
+  std::string text = base::json_text(Json{{"end_s", all.end_s},
+                                          {"live", all.live ? Json(all.runs[0].run_id) : Json()},
+                                          {"robot", all.runs[0].info.robot},
+                                          {"runs", runs},
+                                          {"charts", charts}});
+  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) {
+    text.replace(at, 1, "\\u003c");
+  }
+  return text;
 }
 
 Libraries read_libraries(const std::filesystem::path& root) {

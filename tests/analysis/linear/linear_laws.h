@@ -1,11 +1,12 @@
 #pragma once
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <utility>
 
 #include "controller/law/filter.h"
 #include "linear/linear_loop.h"
 #include "lyapunov/error_system.h"
+#include "numerics/decompositions.h"
 #include "robot/dynamics.h"
 
 /// The paper's laws linearised on paper: what `linearised` has to find by differences.
@@ -61,7 +62,7 @@ inline LinearLaw linear_flexible_law(const robot::Model& links, const Vector& q,
   const Filters filter_1(link, sampling), filter_2(motor, sampling);
   const MatrixXd of_q = gradient_by_q(links, constant_reference(q));
   const MatrixXd M = robot::mass_matrix(links, q);
-  const MatrixXd inverse_M = M.ldlt().solve(MatrixXd::Identity(n, n));
+  const MatrixXd inverse_M = numerics::inverse(M);
   // Every quantity is a row of blocks over (s_1, s_2, q, v, theta).
   const auto unit = [&](Index block) {
     MatrixXd row = MatrixXd::Zero(n, 5 * n);

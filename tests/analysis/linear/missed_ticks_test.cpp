@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cstdlib>
 #include <random>
@@ -12,6 +12,7 @@
 
 #include "controller/registry.h"
 #include "linear/scenario_loop.h"
+#include "numerics/decompositions.h"
 #include "plant/guarded_robot.h"
 #include "reference/make_trajectory.h"
 #include "tests/analysis/linear/scenarios.h"
@@ -23,8 +24,6 @@ using namespace linear::testing;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-double norm(const MatrixXd& A) { return A.jacobiSvd().singularValues()[0]; }
 
 /// Returns, for each tick, true if it is missed: rows of up to `most`, of random length or of the
 /// longest, and between them few or many that are not.
@@ -102,8 +101,9 @@ TEST(GainsOfMissedTicks, AreTheNormsOfTheirOperators) {
       laplacian(i, i) = 2;
       if (i > 0) laplacian(i, i - 1) = laplacian(i - 1, i) = -1;
     }
-    EXPECT_NEAR(gain_of_missed_commands(m), norm(sums), 1e-12 * m);
-    EXPECT_NEAR(gain_of_missed_measurements(m), norm(laplacian.inverse()), 1e-12 * m * m);
+    EXPECT_NEAR(gain_of_missed_commands(m), numerics::spectral_norm(sums), 1e-12 * m);
+    EXPECT_NEAR(gain_of_missed_measurements(m),
+                numerics::spectral_norm(numerics::inverse(laplacian)), 1e-12 * m * m);
   }
   EXPECT_EQ(gain_of_missed_commands(0), 0);
   EXPECT_EQ(gain_of_missed_measurements(0), 0);

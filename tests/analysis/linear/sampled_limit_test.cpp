@@ -2,10 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <cmath>
 #include <numbers>
 
+#include "numerics/decompositions.h"
 #include "robot/dynamics.h"
 #include "tests/analysis/linear/linear_laws.h"
 #include "tests/analysis/linear/loops.h"
@@ -153,9 +154,9 @@ TEST_F(SampledLimit, FindsANarrowWindowOfInstability) {
 
 TEST_F(SampledLimit, RuleOfThumbIsUnsafeWithKp) {
   const controller::law::FilterGains g = practical_rigid();
-  const Eigen::MatrixXd loop_gain =
-      robot::mass_matrix(model, q0).inverse() * VectorXd(g.kd.cwiseProduct(g.b)).asDiagonal();
-  const double largest = loop_gain.eigenvalues().cwiseAbs().maxCoeff();
+  const Eigen::MatrixXd loop_gain = numerics::inverse(robot::mass_matrix(model, q0)) *
+                                    VectorXd(g.kd.cwiseProduct(g.b)).asDiagonal();
+  const double largest = numerics::eigenvalues(loop_gain).cwiseAbs().maxCoeff();
   EXPECT_NEAR(2 * 1000 / largest, 9.74e-3, 5e-6);
 }
 

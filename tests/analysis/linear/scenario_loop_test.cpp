@@ -4,11 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
+#include <Eigen/Core>
 
 #include "certify/prediction.h"
 #include "controller/registry.h"
+#include "numerics/decompositions.h"
 #include "robot/dynamics.h"
 #include "tests/analysis/linear/linear_laws.h"
 #include "tests/analysis/linear/loops.h"
@@ -135,8 +135,8 @@ TEST(ScenarioLoop, HasTheLimitOfADifferenceOverOnePeriod) {
                                   "controller.gains={samples: 1, kp: 1e-3, kd: [100, 60]}"}));
   const Vector q = both(1e-9);  // gravity's gradient there is small beside kd / h
   const Eigen::MatrixXd M = robot::mass_matrix(robot::testing::two_link(), q);
-  const Eigen::MatrixXd kv = M.inverse() * Eigen::Vector2d(100, 60).asDiagonal();
-  const double limit = 2 / kv.eigenvalues().real().maxCoeff();
+  const Eigen::MatrixXd kv = numerics::inverse(M) * Eigen::Vector2d(100, 60).asDiagonal();
+  const double limit = 2 / numerics::eigenvalues(kv).real().maxCoeff();
   EXPECT_LT(radius_at(loop.at(constant_reference(q)), 0.97 * limit), 1.001);
   EXPECT_GT(radius_at(loop.at(constant_reference(q)), 1.03 * limit), 1.01);
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -35,6 +35,18 @@ inline Eigen::MatrixXd decrease_matrix(const ErrorSystem& system, const Weights&
   return Mm;
 }
 
+/// Returns values and vectors, A vectors = B vectors diag(values) and vectors' B vectors = 1, of a
+/// symmetric A and a positive definite B.
+inline numerics::SymmetricEigen generalized_eigen(const Eigen::MatrixXd& A,
+                                                  const Eigen::MatrixXd& B) {
+  const numerics::SymmetricEigen of_B = numerics::symmetric_eigen(B);
+  const Eigen::MatrixXd whitening =
+      of_B.vectors * of_B.values.cwiseSqrt().cwiseInverse().asDiagonal();
+  numerics::SymmetricEigen eigen = numerics::symmetric_eigen(whitening.transpose() * A * whitening);
+  eigen.vectors = whitening * eigen.vectors;
+  return eigen;
+}
+
 /// The corners of a regular polygon around the disc.
 inline std::vector<Eigen::VectorXd> polygon(double radius, int sides) {
   std::vector<Eigen::VectorXd> corners;
@@ -55,7 +67,7 @@ inline double delta_by_V(const ErrorSystem& system, const Weights& weights,
   of_x.leftCols(n).diagonal() = eps_1.head(n);
   of_x.middleCols(N, n).diagonal() = -eps_2.head(n);
   const Eigen::MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
-  return numerics::largest_eigenvalue(of_x * P.inverse() * of_x.transpose());
+  return numerics::largest_eigenvalue(of_x * numerics::inverse(P) * of_x.transpose());
 }
 
 /// The condition for two joints with polygons around v_ref and delta in place of sums of squares.
@@ -104,8 +116,7 @@ class PolygonCondition {
 
  private:
   static Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
-    return Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(A, B, Eigen::EigenvaluesOnly)
-        .eigenvalues();
+    return generalized_eigen(A, B).values;
   }
   [[nodiscard]] Eigen::MatrixXd at(const Weights& weights, const numerics::Inertia& inertia,
                                    const Eigen::VectorXd& delta,

@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
+#include <Eigen/Core>
 
 #include <fmt/format.h>
 
@@ -17,6 +17,7 @@
 #include "linear/scenario_loop.h"
 #include "lyapunov/global_convergence.h"
 #include "lyapunov/law_loop.h"
+#include "numerics/decompositions.h"
 #include "numerics/postures.h"
 #include "reference/make_trajectory.h"
 #include "tests/analysis/linear/loops.h"
@@ -430,7 +431,8 @@ void expect_adaptive_identity(const robot::Model& nominal, unsigned seed) {
     const MatrixXd M = robot::mass_matrix(loaded, q), C = robot::coriolis_matrix(loaded, q, v);
     // A load without inertia about its origin is no body: M need not be positive definite.
     const VectorXd bias = robot::inverse_dynamics(loaded, q, v, Vector(Vector::Zero(n)));
-    const VectorXd eddot = M.fullPivLu().solve(VectorXd(driven) - bias) - VectorXd(r.a_ref);
+    const VectorXd eddot =
+        numerics::solution(M, VectorXd(driven) - bias).value() - VectorXd(r.a_ref);
     const VectorXd rate = -gamma.cwiseProduct(Yd.transpose() * (edot_x + delta));
     const double terms[] = {edot_x.dot(M * eddot),
                             edot_x.dot(C * edot_x),

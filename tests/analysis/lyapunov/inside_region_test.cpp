@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,9 +19,11 @@
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "design/design.h"
+#include "numerics/decompositions.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
 #include "tests/analysis/linear/scenarios.h"
+#include "tests/analysis/lyapunov/decrease.h"
 
 /// Searches states inside the printed regions at which V grows. Loop, V and Vdot are those of the
 /// mechanics and of the law in continuous time; nothing is taken from the matrix condition.
@@ -364,8 +365,8 @@ class LevelSet {
       P(i, i) = 2 * alone[static_cast<std::size_t>(i)][0];
       Q(i, i) = 2 * alone[static_cast<std::size_t>(i)][1];
     }
-    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(Q, P);
-    return {solver.eigenvectors(), solver.eigenvalues()};
+    const numerics::SymmetricEigen eigen = testing::generalized_eigen(Q, P);
+    return {eigen.vectors, eigen.values};
   }
 
   /// Returns the direction of small errors in which V falls least at an instant, on the level.

@@ -176,7 +176,7 @@ TEST_F(MatrixOfTwoLinks, LevelSetIsInsideWhatIsSaidOfIt) {
     const double V = x.dot(P * x) / 2;
     const VectorXd on_level = x * std::sqrt(region->level / V);
     const VectorXd delta = delta_of(system, w) * on_level.head(4);
-    ASSERT_LE((delta_scale(system, w).inverse() * delta).norm(), region->rho);
+    ASSERT_LE((numerics::inverse(delta_scale(system, w)) * delta).norm(), region->rho);
     ASSERT_GE(on_level.norm(), region->ball);
     for (int j : {0, 1}) {
       ASSERT_LE(std::abs(on_level[j]), region->e_reached[j]);
