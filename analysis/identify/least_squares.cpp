@@ -7,7 +7,7 @@
 #include <numbers>
 #include <utility>
 
-#include "identify/inertia.h"
+#include "identify/physical_inertia.h"
 #include "numerics/decompositions.h"
 #include "robot/dynamics.h"
 

@@ -75,9 +75,9 @@ Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
 std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& values);
 
 /// Weighted least squares: the weight of a joint is the reciprocal of its residual. Friction,
-/// rotors and payload are not negative, and links are physically possible (inertia.h). Slow rows
-/// bias the result, because filtered signs of the velocity are wrong there and a joint at rest may
-/// have any friction up to Coulomb's.
+/// rotors and payload are not negative, and links are physically possible (physical_inertia.h).
+/// Slow rows bias the result, because filtered signs of the velocity are wrong there and a joint at
+/// rest may have any friction up to Coulomb's.
 struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
   /// For each parameter: the others it is determined with in a sum; empty: alone.
