@@ -101,10 +101,9 @@ struct Certify {
     }
     const linear::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
+    const auto show = [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); };
     const certify::Certificate result = certify::certify(
-        scenario, paper,
-        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); }, full,
-        answers);
+        scenario, {.full = full, .paper = paper, .answers = answers, .tell = show});
     screen.clear();
     nlohmann::ordered_json all = {{"scenario", scenario.name},
                                   {"law", scenario.controller.law_text()}};

@@ -103,7 +103,7 @@ struct Excite {
     changes.push_back("name=" + scenario_name(output));
     const scenario::Scenario moving = scenario::load_scenario(input, changes);
     const std::vector<std::string> objections =
-        certify::objections(certify::certify(moving, false, show));
+        certify::objections(certify::certify(moving, {.tell = show}));
     screen.clear();
     print_text(text(found));
     for (const std::string& objection : objections) {
