@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/json_text.h"
 #include "base/text.h"
 #include "lyapunov/law_loop.h"
 #include "reference/make_trajectory.h"
@@ -23,7 +24,7 @@ using Json = nlohmann::ordered_json;
 /// Returns null for a number that is not finite.
 Json json_of(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 Json json_of(const std::optional<double>& x) { return x ? json_of(*x) : Json(); }
-Json json_of(const Eigen::VectorXd& x) { return std::vector<double>(x.begin(), x.end()); }
+Json json_of(const Eigen::VectorXd& x) { return base::json_list(x); }
 
 /// A printed result. Text and JSON are made of these results, in their order.
 struct Entry {

@@ -15,6 +15,7 @@
 
 #include "base/failure.h"
 #include "base/fnv.h"
+#include "base/json_text.h"
 #include "controller/registry.h"
 #include "linear/scenario_loop.h"
 #include "numerics/decompositions.h"
@@ -327,11 +328,11 @@ std::optional<MatrixXd> found(const Arm& arm, const Vector& errors, const Vector
 Json json_of(const MatrixXd& A) {
   Json rows = Json::array();
   for (Index i = 0; i < A.rows(); ++i) {
-    rows.push_back(std::vector<double>(A.row(i).begin(), A.row(i).end()));
+    rows.push_back(base::json_list(A.row(i)));
   }
   return rows;
 }
-Json json_of(const Vector& x) { return std::vector<double>(x.begin(), x.end()); }
+Json json_of(const Vector& x) { return base::json_list(x); }
 
 }  // namespace
 
