@@ -77,13 +77,13 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
-    if (is_mjcf_file(input)) {
+    if (const auto model = mjcf_text(input)) {
       if (full || paper || !witness.empty() || !law_program.empty()) {
         throw base::bad_usage(
             "{}: a MuJoCo model; --full, --paper, --witness and --controller are of a scenario",
             input.string());
       }
-      return check_mjcf_gains(input, overrides, period_s, json);
+      return check_mjcf_gains(input, *model, overrides, period_s, json);
     }
     if (period_s > 0) {
       throw base::bad_usage(
