@@ -15,12 +15,11 @@ std::string json_text(const Json& json, int indent = -1) {
 }
 
 /// Returns numbers as a JSON list. null stands for a number that is not finite.
-template <class Numbers>
-nlohmann::ordered_json json_list(const Numbers& numbers) {
-  auto list = nlohmann::ordered_json::array();
+template <class Json = nlohmann::ordered_json, class Numbers>
+Json json_list(const Numbers& numbers) {
+  Json list = Json::array();
   for (const double number : numbers) {
-    list.push_back(std::isfinite(number) ? nlohmann::ordered_json(number)
-                                         : nlohmann::ordered_json());
+    list.push_back(std::isfinite(number) ? Json(number) : Json());
   }
   return list;
 }

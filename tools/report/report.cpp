@@ -75,13 +75,13 @@ Json rows(const Eigen::Matrix3d& R) {
 Json ends_of(const robot::Model& model, int body) {
   Json ends = Json::array();
   for (const robot::Body& other : model.bodies) {
-    if (other.parent == body) ends.push_back(base::json_list(other.p_PB));
+    if (other.parent == body) ends.push_back(base::json_list<Json>(other.p_PB));
   }
   for (const auto& [name, frame] : model.frames) {
-    if (frame.body == body && frame.leaf) ends.push_back(base::json_list(frame.p_BF));
+    if (frame.body == body && frame.leaf) ends.push_back(base::json_list<Json>(frame.p_BF));
   }
   if (ends.empty())
-    ends.push_back(base::json_list(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
+    ends.push_back(base::json_list<Json>(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
   return ends;
 }
 
@@ -92,8 +92,8 @@ Json robot_of(const Overlay& all, const RecordedRun& run) {
     const robot::Body& body = model.bodies[static_cast<std::size_t>(k)];
     bodies.push_back({{"parent", body.parent},
                       {"R", rows(body.R_PB)},
-                      {"p", base::json_list(body.p_PB)},
-                      {"axis", base::json_list(body.axis_B)},
+                      {"p", base::json_list<Json>(body.p_PB)},
+                      {"axis", base::json_list<Json>(body.axis_B)},
                       {"prismatic", body.type == robot::JointType::prismatic},
                       {"joint", body.coordinate},
                       {"multiplier", body.multiplier},
@@ -102,11 +102,11 @@ Json robot_of(const Overlay& all, const RecordedRun& run) {
   }
   for (const std::string& link : robot::farthest_leaves(model)) {
     const robot::Frame& frame = model.frames.at(link);
-    tools.push_back({{"body", frame.body}, {"p", base::json_list(frame.p_BF)}});
+    tools.push_back({{"body", frame.body}, {"p", base::json_list<Json>(frame.p_BF)}});
   }
   for (const auto& [name, frame] : model.frames) {
     links[name] = {
-        {"body", frame.body}, {"R", rows(frame.R_BF)}, {"p", base::json_list(frame.p_BF)}};
+        {"body", frame.body}, {"R", rows(frame.R_BF)}, {"p", base::json_list<Json>(frame.p_BF)}};
   }
   std::vector<std::size_t> joints(run.joints.name.size());
   for (std::size_t joint = 0; joint < all.joints.size(); ++joint) {
