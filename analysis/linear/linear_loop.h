@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -17,13 +18,19 @@ namespace tachless::linear {
 
 using messages::Part;
 
+/// The number between two at which a search looks next.
+enum class Middle { arithmetic, geometric };
+
 /// Returns by bisection where `is` ends between `inside`, where it holds, and `outside`. `is` holds
 /// at the returned value.
+/// @param middle geometric: the halvings are of the numbers' ratio
 template <class Inside>
-double edge(double inside, double outside, int halvings, const Inside& is) {
+double edge(double inside, double outside, int halvings, const Inside& is,
+            Middle middle = Middle::arithmetic) {
   for (; halvings > 0; --halvings) {
-    const double middle = (inside + outside) / 2;
-    (is(middle) ? inside : outside) = middle;
+    const double between =
+        middle == Middle::geometric ? std::sqrt(inside * outside) : (inside + outside) / 2;
+    (is(between) ? inside : outside) = between;
   }
   return inside;
 }
@@ -91,6 +98,10 @@ LinearPlant flexible_plant(const robot::Model& links, const messages::ReferenceP
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
                            const Eigen::VectorXd& friction = {});
 
+/// Returns states of a plant, one for each joint displaced alone by 1 with its rotor, at rest.
+/// @param states length of each; states behind the arm's are 0
+Eigen::MatrixXd displaced(const LinearPlant& plant, Eigen::Index states);
+
 /// A law memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the
 /// plant.
 struct LinearLaw {
@@ -121,6 +132,12 @@ LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd&
 /// Returns the plant over one period with its torque held, exactly: x' = A x + B tau. A loop inside
 /// the drives ticks as often as its period is nearest to; its ticks are stretched to fit.
 LinearPlant held(const LinearPlant& plant, double period_s);
+
+/// Sets the rows of a map of one period of (x, memory, torques under way) below those of x: the
+/// memory, and the torques under way but the newest, whose row is 0.
+/// @param measured of the plant's states x, as of `measured_rows`
+void set_law_rows(const LinearLaw& law, const Eigen::MatrixXd& measured, Eigen::Index delay,
+                  Eigen::MatrixXd& map);
 
 /// One period of (x, memory, torques under way) with the law's feedback terms cut. The torque
 /// computed at tick k acts from tick k + delay on. The compensation of gravity stays closed. The
