@@ -295,7 +295,9 @@ class Search {
     for (const Rule& start : starts) {
       if (start.part_of_margin > 1 && !all.empty()) break;
       const auto gains_at = [&](double w) -> VectorXd {
-        return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping, true, start.held))
+        return law_
+            .theta_of(
+                law_.by_rule(w, start.filter_ratio, {.damping = start.damping, .held = start.held}))
             .cwiseMax(problem_.lower)
             .cwiseMin(problem_.upper);
       };
