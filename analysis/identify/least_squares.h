@@ -39,7 +39,7 @@ struct Regression {
 Regression regression(const Recording& recording, const Parameters& parameters);
 
 /// Returns how many rows in succession count as one independent row behind the filter.
-double rows_alike(const Regression& of);
+double rows_alike(const Regression& regression);
 
 /// Filters each column with that low-pass.
 /// @param h period of the rows [s]
@@ -84,7 +84,7 @@ struct LeastSquares : Precision {  ///< half widths are infinite where not deter
   std::vector<std::string> sums;
 };
 /// @param with_slow whether a joint's slow rows are used; empty: no joint's are
-LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
+LeastSquares least_squares(const std::vector<Regression>& regressions, const Parameters& parameters,
                            const robot::Model& model, const std::vector<bool>& with_slow = {});
 
 }  // namespace tachless::identify
