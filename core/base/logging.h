@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
-/// Lines for people, on stderr: "tachless-plant: waiting for controller". Code that runs once per
-/// tick never calls these functions: writing may block, and it allocates.
+/// Log lines for the user, on stderr: "tachless-plant: waiting for controller". Code that runs once
+/// per tick never calls these functions: writing may block, and it allocates.
 namespace tachless::base {
 
 enum class Verbosity { quiet, normal, verbose };

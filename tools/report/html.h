@@ -46,9 +46,11 @@ Html html(fmt::format_string<Inserted<Values>...> pattern, const Values&... valu
   return Html::from_markup(fmt::format(pattern, inserted(values)...));
 }
 
+/// Returns the parts with `separator` between them.
 Html joined(const std::vector<Html>& parts, const Html& separator);
 
-/// Returns the concatenated results of `to_html` for all elements: cells of a row, rows of a table.
+/// Returns the concatenated results of `to_html` for all elements, for example the cells of a row
+/// or the rows of a table.
 template <class Range, class ToHtml>
 Html each(const Range& range, const ToHtml& to_html) {
   Html all;
@@ -56,7 +58,8 @@ Html each(const Range& range, const ToHtml& to_html) {
   return all;
 }
 
-/// Returns a number that fmt printed with a minus sign and powers of ten as people write them.
+/// Returns a number that fmt printed as HTML with a typographic minus sign and a power of ten in
+/// place of "e".
 Html number(std::string_view printed);
 
 /// Remedy in the message when a study's file cannot be written.
