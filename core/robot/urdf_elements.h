@@ -7,9 +7,9 @@ namespace tachless::robot {
 
 /// Children and attributes of a URDF element that is read.
 struct ElementRule {
-  std::vector<std::string_view> children;  ///< that are read, at most one of each
+  std::vector<std::string_view> children;  ///< children that are read, at most one of each
   std::vector<std::string_view> others;    ///< children that URDF or a known dialect has; not read
-  std::vector<std::string_view> attributes;  ///< that URDF has
+  std::vector<std::string_view> attributes;  ///< attributes that URDF has
 };
 
 /// Returns the rule of `element`; nothing for an element that is not read.
