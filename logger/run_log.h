@@ -33,14 +33,15 @@ struct RunDescription {
   std::int64_t run_id = 0;      ///< of each of its messages
   messages::RunInfo info;       ///< the message
   scenario::Scenario scenario;  ///< read from the message's YAML
-  messages::Layout layout;      ///< `num_signals` is how many signals RUN_INFO declares
+  messages::Layout layout;      ///< `num_signals` is the number of signals that RUN_INFO declares
 };
 
-/// Returns the kind of a file without any message of a log, by its beginning, and a remedy.
+/// Returns the kind of a file that is no log, judged by its first bytes, and a remedy.
 std::string no_log_text(const std::filesystem::path& path);
 
-/// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
-/// @return what is wrong with it, after "its RUN_INFO"; empty: nothing, and `found` is filled
+/// Reads a RUN_INFO that came on `channel`.
+/// @param source name of its file in messages to people
+/// @return the problem, to be printed after "its RUN_INFO"; empty: none, and `found` is filled
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found);
 
