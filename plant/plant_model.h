@@ -12,7 +12,7 @@
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
-/// From a scenario to the plant: the true robot, and its emulation.
+/// The plant of a scenario: the true robot, and its emulation.
 namespace tachless::plant {
 
 /// Returns the true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints,

@@ -174,10 +174,10 @@ enum class Shape {
   joints_list,    ///< list of `joints`
   named_joints,   ///< map from names of the user's choice to `joints`
   named_numbers,  ///< map from names of the user's choice to numbers
-  named_texts,    ///< the same to texts
+  named_texts,    ///< map from names of the user's choice to texts
   one_of,         ///< std::variant of structs that have `name` and `keys`
   map,            ///< struct that has `keys`
-  list_of_maps,   ///< list of them
+  list_of_maps,   ///< list of such structs
 };
 
 /// The type of the value behind a key's `Member`: without std::optional, the argument of a setter.

@@ -26,7 +26,7 @@ enum class Verdict {
 std::uint64_t digest_of(std::span<const std::byte> bytes);
 
 /// The messages of the last `depth` ticks, with a fixed number of kinds per tick. A message is kept
-/// as its bytes, or as a digest if a copy has only to be recognised. Preallocated.
+/// as its bytes, or as a digest if a copy has only to be recognised. The memory is preallocated.
 class MessageRing {
  public:
   /// Number of kept ticks, more than the window (TickMaster::Config) plus one tick for the
