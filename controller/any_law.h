@@ -29,7 +29,7 @@ struct Outcome {
   const messages::TorqueCommand& command;
   const messages::LawSignals& signals;
   std::int64_t skipped = 0;  ///< ticks without a step since the last step, or since tick 0
-  bool restarted = false;    ///< the gap exceeded `longest_gap`, and the memory started anew
+  bool restarted = false;    ///< the gap exceeded `longest_gap`, and the memory started again
 };
 
 /// A law with its memory over the ticks of one run, behind one interface. Code that steps laws,
@@ -40,7 +40,7 @@ struct Outcome {
 /// velocity. After a gap of m ticks the law therefore steps m times. The measurement and the
 /// reference of these steps lie on a straight line from the last values to the new ones. This
 /// interpolation is exact for the first-order hold, which assumes an error that is linear between
-/// samples. After more than `longest_gap` ticks the memory starts anew.
+/// samples. After more than `longest_gap` ticks the memory starts again.
 class AnyLaw {
  public:
   /// Upper bound of `longest_gap`, whatever number of missed commands the plant tolerates.

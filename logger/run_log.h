@@ -88,7 +88,7 @@ struct RunSummary {
   std::uint64_t ticks = 0;                                   ///< ticks that have a message
   std::array<PieceSummary, messages::num_slots> pieces;      ///< by message of a tick
   std::map<messages::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
-  std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
+  std::uint64_t wrong_tick = 0;        ///< tick outside the run, or contradicting
                                        ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
   std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
@@ -105,7 +105,7 @@ struct RunSummary {
   /// Returns the number of ticks that lack a piece, summed over the pieces that the log records.
   /// The ticks reach from 0 to the last tick, in realtime to the tick of the stop.
   [[nodiscard]] std::uint64_t gaps() const;
-  /// Returns why a run of `num_ticks` ended before its plan, as far as the log tells; empty: the
+  /// Returns why a run of `num_ticks` ended before its plan, as far as the log shows; empty: the
   /// run reached its planned end.
   [[nodiscard]] std::string stop_reason(std::int64_t num_ticks) const;
   /// Returns texts such as "no ARM_TRUTH", "ARM_COMMAND missing in 3 ticks".

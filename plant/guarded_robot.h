@@ -38,7 +38,7 @@ class GuardedRobot {
   /// Emulates the scenario when `driver` is null. With a driver, the robot does not use the
   /// emulator's keys (plant.integrator, plant.payload, friction).
   /// @param driver a real robot's driver, which outlives this object
-  /// @param simulator mechanics in the place of the emulator's own, which outlive this object; null
+  /// @param simulator mechanics in place of the emulator's own, which outlive this object; null
   /// with a driver
   /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit, for a key of
   /// mechanics that a simulator has itself, and for plant.drive.loop with a driver that is no
@@ -77,7 +77,7 @@ class GuardedRobot {
   /// failure. A robot that does not measure velocity has its speed averaged over at least 20 ms.
   /// @throw base::Failure(protective_stop) when a real robot's state is not finite, or has another
   /// number of joints than the scenario. A robot that has not stopped also fails when a joint is
-  /// outside of its range, too fast, or too far from its reference (plant.following_error_rad).
+  /// outside its range, too fast, or too far from its reference (plant.following_error_rad).
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< last state read
   /// Returns false if the robot gave no state at the last `read`.
@@ -88,7 +88,7 @@ class GuardedRobot {
   /// readings are plant.encoder.latency_ticks old. The result is valid until the next call.
   /// @throw base::Failure(protective_stop) when a reading is not finite.
   const messages::AnyMeasurement& measure(std::int64_t tick);
-  /// Returns the joints that were outside of their range or too fast at the last reading.
+  /// Returns the joints that were outside their range or too fast at the last reading.
   [[nodiscard]] const std::array<bool, max_joints>& beyond_limit() const { return beyond_limit_; }
 
   /// Gives the drives the command of this tick.

@@ -16,7 +16,7 @@ inline constexpr std::chrono::milliseconds longest_stop{500};
 
 /// Runs the plant process: the emulated robot and the loop's clock. It publishes what the
 /// controller measures, the TRUTH for the logger, and RUN_INFO. It advances with the commands that
-/// come back.
+/// it receives.
 /// @throw base::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated (two
 /// processes command), protective_stop (the simulation diverged), and the failures of the session.
 void run_node(const scenario::Scenario& scenario, session::Session& session);
@@ -34,7 +34,7 @@ void run_simulator(const scenario::Scenario& scenario, session::Session& session
 /// @throw base::Failure also protective_stop: a joint outside its range, or a fault of the driver
 void run_driver(const scenario::Scenario& scenario, session::Session& session, RobotDriver& driver);
 
-/// Makes the driver of a scenario's robot.
+/// Function that makes the driver of a scenario's robot.
 using MakeDriver = std::function<std::unique_ptr<RobotDriver>(const scenario::Scenario&)>;
 
 /// Implements `main` of a driver's program. It makes the driver once, before it waits for the other

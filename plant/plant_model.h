@@ -50,7 +50,7 @@ class EmulatedRobot final : public RobotDriver {
   /// @param model with the payload (`plant_model`)
   EmulatedRobot(const Spec& plant, const Motors& motors, double period_s,
                 const robot::Model& model);
-  /// Puts a simulator in the place of this library's mechanics, and resets it.
+  /// Uses a simulator in place of this library's mechanics, and resets the simulator.
   EmulatedRobot(const Spec& plant, const Motors& motors, const robot::Model& model,
                 Simulator& simulator);
 

@@ -95,9 +95,9 @@ class ClockDriver : public RobotDriver {
 
  private:
   /// Answers the robot's tick with `tau` [N m; N], waits for its next tick, and returns what the
-  /// robot measured then. The state has `time_s` if the robot tells its time. `tau` is empty before
-  /// `start`, after `stop`, and where a command is withheld: the driver then answers without a
-  /// torque.
+  /// robot measured then. The state has `time_s` if the robot reports its time. `tau` is empty
+  /// before `start`, after `stop`, and where a command is withheld: the driver then answers without
+  /// a torque.
   /// @throw base::Failure(protective_stop) when no tick comes
   virtual ArmState exchange(const Vector& tau) = 0;
 

@@ -5,10 +5,10 @@
 
 namespace tachless::plant {
 
-/// Mechanics of a robot that a program steps, in the place of the emulator's own. The encoders,
-/// drives, delays, noise, limits and the protective stop of the scenario stay around them. Time is
-/// the run's time: the mechanics move when `advance` asks, in lockstep and in realtime. Joints are
-/// in the order and units of the scenario's robot. All calls come from one thread.
+/// Mechanics of a robot that a program steps, in place of the emulator's own. The encoders, drives,
+/// delays, noise, limits and the protective stop of the scenario stay around them. Time is the
+/// run's time: the mechanics move when `advance` asks, in lockstep and in realtime. Joints are in
+/// the order and units of the scenario's robot. All calls come from one thread.
 class Simulator {
  public:
   virtual ~Simulator() = default;
@@ -18,7 +18,7 @@ class Simulator {
   virtual void reset(const ArmState& initial) = 0;
 
   /// Returns positions and velocities of the joints now. `disturbance` may have torques that no
-  /// drive gives, such as those of contacts; only the log uses it.
+  /// drive gives, such as contact torques; only the log uses it.
   [[nodiscard]] virtual ArmState state() = 0;
 
   /// Holds `tau` [N m; N] on the joints until the time `until_s` of the run. A tick is one call, or

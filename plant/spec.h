@@ -115,7 +115,7 @@ constexpr std::array<std::string_view, 4> names(MujocoIntegrator /*type*/) {
   return {"model", "euler", "implicit", "rk4"};
 }
 
-/// MuJoCo in the place of the emulator's mechanics.
+/// MuJoCo in place of the emulator's mechanics.
 struct MujocoSpec {
   std::string model;     ///< as written; empty: the emulator's own mechanics
   std::string keyframe;  ///< empty: the model's initial state

@@ -24,7 +24,7 @@ struct DrivePrediction {
 };
 
 /// Returns the prediction of a scenario with plant.drive.loop.
-/// @param answers of an external law
+/// @param answers answers of an external law; empty: the law is in the catalogue
 DrivePrediction predict_drives(const scenario::Scenario& scenario,
                                const linear::LawAnswers& answers = {});
 

@@ -23,12 +23,12 @@ class DesignProblem {
  public:
   /// @param answers answers of an external law, which has the scenario's gains; empty: the law is
   /// in the catalogue
-  /// @throw base::Failure(check_said_no) for a law without a rule
+  /// @throw base::Failure(check_said_no) for a law without a rule of thumb
   DesignProblem(const scenario::Scenario& scenario, const DesignGoal& goal,
                 const linear::LawAnswers& answers = {});
 
-  /// Chooses the gains that vary. It precedes all calls below except `by_rule`. The law must have a
-  /// linearisation.
+  /// Chooses the gains that vary. Call it before all functions below except `by_rule`. The law must
+  /// have a linearisation.
   /// @throw base::Failure(check_said_no) for a law without gains
   void choose_variables();
 

@@ -65,7 +65,7 @@ class GainPoint {
   /// Returns the larger of the missing modulus and the missing logarithm of the torque per count;
   /// 0: none is missing.
   [[nodiscard]] double lack() const;
-  [[nodiscard]] Lack count_lack() const;  ///< of the joint that lacks most
+  [[nodiscard]] Lack count_lack() const;  ///< of the joint with the largest lack
   [[nodiscard]] bool stable() const;
 
   /// Returns the largest logarithm of an error from T to `window` T, for each judged loop. The fall

@@ -51,7 +51,7 @@ struct Identified {
 
   std::vector<Parameter> parameters;  ///< link parameters are differences to the URDF's values
   std::optional<Load> load;
-  std::vector<Link> links;  ///< empty if the links are those of the URDF
+  std::vector<Link> links;  ///< empty if the URDF's links are unchanged
   Eigen::Index rank = 0;    ///< number of parameter combinations that least squares determines
   bool simulated = false;   ///< the answer is from output error; otherwise from least squares
   double condition = 0;     ///< condition number of the (scaled) least-squares problem

@@ -63,7 +63,7 @@ struct Precision {
 };
 /// Computes the precision from the variation of the estimate when blocks of time are left out. It
 /// holds for residuals of any autocorrelation. A parameter at its bound is held there for the
-/// precision of the others. Its own half width is that of the estimate in which it alone is free of
+/// precision of the others. Its own half width comes from an estimate in which it alone may leave
 /// its bound, so that the true value is at most a half width from the bound.
 /// @param J Jacobian, rows in order of time
 /// @param norm norms of its columns, by which it is scaled

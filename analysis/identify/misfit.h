@@ -14,8 +14,8 @@ namespace tachless::identify {
 struct Misfit {
   double correlation = 0;  ///< of the residual with itself a little later; white noise has 0
   bool found = false;      ///< the residual is too correlated and too large to be noise
-  /// Coulomb friction of slow motion less that of fast motion, if both were recorded and differ
-  /// [N m; N]; otherwise 0.
+  /// Coulomb friction of slow motion minus Coulomb friction of fast motion, if both were recorded
+  /// and differ [N m; N]; otherwise 0.
   double slow_friction = 0;
 };
 

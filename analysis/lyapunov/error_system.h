@@ -22,8 +22,8 @@ struct ErrorSystem {
   Eigen::VectorXd a, b;           ///< [1/s]
   Eigen::VectorXd rotor_inertia;  ///< J [kg m2]; empty for rigid joints
   Eigen::VectorXd damping = {};   ///< D of the joints' viscous friction [N m s/rad]; empty: none
-  /// Rates of gains that follow the reference, at one instant [N m/(rad s), N m/rad], and its
-  /// velocity v_ref [rad/s]. Empty: the gains are constant.
+  /// Rates of gains that follow the reference, at one instant [N m/(rad s), N m/rad], and the
+  /// reference's velocity v_ref [rad/s]. Empty: the gains are constant.
   Eigen::MatrixXd kp_dot = {}, kd_dot = {};
   Eigen::VectorXd v_ref = {};
 

@@ -31,7 +31,7 @@ struct CertifiedStart {
 /// The region that one choice of the weights certifies, and its bounds from the scenario's start.
 struct CertifiedRegion : Certified {
   double V0 = 0;  ///< V at the start [J]
-  /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
+  /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside the region.
   double rate_from_start = -1;
 
   /// The largest constant torque, unknown to a law with an integral, from the scenario's start
@@ -82,7 +82,7 @@ inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& reg
 struct StabilityCertificate {
   bool proved = false;       ///< proved for all postures; otherwise for the sampled postures
   double B_d = 0;            ///< sup |v_ref| [rad/s; m/s]
-  bool own_weights = false;  ///< the weights are those of the law's integral, in `fastest`
+  bool own_weights = false;  ///< the law's integral determines the weights, which are in `fastest`
   bool constant = false;     ///< the reference is constant: proved with both weights 0, by LaSalle
   /// Regions by the weights of the fastest rate and of the largest ball; nothing: no weights are
   /// certified. At a constant reference the ball has no limit, so there is no largest region.

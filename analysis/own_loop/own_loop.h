@@ -97,7 +97,7 @@ struct [[nodiscard]] Step {
   int joint = -1;              ///< joint that the status is about, from 0; -1: none
   std::int64_t tick = 0;       ///< tick of the call
   std::int64_t skipped = 0;    ///< ticks without a step before this one: the law stepped over them
-  bool restarted = false;      ///< the gap was too long, and the law's memory began anew
+  bool restarted = false;      ///< the gap was too long, and the law's memory started again
   bool saturated = false;      ///< guards: a torque was limited
   Numbers tau;                 ///< torque to send [N m; N]
   Numbers law_tau;             ///< whole torque of the law, as a log's COMMAND [N m; N]

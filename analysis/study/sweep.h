@@ -70,7 +70,7 @@ class Sweep {
            const OnProgress& on_progress, const Complete& complete = {}) const;
 
   /// Returns all rows, in the order of their cases.
-  /// @throw base::Failure(check_said_no) with the number of missing rows.
+  /// @throw base::Failure(check_said_no) if rows are missing; the message gives their number
   [[nodiscard]] std::vector<SweepRow> rows() const;
   /// Returns the table of all rows that results.csv holds. It is the same to the last byte however
   /// the sweep was run.

@@ -13,7 +13,7 @@
 
 #include "base/file_descriptor.h"
 
-/// Starts, reads and reaps one child process. cli/supervise watches several at once.
+/// Functions that start, read and reap one child process. cli/supervise watches several at once.
 namespace tachless::base {
 
 /// A process that `start` started. `take_end` has to reap it.

@@ -17,8 +17,8 @@ inline constexpr std::string_view error_mark = "<error> ";
 inline constexpr std::string_view warning_mark = "<warning> ";
 
 /// Sets the program's name and the verbosity: quiet shows warnings and errors, normal also events
-/// that happen once per run, verbose also details. Call once, before the first line. Every line is
-/// made printable (text.h).
+/// that happen once per run, verbose also details. Call it once, before the first line. Every line
+/// is made printable (text.h).
 void start_logging(std::string_view program, Verbosity verbosity, Marks marks = Marks::none);
 
 void log_detail(std::string_view line);  ///< shown with --verbose

@@ -29,7 +29,7 @@
 /// read anything itself (core/scenario/ reads YAML).
 namespace tachless::base {
 
-/// The numbers that a value may take; NaN and the infinities never are among them.
+/// The numbers that a value may take; they never include NaN or infinities.
 struct Range {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();

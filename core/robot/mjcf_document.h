@@ -70,8 +70,7 @@ class MjcfDocument {
   MjcfDocument(const MjcfDocument&) = delete;
   MjcfDocument& operator=(const MjcfDocument&) = delete;
 
-  /// Returns the children of an element, with an included file's elements in the place of
-  /// <include>.
+  /// Returns the children of an element, with an included file's elements in place of <include>.
   [[nodiscard]] std::vector<const TiXmlElement*> children(const TiXmlElement& of) const;
   /// Returns the children of all sections of a name, such as "equality".
   [[nodiscard]] std::vector<const TiXmlElement*> in_sections(std::string_view section) const;

@@ -130,8 +130,8 @@ std::string urdf_mechanics(const std::string& text, const std::string& source);
 ///
 /// Coordinates and bodies are numbered depth-first from the root, the children of a link in the
 /// order of their joints in the file. A mimic joint adds a body, not a coordinate. Its limits are
-/// not read. Its damping and friction add to those of the joint that drives it. Links behind fixed
-/// and locked joints are merged into the body that carries them. The inertia of the merged body is
+/// not read. Its damping and friction are added to the joint that drives it. Links behind fixed and
+/// locked joints are merged into the body that carries them. The inertia of the merged body is
 /// checked, unless it is fixed to the ground. An effort or velocity limit of 0 or below means none.
 /// Visuals, collisions, safety controllers and transmissions are not read. The inertia matrix is
 /// not checked.
@@ -166,14 +166,14 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// Returns the leaf link farthest from the root, which usually carries the tool. The distance
+/// Returns the leaf links farthest from the root, usually one, which carries the tool. The distance
 /// counts moving joints first, then metres along the joints' origins at q = 0. If several links are
 /// at one place, the first by name is returned. Links at different places, such as fingers, are all
 /// returned.
 std::vector<std::string> farthest_leaves(const Model& model);
 
-/// Returns the model with a payload fixed to `link` and given in the link's frame. Default link:
-/// the only one of `farthest_leaves`.
+/// Returns the model with a payload fixed to `link` and given in the link's frame. Without `link`,
+/// it is the only link of `farthest_leaves`.
 /// @throw std::invalid_argument for a mass that is negative or not finite, an unknown link, a link
 /// that does not move, or an ambiguous default.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});

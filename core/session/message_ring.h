@@ -21,7 +21,7 @@ enum class Verdict {
   conflicting,  ///< other bytes than before for the same tick, so two processes have one role
 };
 
-/// Returns a digest that tells messages apart within one process. Its seed is random: no other
+/// Returns a digest that distinguishes messages within one process. Its seed is random: no other
 /// process can choose a second message with the digest of the first.
 std::uint64_t digest_of(std::span<const std::byte> bytes);
 

@@ -10,7 +10,7 @@
 /// links MuJoCo, so that no program needs it.
 namespace tachless::plant {
 
-/// Returns whether the module is there.
+/// Returns whether the module is installed.
 bool has_mujoco_module();
 
 /// Returns the simulator of plant.mujoco. First compares the inertia matrix and gravity torque with

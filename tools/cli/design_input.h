@@ -39,8 +39,8 @@ class DesignInput {
   [[nodiscard]] scenario::Scenario scenario(std::optional<design::Structure> structure,
                                             std::vector<std::string> more = {}) const;
 
-  /// Returns what the scenario of a bare URDF has that neither URDF nor options state, each with
-  /// the key that changes it. Empty for a scenario's file.
+  /// Returns the assumptions in the scenario of a URDF alone, which neither URDF nor options state,
+  /// each with the key that changes it. Empty for a scenario's file.
   [[nodiscard]] std::vector<std::string> assumptions(const scenario::Scenario& scenario) const;
 
  private:

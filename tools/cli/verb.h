@@ -85,8 +85,8 @@ void warn(const scenario::Scenario& scenario);
 /// Returns one number for each joint. The option has one number for all joints, or one for each.
 /// @throw base::Failure(bad_usage) for another count of numbers
 Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints);
-/// Returns the overrides that put a program's law in the place of the scenario's. `overrides` are
-/// the overrides of the command line.
+/// Returns the overrides that replace the scenario's law by a program's law. `overrides` are the
+/// overrides of the command line.
 std::vector<std::string> of_program(const std::filesystem::path& scenario,
                                     std::vector<std::string> overrides,
                                     const std::string& law_program);

@@ -14,9 +14,9 @@ namespace tachless::report {
 class Html {
  public:
   Html() = default;
-  /// Makes HTML text or an attribute value from `text`. Text from a log can contain any bytes.
-  /// Bytes that are not UTF-8 become the replacement character. Control characters other than line
-  /// end and tab become it too.
+  /// Makes HTML text or an attribute value from `text`. Text from a log can contain any bytes. The
+  /// replacement character takes the place of bytes that are not UTF-8, and of control characters
+  /// other than line end and tab.
   explicit Html(std::string_view text);
   /// Returns `markup` as HTML, without escaping. Never use it for text from outside the program.
   static Html from_markup(std::string markup);
@@ -58,7 +58,7 @@ Html each(const Range& range, const ToHtml& to_html) {
   return all;
 }
 
-/// Returns a number that fmt printed as HTML with a typographic minus sign and a power of ten in
+/// Returns as HTML a number that fmt printed, with a typographic minus sign and a power of ten in
 /// place of "e".
 Html number(std::string_view printed);
 
