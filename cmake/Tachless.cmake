@@ -118,8 +118,9 @@ endfunction()
 function(tachless_test_headers)
   add_library(test_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
   tachless_test_options(test_headers)
-  # The checked code is in the libraries; the test itself should compile fast.
-  target_compile_options(test_headers PRIVATE $<$<CONFIG:Release>:-O1>)
+  # The checked code is in the libraries; the test itself should compile fast. Under the sanitizers, -O0 takes a
+  # third of the compile time of -O1.
+  target_compile_options(test_headers PRIVATE $<IF:$<CONFIG:Release>,-O1,-O0>)
   target_link_libraries(test_headers PRIVATE base)
   target_precompile_headers(test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>
     ${TACHLESS_COMMON_HEADERS} ${TACHLESS_SCENARIO_HEADERS} <random> <regex> <sstream> <thread>)

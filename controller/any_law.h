@@ -29,7 +29,7 @@ struct Outcome {
   const messages::TorqueCommand& command;
   const messages::LawSignals& signals;
   std::int64_t skipped = 0;  ///< ticks without a step since the last step, or since tick 0
-  bool restarted = false;    ///< the gap exceeded `longest_gap`, and the memory started anew
+  bool restarted = false;    ///< the gap exceeded `longest_gap`, and the memory started again
 };
 
 /// A law with its memory over the ticks of one run, behind one interface. Code that steps laws,
@@ -40,7 +40,7 @@ struct Outcome {
 /// velocity. After a gap of m ticks the law therefore steps m times. The measurement and the
 /// reference of these steps lie on a straight line from the last values to the new ones. This
 /// interpolation is exact for the first-order hold, which assumes an error that is linear between
-/// samples. After more than `longest_gap` ticks the memory starts anew.
+/// samples. After more than `longest_gap` ticks the memory starts again.
 class AnyLaw {
  public:
   /// Upper bound of `longest_gap`, whatever number of missed commands the plant tolerates.
@@ -64,8 +64,8 @@ class AnyLaw {
   /// tolerates, at most `most_ticks`. Returns 1 in lockstep.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
-  /// Builds the law with the gains of a reference before the step of its tick, which then only
-  /// takes it. The next step with these gains does the same without this call, but takes longer.
+  /// Builds the law with the gains of `reference`, ahead of the step that uses this reference. The
+  /// call is optional and makes that step faster.
   /// @throw base::Failure(protective_stop) if the law cannot use the gains.
   void prepare(const messages::ReferencePoint& reference) {
     if (reference.gains == gains_ || reference.gains == prepared_) return;
@@ -116,7 +116,8 @@ class AnyLaw {
   virtual void build(std::string_view gains) {
     throw gains_refused(gains, "this law does not change them");
   }
-  /// Takes the law that `build` made from this step on. Called after `build`, maybe repeatedly.
+  /// Uses the law that `build` made, from this step on. It is called after `build`, possibly
+  /// several times.
   virtual void retune() {}
 
   int longest_gap_;
@@ -126,7 +127,7 @@ class AnyLaw {
   std::optional<std::string> prepared_;  ///< gains of the last call of `build`
 };
 
-/// A law of C++ as an AnyLaw, with the friction feed-forward of the scenario, if any.
+/// Adapter of a C++ law to `AnyLaw`. It adds the friction feed-forward of the scenario, if any.
 template <law::Law L>
 class LawWithMemory final : public AnyLaw {
  public:

@@ -189,7 +189,8 @@ class Program {
       if (fds[1].revents != 0) base::read_lines(child_, print_line);
       if (fds[0].revents != 0) return;
     }
-    throw Failure(ExitCode::peer_lost, "--controller '{}': no answer {} within {:g} s", command_,
+    throw Failure(ExitCode::peer_lost,
+                  "--controller '{}': no answer {} within {:g} s; see its output", command_,
                   when(tick), std::chrono::duration<double>(limit).count());
   }
 

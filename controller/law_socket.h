@@ -47,9 +47,9 @@ class LawSocket {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(messages::max_run_info_size);
 };
 
-/// Answers on the descriptor `socket`, which it takes over, until the other end is closed. A
-/// RUN_INFO after the first one starts a new run. A tick that is not later than the last one also
-/// starts a new run.
+/// Answers on the descriptor `socket` until the other end is closed. Takes ownership of the
+/// descriptor. A RUN_INFO after the first one starts a new run. A tick that is not later than the
+/// last one also starts a new run.
 /// @throw base::Failure: bad_usage (scenario, law), protective_stop (a torque that is not finite),
 /// protocol_violated (a message of another kind)
 void serve_law(int socket, const MakeLaw& make_law);
@@ -58,8 +58,8 @@ void serve_law(int socket, const MakeLaw& make_law);
 /// law. `command` is a shell command. The program calls `serve_law` for the option --serve, as
 /// every program with `tachless::run_controller` does. The program's output goes to stderr.
 /// @throw base::Failure naming the command: bad_usage if the program cannot be started or does not
-/// name a measurement that the scenario allows. A step throws the program's own exit code when the
-/// program ends, and peer_lost without an answer within loop.give_up_s.
+/// name a measurement that the scenario allows. A step throws a Failure with the program's own exit
+/// code when the program ends, and peer_lost when no answer comes within loop.give_up_s.
 ScenarioLaw external_law(const scenario::Scenario& scenario, const std::string& command);
 
 class Program;

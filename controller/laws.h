@@ -36,7 +36,7 @@ namespace tachless::controller {
 template <class... L>
 struct LawList {};
 
-/// The laws in the order of their names, one a line.
+/// The laws in the order of their names, one per line.
 // clang-format off
 using Laws = LawList<
     law::BerghuisNijmeijer,

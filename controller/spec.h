@@ -46,6 +46,7 @@ namespace tachless::controller {
 /// Name of a law that a program outside tachless computes.
 inline constexpr std::string_view external_law_name = "external";
 
+/// Time by which the feed-forward is evaluated ahead.
 enum class FeedforwardLead { none, half_tick_plus_delay };
 constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
   return {"none", "half_tick_plus_delay"};
@@ -83,7 +84,7 @@ struct FrictionSpec {
 /// The scenario's `controller` map.
 struct Spec {
   std::string law;
-  std::string measurement;  ///< suffix of the channel that feeds the law; empty: its own
+  std::string measurement;  ///< suffix of the channel that feeds the law; empty: the law's own
   std::string announced;    ///< name that a recorded run's external law announced; else empty
   std::string urdf_path;    ///< path as in the scenario; empty: the law's robot is the plant's
   /// Gains by name, each of length num_joints, or its square for a matrix, row by row.

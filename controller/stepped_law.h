@@ -47,8 +47,8 @@ using LyapunovFunction =
     std::function<double(const law::LoopState&, const messages::ReferencePoint&)>;
 
 /// Returns the Lyapunov function of the scenario's law. It uses the law's model; a payload unknown
-/// to the law is not in M. The result is empty if the law declares none.
-/// @param weights of its cross terms, if it has some; see `lyapunov::certified_run`
+/// to the law is not in M. The result is empty if the law declares no Lyapunov function.
+/// @param weights weights of the function's cross terms; `lyapunov::certified_run` computes them
 /// @throw base::Failure(bad_usage) if the scenario gives no valid law.
 LyapunovFunction lyapunov_function(const scenario::Scenario& scenario,
                                    const law::LyapunovWeights& weights = {});

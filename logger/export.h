@@ -10,7 +10,7 @@
 namespace tachless::logger {
 
 struct ExportResult {
-  RunSummary summary;  ///< a row for each of its ticks
+  RunSummary summary;  ///< of the run; the table has a row for each tick that has a message
   Damage damage;
   std::uint64_t missing_values = 0;  ///< of the quantities in rows written
 

@@ -42,14 +42,15 @@ class LogWriter {
 
   /// Appends an event.
   /// @param utime time stamp [us]
-  /// @throw base::Failure when the disk refuses; std::logic_error after `close` or when the
-  /// channel is empty or longer than `max_channel_bytes`.
+  /// @throw base::Failure when the file cannot be written
+  /// @throw std::logic_error after `close`, and when the channel is empty or longer than
+  /// `max_channel_bytes`
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data);
 
-  /// Hands all events to the operating system. They survive the death of this process.
+  /// Hands all events to the operating system. The events are then kept if this process is killed.
   void flush();
 
-  /// Flushes when `flush_interval` has passed since the last flush. Is cheap otherwise.
+  /// Flushes when `flush_interval` has passed since the last flush. Otherwise the call is cheap.
   void flush_if_due(std::chrono::steady_clock::time_point now);
 
   /// Function that returns once `done` returns true.
@@ -120,7 +121,7 @@ struct Damage {
   std::uint64_t numbers_restarted = 0;  ///< event number went back (lcm-logger appending does that)
 
   [[nodiscard]] bool any() const { return stretches != 0 || missing_numbers != 0; }
-  /// "none", "7 bytes in 1 places hold no message; 0 message numbers missing".
+  /// Returns e.g. "none", or "7 bytes in 1 places hold no message; 0 message numbers missing".
   [[nodiscard]] std::string text() const;
 };
 
@@ -167,8 +168,9 @@ class LogReader {
   Damage damage_;
 };
 
-/// Returns the log that `path` means. A file means itself. The directory of a run means its
-/// `lcmlog`. The directory of several runs (out/NAME) means the `lcmlog` of the newest run.
+/// Returns the path of the log for `path`: a file is the log itself. For the directory of a run it
+/// is the directory's `lcmlog`. For the directory of several runs (out/NAME) it is the `lcmlog` of
+/// the newest run.
 std::filesystem::path find_log(const std::filesystem::path& path);
 
 }  // namespace tachless::logger

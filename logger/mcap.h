@@ -49,7 +49,7 @@ class McapWriter {
   std::uint64_t written_ = 0;
   std::string schemas_, channels_;  ///< their records, which the summary repeats
   std::uint16_t num_channels_ = 0;
-  std::string chunk_;  ///< records of the chunk under way
+  std::string chunk_;  ///< records of the current chunk
   std::uint64_t begin_ns_ = 0, end_ns_ = 0;
   std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>> index_;
   std::map<std::uint16_t, std::uint64_t> counts_;  ///< messages, by channel

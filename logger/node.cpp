@@ -272,8 +272,8 @@ class LockstepRecorder final : public Recorder {
     if (session_.membership().truth_digest() == truth_digest_.value()) return;
     throw base::Failure(
         base::ExitCode::protocol_violated,
-        "what is recorded on {} is not what {} has published: another process has published there "
-        "too; find it with tachless watch, or use a key (--key-file)",
+        "the messages recorded on {} are not those that {} has published: another process has "
+        "published there too; find it with tachless watch, or use a key (--key-file)",
         messages_->channel(Slot::truth), session_.describe(messages::Role::plant));
   }
 

@@ -33,14 +33,15 @@ struct RunDescription {
   std::int64_t run_id = 0;      ///< of each of its messages
   messages::RunInfo info;       ///< the message
   scenario::Scenario scenario;  ///< read from the message's YAML
-  messages::Layout layout;      ///< `num_signals` is how many signals RUN_INFO declares
+  messages::Layout layout;      ///< `num_signals` is the number of signals that RUN_INFO declares
 };
 
-/// Returns the kind of a file without any message of a log, by its beginning, and a remedy.
+/// Returns the kind of a file that is no log, judged by its first bytes, and a remedy.
 std::string no_log_text(const std::filesystem::path& path);
 
-/// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
-/// @return what is wrong with it, after "its RUN_INFO"; empty: nothing, and `found` is filled
+/// Reads a RUN_INFO that came on `channel`.
+/// @param source name of its file in messages to people
+/// @return the problem, to be printed after "its RUN_INFO"; empty: none, and `found` is filled
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found);
 
@@ -87,7 +88,7 @@ struct RunSummary {
   std::uint64_t ticks = 0;                                   ///< ticks that have a message
   std::array<PieceSummary, messages::num_slots> pieces;      ///< by message of a tick
   std::map<messages::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
-  std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
+  std::uint64_t wrong_tick = 0;        ///< tick outside the run, or contradicting
                                        ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
   std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
@@ -104,7 +105,7 @@ struct RunSummary {
   /// Returns the number of ticks that lack a piece, summed over the pieces that the log records.
   /// The ticks reach from 0 to the last tick, in realtime to the tick of the stop.
   [[nodiscard]] std::uint64_t gaps() const;
-  /// Returns why a run of `num_ticks` ended before its plan, as far as the log tells; empty: the
+  /// Returns why a run of `num_ticks` ended before its plan, as far as the log shows; empty: the
   /// run reached its planned end.
   [[nodiscard]] std::string stop_reason(std::int64_t num_ticks) const;
   /// Returns texts such as "no ARM_TRUTH", "ARM_COMMAND missing in 3 ticks".

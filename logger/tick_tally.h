@@ -31,7 +31,8 @@ class TickTally {
   /// Returns whether the message is to be recorded (`fresh`), or why not.
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// Notes that the robot is stopped from this tick on: `is_due_while_stopped`.
+  /// Notes that the robot is stopped from this tick on. Only messages that `is_due_while_stopped`
+  /// names are then expected.
   void on_stop(std::int64_t tick) { stopped_from_ = std::min(stopped_from_, tick); }
   /// Notes that the run is being stopped, from `last` on: no tick after it counts as incomplete.
   void stop_after(std::int64_t last) { expected_ = std::min(expected_, last); }
@@ -42,7 +43,7 @@ class TickTally {
   /// Returns the newest tick of which a message was received; -1 before the first. The reference
   /// does not count, because it is a tick ahead.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
-  /// Returns the number of ticks that are over and have all their messages, or lack some.
+  /// Return the number of ticks that are over and have all their messages, or lack at least one.
   [[nodiscard]] std::int64_t num_complete() const { return complete_; }
   [[nodiscard]] std::int64_t num_incomplete() const { return incomplete_; }
 
@@ -65,7 +66,7 @@ class TickTally {
   std::int64_t complete_ = 0;
   std::int64_t stopped_from_ = std::numeric_limits<std::int64_t>::max();
   std::int64_t incomplete_ = 0;
-  std::int64_t expected_;  ///< ticks up to this one have to be there
+  std::int64_t expected_;  ///< messages are expected up to this tick
   std::array<Missing, messages::num_slots> missing_;
 };
 

@@ -33,7 +33,7 @@ class Arm {
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
 
   [[nodiscard]] ArmState state() const;
-  /// Sets state and time, as if constructed so.
+  /// Sets state and time, as if the arm had been constructed with them.
   void set_state(const ArmState& state, double time_s);
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
@@ -45,7 +45,7 @@ class Arm {
   void brake(const Vector& damping);
 
  private:
-  /// (q, theta) or their rates, without allocation.
+  /// Vector (q, theta) or its rates, without allocation.
   using Coordinates = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * max_joints, 1>;
   static constexpr std::size_t num_stages = 5;
 

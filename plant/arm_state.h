@@ -16,10 +16,10 @@ struct ArmState {
   Vector disturbance{};
   /// Torque of the drives where a current loop lags [N m; N]; empty: zero.
   Vector torque{};
-  /// The robot's own time since an arbitrary instant [s]; NaN: the robot tells none.
+  /// The robot's own time since an arbitrary instant [s]; NaN: the robot reports no time.
   double time_s = std::numeric_limits<double>::quiet_NaN();
-  /// True: the robot did not answer in time, and nothing else of the state counts. The tick is a
-  /// missed one.
+  /// True: the robot did not answer in time, and no other member is valid. The tick is a missed
+  /// tick.
   bool missing = false;
 };
 

@@ -13,11 +13,11 @@ namespace tachless::plant {
 class ClockRate {
  public:
   using Time = base::Clock::time_point;
-  static constexpr double factor = 2;         ///< within which the two may differ
+  static constexpr double factor = 2;         ///< largest allowed ratio of the two times
   static constexpr double window_s = 0.02;    ///< shortest window
-  static constexpr int periods_a_window = 4;  ///< at least: the driver's time may be a tick old
+  static constexpr int periods_a_window = 4;  ///< fewest; the driver's time may be a tick old
 
-  /// @param longest_stall_s how long this process may stand still
+  /// @param longest_stall_s longest time for which this process may stand still [s]
   ClockRate(double period_s, double longest_stall_s)
       : period_s_(period_s), longest_stall_s_(longest_stall_s) {}
 
@@ -62,7 +62,7 @@ class ClockRate {
   struct Mark {
     double own_s = 0;
     Time asked, there;
-    double late_s = 0;  ///< how much older than the freshest reading this one may be
+    double late_s = 0;  ///< largest age of this reading beyond the age of the newest one
   };
 
   void set_mark(double own_s, Time asked, Time there) {

@@ -9,7 +9,7 @@
 namespace tachless::plant {
 
 /// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints: a function
-/// of the specs, the time and the links' position alone, with jumps.
+/// of the specs, the time and the links' position alone, with jumps in time.
 class Disturbances {
  public:
   /// @param specs, model must outlive this object; the model has the joints and links of the specs.

@@ -24,7 +24,7 @@ struct AppliedTorque {
 /// ticks. `applied` may then be read before the command has come. With jitter j the acting command
 /// is up to j ticks older; a seeded generator draws its age for each tick. Without a command the
 /// last one is held. From tick to tick the torque that is sent changes by at most its rate, from
-/// the initial torque on. An arm that adds a torque itself is sent the rest.
+/// the initial torque on. An arm that adds a torque itself is sent the difference.
 class Drive {
  public:
   /// @param spec its limits, jitter and seed are used

@@ -24,7 +24,7 @@ class DriveLoopDriver : public RobotDriver {
  public:
   /// Replaces `hold` in a scenario with `plant.drive.loop`. The drives take
   /// kp (q_des - q) + kd (v_des - v) + tau from now on.
-  /// @param tau as of `hold`
+  /// @param tau as for `hold`
   /// @param set_point in the driver's signs, for the middle of the time over which it is held
   virtual void follow(const Vector& tau, const SetPoint& set_point, double until_s) = 0;
 };
@@ -34,7 +34,7 @@ struct VelocityFilter {
   double forget = 0;  ///< factor of the velocity before
   double rate = 0;    ///< factor of the change of the position [1/s]
 };
-/// Returns the factors of that loop's velocity.
+/// Returns the factors of the velocity in `loop`.
 inline VelocityFilter velocity_filter(const scenario::DriveLoopSpec& loop) {
   if (!loop.velocity_filter_hz) return {0, 1 / loop.period_s};
   const double cutoff = 2 * std::numbers::pi * *loop.velocity_filter_hz;
@@ -44,10 +44,10 @@ inline VelocityFilter velocity_filter(const scenario::DriveLoopSpec& loop) {
 
 /// The loop inside the drives around an emulated robot. At each of its ticks a drive reads its
 /// position, derives a velocity, and computes a torque, which acts `delay_ticks` later. The drives'
-/// torque limits hold for the sum of all.
+/// torque limits apply to the sum of all torques.
 class EmulatedDriveLoop final : public DriveLoopDriver {
  public:
-  /// @param count of the drives' own encoders (scenario::drive_count)
+  /// @param count width of one count of the drives' own encoders (scenario::drive_count)
   /// @param limit of each drive's torque [N m; N]; empty: none
   EmulatedDriveLoop(std::unique_ptr<RobotDriver> robot, scenario::DriveLoopSpec loop, Vector count,
                     Vector limit);

@@ -20,7 +20,8 @@ class DryFriction {
 
  public:
   DryFriction() = default;  ///< none
-  /// @param coulomb, held Fc and Fs >= Fc [N m; N] @param stribeck vs > 0 [rad/s; m/s]
+  /// @param coulomb, held Fc and Fs >= Fc [N m; N]
+  /// @param stribeck vs > 0 [rad/s; m/s]
   /// @throw std::logic_error for other sizes or values.
   DryFriction(const Vector& coulomb, const Vector& held, const Vector& stribeck);
 

@@ -38,7 +38,7 @@ class GuardedRobot {
   /// Emulates the scenario when `driver` is null. With a driver, the robot does not use the
   /// emulator's keys (plant.integrator, plant.payload, friction).
   /// @param driver a real robot's driver, which outlives this object
-  /// @param simulator mechanics in the place of the emulator's own, which outlive this object; null
+  /// @param simulator mechanics in place of the emulator's own, which outlive this object; null
   /// with a driver
   /// @throw base::Failure(bad_usage) when a joint of a real robot has no torque limit, for a key of
   /// mechanics that a simulator has itself, and for plant.drive.loop with a driver that is no
@@ -70,14 +70,14 @@ class GuardedRobot {
   void start();
   static constexpr double start_tolerance = 0.01;  ///< [rad; m]
 
-  /// Reads the state at the beginning of `tick`. A robot that is the clock and tells its time may
-  /// be further: `tick()` is then the tick that it is at. A driver may have no reading; `state()`
-  /// is then the last one. Before the start such a reading is repeated, loop.max_missed times. With
+  /// Reads the state at the beginning of `tick`. A robot that is the clock and reports its time may
+  /// be at a later tick, which `tick()` then returns. A driver may have no reading; `state()` is
+  /// then the last one. Before the start such a reading is repeated, loop.max_missed times. With
   /// plant.on_limit: warn, an emulated joint beyond its range or speed causes one warning and no
   /// failure. A robot that does not measure velocity has its speed averaged over at least 20 ms.
   /// @throw base::Failure(protective_stop) when a real robot's state is not finite, or has another
   /// number of joints than the scenario. A robot that has not stopped also fails when a joint is
-  /// outside of its range, too fast, or too far from its reference (plant.following_error_rad).
+  /// outside its range, too fast, or too far from its reference (plant.following_error_rad).
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< last state read
   /// Returns false if the robot gave no state at the last `read`.
@@ -88,7 +88,7 @@ class GuardedRobot {
   /// readings are plant.encoder.latency_ticks old. The result is valid until the next call.
   /// @throw base::Failure(protective_stop) when a reading is not finite.
   const messages::AnyMeasurement& measure(std::int64_t tick);
-  /// Returns the joints that were outside of their range or too fast at the last reading.
+  /// Returns the joints that were outside their range or too fast at the last reading.
   [[nodiscard]] const std::array<bool, max_joints>& beyond_limit() const { return beyond_limit_; }
 
   /// Gives the drives the command of this tick.
@@ -102,7 +102,7 @@ class GuardedRobot {
   std::chrono::nanoseconds advance(std::int64_t tick);
   /// Ends the tick of the drives.
   void end_tick() { drive_.end_tick(); }
-  /// Lets ticks pass that the robot held the last torque without an answer.
+  /// Skips ticks in which the robot got no answer and held the last torque.
   void skip(std::int64_t ticks) { drive_.skip(ticks); }
 
   /// Stops the robot, which then gets no torque and brakes. The call makes up to `stop_attempts`
@@ -111,8 +111,8 @@ class GuardedRobot {
   static constexpr int stop_attempts = 10;
   /// Writes a warning when the driver's stop has thrown before it succeeded.
   /// @param cause the reason for the stop; null at the end of the run
-  /// @throw base::Failure when the stop has not succeeded, or nobody could confirm it. The failure
-  /// has the words and exit code of `cause`, or else protective_stop.
+  /// @throw base::Failure when the stop has not succeeded or could not be confirmed. The failure
+  /// has the text and exit code of `cause`, or else protective_stop.
   void require_stopped(const base::Failure* cause = nullptr) const;
   /// Returns the driver's own figures; none of the emulator.
   [[nodiscard]] std::vector<DriverFigure> figures() const;
@@ -136,14 +136,14 @@ class GuardedRobot {
   void hold_or_rest(std::int64_t tick);
   /// Returns the set point of the drives' loop over this tick, in the driver's signs.
   [[nodiscard]] SetPoint set_point(std::int64_t tick) const;
-  /// Moves the emulator by this tick. Its errors have other words than a driver's.
+  /// Moves the emulator by this tick. Its failures have other texts than the failures of a driver.
   void move_emulator(std::int64_t tick);
   void require_sound(std::int64_t tick) const;
   /// Checks the robot's own time.
   /// @throw base::Failure(protective_stop) when the time went back, stood still while the robot
   /// moved, or only some readings have it
   void require_time(const ArmState& before, std::int64_t tick) const;
-  /// Sets `speed_` of a robot that does not measure it. The time is the robot's if it tells one,
+  /// Sets `speed_` of a robot that does not measure it. The time is the robot's if it reports one,
   /// else this computer's.
   /// @param asked the time before `state_` was read
   void measure_speed(base::Clock::time_point asked);
@@ -157,7 +157,7 @@ class GuardedRobot {
   std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
   RobotDriver& driver_;
   Drive drive_;
-  std::optional<OwnTorque> own_torque_;  ///< a real robot's that adds some
+  std::optional<OwnTorque> own_torque_;  ///< torque that a real robot adds itself; empty: none
   Encoder encoder_;
   messages::AnyMeasurement measurement_;
   MotionGuard guard_;

@@ -46,11 +46,11 @@ class MotionGuard {
         following_error_(std::move(following_error)),
         first_error_(Vector::Zero(following_error_.size())) {}
 
-  /// Returns true beyond the range of the URDF by more than rounding.
+  /// Returns true if `q` is outside the range of the URDF by more than rounding.
   [[nodiscard]] bool is_outside(Eigen::Index joint, double q) const;
-  /// Returns true above the URDF's speed limit by more than rounding.
+  /// Returns true if `speed` is above the URDF's speed limit by more than rounding.
   [[nodiscard]] bool is_fast(Eigen::Index joint, double speed) const;
-  /// Returns the first joint whose |q - q_ref| is beyond its limit plus the first error; -1: none.
+  /// Returns the first joint whose |q - q_ref| exceeds its limit plus the first error; -1: none.
   [[nodiscard]] Eigen::Index late_joint(const Vector& q, const Vector& q_ref) const;
   /// Takes the error that the robot starts with.
   void set_first_error(const Vector& q, const Vector& q_ref) {

@@ -7,8 +7,8 @@
 
 namespace tachless::plant {
 
-/// The mechanics of an arm's links, without rotors, springs and friction. C++17-clean: Simbody's
-/// translation unit includes it.
+/// The mechanics of an arm's links, without rotors, springs and friction. The header is valid
+/// C++17, because Simbody's translation unit includes it.
 class Multibody {
  public:
   Multibody() = default;
@@ -28,8 +28,8 @@ class Multibody {
 /// @throw std::exception when Simbody refuses a body's inertia
 std::unique_ptr<Multibody> simbody_multibody(const robot::Model& model);
 
-/// Returns the mechanics by the recursions of robot/, which control laws use too. They allocate
-/// nothing once constructed.
+/// Returns the mechanics by the recursions of robot/, which control laws use too. The result
+/// allocates nothing after its construction.
 std::unique_ptr<Multibody> native_multibody(const robot::Model& model);
 
 }  // namespace tachless::plant

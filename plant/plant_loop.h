@@ -24,8 +24,9 @@ class PlantLoop {
   using Time = base::Clock::time_point;
   using Bytes = std::span<const std::byte>;
 
-  /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  /// @param simulator mechanics in the place of the emulator's own, which outlive this
+  /// @param driver driver of a real robot, which outlives this object; null: the arm is emulated
+  /// @param simulator mechanics in place of the emulator's own, which outlive this object; null:
+  /// none
   PlantLoop(const scenario::Scenario& scenario, session::Session& session, RobotDriver* driver,
             Simulator* simulator);
 
@@ -35,7 +36,7 @@ class PlantLoop {
   /// (protocol_violated) when there is no such measurement.
   void prepare();
 
-  /// Returns the stamp of t_k = k h in this run. Its time is not accumulated.
+  /// Returns the stamp of t_k = k h in this run. Its time is not a sum of periods.
   [[nodiscard]] messages::Stamp stamp(std::int64_t tick) const;
 
   struct Request {
@@ -46,8 +47,8 @@ class PlantLoop {
   /// a reading has TICK alone. The bytes are valid until the next call.
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Request publish_request(const messages::Stamp& tick_stamp);
-  /// Publishes the robot's state at the beginning of the tick and the torque over it. Counts
-  /// saturation, so once a tick. A tick without a reading has no state and no TRUTH.
+  /// Publishes the robot's state at the beginning of the tick and the torque over it. Call it once
+  /// per tick, because it counts saturation. A tick without a reading has no state and no TRUTH.
   /// @return the bytes, valid until the next call
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Bytes publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
@@ -76,14 +77,14 @@ void run_lockstep(const scenario::Scenario& scenario, session::Session& session,
                   Simulator* simulator);
 
 /// Runs the plant on the wall clock. Tick k begins at the absolute deadline start + k h, whether
-/// its command has come or not. No tick is left out: late ticks follow as fast as they can, each
+/// its command has come or not. No tick is left out: late ticks follow as fast as possible, each
 /// with half a period for its command. A missed command holds the last torque.
 ///
 /// Too many missed commands in a row, or any other cause that ends the run early, make a protective
 /// stop first: drives without torque, braking. The stop is recorded for `longest_stop` at most. The
 /// statistics get a fault with exit code 1 when more deadlines were missed than the scenario
-/// allows. A robot that is the clock begins the ticks itself. Its missed deadlines are its own
-/// ticks, by its own time, that passed unanswered.
+/// allows. A robot that is the clock begins the ticks itself. Its missed deadlines are those of the
+/// robot's ticks, by the robot's own time, that got no answer.
 void run_realtime(const scenario::Scenario& scenario, session::Session& session,
                   RobotDriver* driver, Simulator* simulator);
 

@@ -12,7 +12,7 @@
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
-/// From a scenario to the plant: the true robot, and its emulation.
+/// The plant of a scenario: the true robot, and its emulation.
 namespace tachless::plant {
 
 /// Returns the true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints,
@@ -50,7 +50,7 @@ class EmulatedRobot final : public RobotDriver {
   /// @param model with the payload (`plant_model`)
   EmulatedRobot(const Spec& plant, const Motors& motors, double period_s,
                 const robot::Model& model);
-  /// Puts a simulator in the place of this library's mechanics, and resets it.
+  /// Uses a simulator in place of this library's mechanics, and resets the simulator.
   EmulatedRobot(const Spec& plant, const Motors& motors, const robot::Model& model,
                 Simulator& simulator);
 

@@ -9,8 +9,9 @@
 
 namespace tachless::plant {
 
-/// Thrown by a driver's `stop` where nobody can confirm the stop, for example with a lost link, and
-/// the robot stops by itself. The text names what makes it stop. `stop` is not called again.
+/// Failure that a driver's `stop` throws if it cannot confirm the stop, for example over a lost
+/// link, and the robot stops by itself. The text names what makes the robot stop. The loop does not
+/// call `stop` again.
 class StopsByItself : public base::Failure {
  public:
   /// @param what makes the robot stop, one line
@@ -46,17 +47,17 @@ class RobotDriver {
   /// Enables the drives. All processes have joined, and the first tick is milliseconds ahead.
   virtual void start() = 0;
 
-  /// Returns the state at the beginning of a tick. Velocities are measured, or as well as the
-  /// driver knows them. May be called before `start`. If the robot does not answer in time, the
+  /// Returns the state at the beginning of a tick. Velocities are measured, or estimated by the
+  /// driver. The loop may call `read` before `start`. If the robot does not answer in time, the
   /// driver returns a state that is `missing`. The loop then holds the last torque over the tick,
   /// and no law steps. More than loop.max_missed such ticks in a row are a protective stop. A
-  /// driver that knows the cause throws before.
+  /// driver that knows the cause throws earlier.
   virtual ArmState read() = 0;
 
   /// Applies a motor torque [N m; N if prismatic] from now on, within the limits. The torque is in
   /// the driver's signs (robot.joint_signs), without the torque that the arm adds itself
-  /// (robot.compensates). The tick ends `until_s` after the start of the run. An emulator moves on
-  /// to there; a real robot moves by itself.
+  /// (robot.compensates). The tick ends `until_s` after the start of the run. An emulator
+  /// integrates to `until_s`; a real robot moves by itself.
   virtual void hold(const Vector& tau, double until_s) = 0;
 
   /// Makes the protective stop, also at the end of the run: no torque any more, brakes closed.
@@ -74,9 +75,10 @@ class RobotDriver {
   [[nodiscard]] virtual std::vector<DriverFigure> figures() const { return {}; }
 };
 
-/// A robot whose own controller is the clock (KUKA's FRI, libfranka). Once in each of its ticks it
-/// tells what it measured and takes a torque. The loop's ticks begin then. With `time_s` the loop
-/// counts the ticks by the robot's own time. A tick with a lost state is a missed tick.
+/// A robot whose own controller is the clock (KUKA's FRI, libfranka). Once in each of its ticks the
+/// controller sends its measurement and takes a torque. The loop's ticks begin at these times. With
+/// `time_s` the loop counts the ticks by the robot's own time. A tick with a lost state is a missed
+/// tick.
 class ClockDriver : public RobotDriver {
  public:
   [[nodiscard]] bool is_clock() const final { return true; }
@@ -93,14 +95,14 @@ class ClockDriver : public RobotDriver {
 
  private:
   /// Answers the robot's tick with `tau` [N m; N], waits for its next tick, and returns what the
-  /// robot measured then. The state has `time_s` if the robot tells its time. `tau` is empty before
-  /// `start`, after `stop`, and where a command is withheld: the driver then answers without a
-  /// torque.
+  /// robot measured then. The state has `time_s` if the robot reports its time. `tau` is empty
+  /// before `start`, after `stop`, and where a command is withheld: the driver then answers without
+  /// a torque.
   /// @throw base::Failure(protective_stop) when no tick comes
   virtual ArmState exchange(const Vector& tau) = 0;
 
   ArmState now_;
-  bool fresh_ = false;  ///< `now_` is of a tick that has not been read
+  bool fresh_ = false;  ///< `read` has not returned `now_` yet
 };
 
 }  // namespace tachless::plant

@@ -61,13 +61,14 @@ enum class InitialTorque {
 };
 constexpr std::array<std::string_view, 2> names(InitialTorque /*type*/) { return {"zero", "hold"}; }
 
+/// State of the plant before tick 0.
 struct InitialState {
   Vector position_rad;
   Vector velocity_rad_per_s;
   std::optional<Vector> motor_position_rad;        ///< nothing: static balance
   std::optional<Vector> motor_velocity_rad_per_s;  ///< nothing: at rest
   InitialTorque torque = InitialTorque::zero;
-  Vector torque_Nm;  ///< no key: in place of `torque`; empty: none
+  Vector torque_Nm;  ///< has no key; replaces `torque`; empty: none
 
   static constexpr std::tuple keys{
       base::Key{"position_rad", &InitialState::position_rad, "rad (m)",
@@ -91,7 +92,7 @@ struct InitialState {
 
 /// Program part that computes the links' inertia matrix and bias.
 enum class Mechanics {
-  simbody,  ///< the reference
+  simbody,  ///< Simbody; `native` is tested against it
   native,   ///< robot/'s recursions; allocates nothing
 };
 constexpr std::array<std::string_view, 2> names(Mechanics /*type*/) {
@@ -114,7 +115,7 @@ constexpr std::array<std::string_view, 4> names(MujocoIntegrator /*type*/) {
   return {"model", "euler", "implicit", "rk4"};
 }
 
-/// MuJoCo in the place of the emulator's mechanics.
+/// MuJoCo in place of the emulator's mechanics.
 struct MujocoSpec {
   std::string model;     ///< as written; empty: the emulator's own mechanics
   std::string keyframe;  ///< empty: the model's initial state
@@ -204,7 +205,7 @@ struct DriveSpec {
   Vector torque_scale, torque_offset_Nm;  ///< empty: 1 and 0
   int command_age_jitter_ticks = 0;
   std::uint64_t seed = 1;
-  double delay_fraction = 0;  ///< no key: of a tick, on top of loop.command_delay, in [0, 1)
+  double delay_fraction = 0;  ///< has no key; ticks in [0, 1) added to loop.command_delay
 
   /// Returns true if any joint has friction that can hold it.
   [[nodiscard]] bool dry_friction() const {

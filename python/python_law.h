@@ -14,10 +14,11 @@ namespace tachless::python {
 
 namespace py = pybind11;
 
-/// Copies for the callable, which may keep them.
+/// Measurement as copies, which the callable may keep.
 struct Measurement {
   py::object q, v, theta, thetadot;  ///< None: not measured
 };
+/// Reference as copies, position to snap.
 struct Reference {
   py::array_t<double> q, v, a, jerk, snap;
 };
@@ -30,12 +31,12 @@ py::array_t<double> array_of(const Vector& x);
 /// @throw base::Failure naming `what`, the required shape and the given shape
 Vector vector_of(const py::handle& object, int size, const std::string& what);
 
-/// Returns a law whose torque is `f(k, t, measurement, reference)`. If `f` has a method `reset`, it
-/// is called before the first step. It is called again after a long gap in realtime, when the
-/// memory has to start anew. An exception of the callable becomes a base::Failure, except
-/// KeyboardInterrupt with `Interrupt::passed_on`. The law logs the position error if it measures
-/// the links. Use and destroy the law without the GIL.
-/// @param name as announced
+/// Returns a law whose torque is `f(k, t, measurement, reference)`. If `f` has a method `reset`,
+/// the law calls `reset` before the first step. After a long gap in realtime the memory has to
+/// start again, and the law calls `reset` again. An exception of the callable becomes a
+/// base::Failure, except KeyboardInterrupt with `Interrupt::passed_on`. The law logs the position
+/// error if it measures the links. Use and destroy the law without the GIL.
+/// @param name name that the controller announces
 /// @param scenario its controller.measurement determines the measurement of the law
 controller::ScenarioLaw python_law(const scenario::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt);

@@ -96,7 +96,9 @@ Trajectory make_trajectory(const scenario::Scenario& scenario) {
   const auto* const file = std::get_if<trajectory::MotionFile>(&scenario.reference);
   if (file != nullptr && file->motion == nullptr) {
     throw scenario.complaint("reference.file",
-                             file->path + " is named here, and not in the log or message");
+                             file->path +
+                                 " is a table, which a log or message does not hold; give the "
+                                 "scenario's file");
   }
   Trajectory made(scenario.reference);
   const robot::Model& model = *scenario.model;

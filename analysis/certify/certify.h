@@ -19,7 +19,7 @@ namespace tachless::certify {
 struct Certificate {
   Prediction loop;
   Feasibility feasibility;
-  std::optional<lyapunov::StabilityCertificate> stability;  ///< nothing under an unstable loop
+  std::optional<lyapunov::StabilityCertificate> stability;  ///< nothing for an unstable loop
   std::optional<lyapunov::PaperConditions> paper;           ///< where it was asked for
   std::string no_stability;                                 ///< why there is no region
   std::optional<lyapunov::WeightedRegion> weighted;         ///< the region of the other laws
@@ -34,9 +34,9 @@ struct Certificate {
 };
 
 struct CertifyOptions {
-  bool full = false;   ///< adds the region of the sampled loop, and missed ticks in lock-step too
+  bool full = false;   ///< adds the region of the sampled loop, and missed ticks also in lockstep
   bool paper = false;  ///< adds the conditions that Loria and Ortega (1995) print
-  linear::LawAnswers answers = {};  ///< as of `analyse`
+  linear::LawAnswers answers = {};  ///< as for `analyse`
   linear::OnProgress tell = linear::no_progress;
 };
 
@@ -44,8 +44,8 @@ struct CertifyOptions {
 /// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of the scenario.
 Certificate certify(const scenario::Scenario& scenario, const CertifyOptions& options = {});
 
-/// Returns the result of `lyapunov::certified_run`; nothing under a sampled loop that `no_region`
-/// names.
+/// Returns the result of `lyapunov::certified_run`; nothing for a sampled loop for which
+/// `no_region` gives a reason.
 std::optional<lyapunov::CertifiedRun> certified_run(const scenario::Scenario& scenario);
 
 /// Returns the reasons why a run must fail: an unstable loop, torque or speed beyond a limit.

@@ -10,12 +10,13 @@
 /// The loop inside the drives (plant.drive.loop) while the host's loop is closed around it.
 namespace tachless::certify {
 
-/// Postures of the reference, evenly over it, whose least margins are taken.
+/// Number of postures, spread evenly over the reference, at which margins are computed.
 inline constexpr int drive_postures = 5;
 
+/// Margins of the drives' loop, and torques of encoder counts.
 struct DrivePrediction {
   linear::DriveMargins margins;  ///< the least of each over the postures
-  double delay_s = 0;            ///< of the drives: `margins.delay_ticks` as a time
+  double delay_s = 0;            ///< `margins.delay_ticks` as a time [s]
   /// Longest time by which the host's torques may come later, the least over the postures [s].
   double host_delay_s = 0;
   bool host_delay_ends = false;  ///< false: no limit was found up to `host_delay_s`
@@ -23,13 +24,13 @@ struct DrivePrediction {
 };
 
 /// Returns the prediction of a scenario with plant.drive.loop.
-/// @param answers of an external law
+/// @param answers answers of an external law; empty: the law is in the catalogue
 DrivePrediction predict_drives(const scenario::Scenario& scenario,
                                const linear::LawAnswers& answers = {});
 
-/// "modulus 0.71; gain 88, delay 17 ms of a drive".
+/// Returns a text such as "modulus 0.71; gain 88, delay 17 ms of a drive".
 std::string margins_text(const DrivePrediction& drives);
-/// "the host's torques may come 12 ms later".
+/// Returns a text such as "the host's torques may come 12 ms later".
 std::string host_delay_text(const DrivePrediction& drives);
 
 }  // namespace tachless::certify

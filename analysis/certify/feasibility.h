@@ -12,7 +12,7 @@ namespace tachless::certify {
 
 struct JointDemand {
   std::string name;
-  double at_rest = 0;  ///< largest |torque| that holds the arm still on the way [N m; N]
+  double at_rest = 0;  ///< largest |torque| that holds the arm at rest along the motion [N m; N]
   double moving = 0;   ///< largest |torque| along the motion [N m; N]
   double speed = 0;    ///< largest |v_ref| [rad/s; m/s]
   /// Frequency of the reference over the sampling rate: f h of its fastest sinusoid. Without a

@@ -26,9 +26,9 @@ struct Prediction {
   controller::law::Settings settings;
 
   /// True if the errors of the linearised loop decay at the scenario's period. A motion that
-  /// repeats, or that the run cuts off, counts as a whole. Any other motion counts at rest at its
-  /// end. A posture on the way may be unstable at rest: eigenvalues at frozen postures are neither
-  /// necessary nor sufficient for a moving reference.
+  /// repeats, or that the run cuts off, is judged as a whole. Any other motion is judged at rest at
+  /// its end. A posture on the way may be unstable at rest: eigenvalues at frozen postures are
+  /// neither necessary nor sufficient for a moving reference.
   bool stable = false;
   /// Spectral radius per period. A motion that repeats has the root of the radius of the product of
   /// its one-period maps. A motion that ends in the run has the radius at rest at its end. A motion
@@ -36,10 +36,12 @@ struct Prediction {
   /// rest at the reference's postures.
   double radius = 0;
   /// Factor by which errors grow over a motion that ends in the run, before they decay. It is the
-  /// spectral radius of the product of its one-period maps; 0 where that is not above 1.
+  /// spectral radius of the product of the motion's one-period maps; 0 if this radius is not above
+  /// 1.
   double growth = 0;
   Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
-  /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
+  /// Largest period at which the loop is stable at rest at all postures [s]; nothing: no period is
+  /// stable.
   std::optional<double> limit_s;
   Vector limit_q;                   ///< the posture that binds it
   linear::Modes modes;              ///< at the posture with the largest radius
@@ -93,8 +95,8 @@ std::string text(const Prediction& prediction);
 /// Returns a round period below the limit and the scenario's period; nothing: no period is stable.
 std::optional<double> stable_period(const Prediction& prediction);
 
-/// Returns why a run of an unstable loop is refused, and what to type: limit, a stable period
-/// nearby.
+/// Returns why a run of an unstable loop is refused, with the limit and a command with a stable
+/// period.
 std::string refusal(const Prediction& prediction, const std::string& scenario_file);
 
 // ---- the numbers as text -----------------------------------------------------------------------

@@ -9,9 +9,9 @@
 #include "design/uncertainty.h"
 #include "scenario/scenario.h"
 
-/// Gains for a scenario's law, found with the sampled loop. They settle as fast as possible after
-/// an error of any single joint. They keep a modulus margin at the postures of the reference and
-/// over the range of the joints (gain_search.h).
+/// Gains for a scenario's law, found with the sampled loop. With these gains an error of any single
+/// joint settles as fast as possible. The loop keeps a modulus margin at the postures of the
+/// reference and over the range of the joints (gain_search.h).
 ///
 /// The search starts from a rule of thumb. Let m_j = 1 / (M^-1)_jj be the inertia of joint j when
 /// the others are free. Let d_j be its viscous friction and w a bandwidth:
@@ -22,28 +22,32 @@
 /// m s^2 + (2 w m + d) s + kp = (s + w)(m s + w m + d).
 namespace tachless::design {
 
-/// Shares of the margin that postures outside the motion have to keep, and that the search demands
-/// at those it has found. The search demands more because it finds few of the postures where the
-/// margin is least.
+/// Shares of the modulus margin outside the motion. Each posture there has to keep `range_share`.
+/// The search demands `asked_share` at the postures that it has found, because it finds only few of
+/// the postures with the least margin.
 constexpr double range_share = 0.9, asked_share = 0.93;
 
+/// Goals of a design; nothing: no such goal.
 struct DesignGoal {
   std::optional<double> bandwidth_hz;  ///< upper limit: kp at most the rule's kp for this bandwidth
-  std::optional<double> settling_s;    ///< enough time for 1 % of an error; the rest becomes margin
-  std::optional<Vector> least_kp;      ///< stiffness of each joint, its spring included [N m/rad]
-  std::optional<double> count_Nm;      ///< largest torque of one encoder count [N m]
-  std::optional<double> start_error;   ///< kp times it is within the torque limit [rad; m]
-  double modulus = 0.5;                ///< least modulus margin, along the motion
-  std::optional<double> count_share;   ///< torque of one encoder count over the limit; 0.01
+  /// Time to 1 % of an error that is short enough [s]. The search then increases the margin.
+  std::optional<double> settling_s;
+  std::optional<Vector> least_kp;     ///< stiffness of each joint, its spring included [N m/rad]
+  std::optional<double> count_Nm;     ///< largest torque of one encoder count [N m]
+  std::optional<double> start_error;  ///< kp times it is within the torque limit [rad; m]
+  double modulus = 0.5;               ///< least modulus margin, along the motion
+  /// Largest torque of one encoder count over the torque limit; nothing: 0.01.
+  std::optional<double> count_share;
   std::optional<Uncertainty> uncertainty;  ///< plants for which the margin holds, too
 };
 
+/// Result of a design.
 struct Design {
   std::map<std::string, Vector> gains;
   std::vector<std::string> binds;  ///< constraints that bind the settling time, costliest first
   certify::Prediction loop;        ///< prediction with these gains, as `certify` prints it
-  /// One line for each joint that stops beside its goal by more than a tenth of its motion. Nobody
-  /// can use such gains.
+  /// One line for each joint that stops beside its goal by more than a tenth of its motion. Such
+  /// gains are unusable.
   std::vector<std::string> objections;
   /// One line for each joint that sticks beside its goal, each slow pole by friction, and each
   /// posture in range that lacks the margin.
@@ -73,8 +77,8 @@ Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
 std::vector<std::string> overrides_of(const Design& design, const std::string& law = "");
 
 /// Computes gains by the rule of thumb of the scenario's law: two real poles at `hz` for each joint
-/// with its mean inertia. Filters and observers are ten times as fast, at most 1 / h. Checks no
-/// margin. It serves for comparisons.
+/// with its mean inertia. Filters and observers are ten times as fast, at most 1 / h. No margin is
+/// checked. The result serves for comparisons.
 /// @throw base::Failure(check_said_no) for a law without a rule, (bad_usage) for a law that does
 /// not suit the scenario's robot or reference
 Design rule_of_thumb(const scenario::Scenario& scenario, double hz);

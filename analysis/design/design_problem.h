@@ -18,16 +18,17 @@ using linear::ScenarioLoop;
 using Gains = std::map<std::string, Vector>;
 
 /// The gains of a scenario's law as the variables of a search: which gains vary, their start and
-/// their bounds. Also computes the law's feedback terms as a function of the variables.
+/// their bounds. The class also computes the law's feedback terms as a function of the variables.
 class DesignProblem {
  public:
-  /// @param answers of an external law, whose gains are the scenario's
-  /// @throw base::Failure(check_said_no) for a law without a rule
+  /// @param answers answers of an external law, which has the scenario's gains; empty: the law is
+  /// in the catalogue
+  /// @throw base::Failure(check_said_no) for a law without a rule of thumb
   DesignProblem(const scenario::Scenario& scenario, const DesignGoal& goal,
                 const linear::LawAnswers& answers = {});
 
-  /// Chooses the gains that vary. It precedes all calls below except `by_rule`. The law must have a
-  /// linearisation.
+  /// Chooses the gains that vary. Call it before all functions below except `by_rule`. The law must
+  /// have a linearisation.
   /// @throw base::Failure(check_said_no) for a law without gains
   void choose_variables();
 
@@ -44,28 +45,31 @@ class DesignProblem {
   /// faster than 1 / h.
   [[nodiscard]] Gains by_rule(double w, double r, const RuleOptions& options) const;
   [[nodiscard]] Gains by_rule(double w, double r) const { return by_rule(w, r, {}); }
+  /// Returns the gains for the variables `theta`.
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   /// Rounds gains to four digits. Leaves the matrices of an external law, which do not vary,
   /// unchanged.
   [[nodiscard]] Gains rounded(Gains all) const;
+  /// Returns the variables for `gains`.
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
   /// Returns theta of the scenario's own gains, or nothing when the scenario lacks a gain that
   /// varies.
   [[nodiscard]] std::optional<Eigen::VectorXd> own_theta() const;
-  /// Returns starts beside theta for an external law: all numbers of one gain doubled or halved.
+  /// Returns further starts of the search for an external law. Each is `theta` with all numbers of
+  /// one gain doubled or halved.
   [[nodiscard]] std::vector<Eigen::VectorXd> beside(const Eigen::VectorXd& theta) const;
   /// Returns the feedback terms about rest in a posture.
   [[nodiscard]] linear::LinearLaw feedback_at(const Gains& gains,
                                               const messages::ReferencePoint& rest) const;
-  /// @param plant another than the scenario's; null: the scenario's
-  /// @param once the loop's moduli are asked for once, and at few frequencies
+  /// @param plant plant in place of the scenario's plant; null: the scenario's plant
+  /// @param once true if the caller evaluates the loop's moduli only once, at few frequencies
   [[nodiscard]] RestLoop loop_at(const messages::ReferencePoint& rest,
                                  const UncertainPlant* plant = nullptr, bool once = false) const;
-  /// Returns the problem with the margin to be kept at these postures. The result refers to this
+  /// Returns the problem that demands the margin at these postures. The result refers to this
   /// object.
   [[nodiscard]] GainProblem at(const std::vector<messages::ReferencePoint>& rests) const;
 
-  /// Returns the upper bounds of theta for gains of at most that bandwidth.
+  /// Returns the upper bounds of theta for gains with a bandwidth of at most `hz`.
   [[nodiscard]] Eigen::VectorXd upper_within(double hz) const;
 
   [[nodiscard]] scenario::Scenario with(const Gains& gains) const;
@@ -82,8 +86,8 @@ class DesignProblem {
   void scale(Gains& gains, std::size_t kind, double factor) const;
   void bound_poles();
   void set_bounds();
-  /// Sets the gains that others determine by the rule. These are b of a law without gains of each
-  /// joint, and an integral's gains for the slowest joint.
+  /// Sets the gains that follow from other gains by the rule of thumb. These are b of a law without
+  /// gains of each joint, and an integral's gains for the slowest joint.
   void follow(Gains& all) const;
   [[nodiscard]] double rate() const { return 1 / scenario_.loop.period_s; }
   [[nodiscard]] Eigen::Index per_kind() const;

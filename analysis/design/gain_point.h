@@ -12,7 +12,7 @@ namespace tachless::design {
 using linear::FeedbackAt;
 using numerics::LinearProgramme;
 
-constexpr double settled = 0.01;
+constexpr double settled = 0.01;  // an error below this share of its start is settled
 // Price of a lack of margin, in logarithms of the error: a lack of 0.08 outweighs the whole fall to
 // 1 %, which is 4.6.
 constexpr double price_of_margin = 60;
@@ -26,7 +26,7 @@ constexpr double near_margin = 0.3;  // distance above the margin within which e
 class LeastModulus {
  public:
   LeastModulus(const GainProblem& problem, const Eigen::VectorXd& theta);
-  /// Returns the least modulus of the loop at rest there, or a smaller number above `enough`.
+  /// Returns the least modulus of the loop at `rest`, or a smaller number above `enough`.
   /// @param among frequencies; empty: all
   [[nodiscard]] double at(const linear::RestLoop& loop, const messages::ReferencePoint& rest,
                           double enough, const std::vector<double>& among = {}) const;
@@ -50,6 +50,7 @@ struct Lack {
   std::size_t joint = 0;
 };
 
+/// Problem of a search for gains, evaluated at one theta.
 class GainPoint {
  public:
   GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
@@ -63,9 +64,10 @@ class GainPoint {
   /// Returns the least modulus of a loop, divided by the loop's share of the margin.
   [[nodiscard]] double least_modulus(std::size_t loop) const;
   [[nodiscard]] double least_modulus() const;  ///< over all loops
-  /// Returns how much margins and counts lack; 0: nothing.
+  /// Returns the larger of the missing modulus and the missing logarithm of the torque per count;
+  /// 0: none is missing.
   [[nodiscard]] double lack() const;
-  [[nodiscard]] Lack count_lack() const;  ///< of the joint that lacks most
+  [[nodiscard]] Lack count_lack() const;  ///< of the joint with the largest lack
   [[nodiscard]] bool stable() const;
 
   /// Returns the largest logarithm of an error from T to `window` T, for each judged loop. The fall
@@ -75,8 +77,9 @@ class GainPoint {
   [[nodiscard]] std::vector<double> settling_s(double end_s,
                                                const std::vector<std::size_t>& loops) const;
 
-  // Append rows of the linear programme in the step d of theta, s and v. Margin and count rows hold
-  // d alone. Error rows hold all three.
+  // Append rows of the linear programme in the step d of theta, the bound s of the errors'
+  // logarithms and the missing margin v. Margin and count rows hold d alone. Error rows hold all
+  // three.
   void add_margin_rows(std::size_t loop, std::vector<numerics::LinearProgramme::Row>& rows) const;
   void add_error_rows(std::size_t loop, double T, double largest,
                       std::vector<numerics::LinearProgramme::Row>& rows) const;

@@ -31,18 +31,20 @@ struct GainProblem {
   bool same_everywhere = false;  ///< the law of loop 0 is the law of all loops
   bool resonant = false;         ///< poles may be lightly damped: flexible joints
   Eigen::VectorXd lower, upper;  ///< of theta
-  Eigen::VectorXd most_gain;     ///< largest torque per measured angle of each joint's own
+  Eigen::VectorXd most_gain;     ///< largest torque of each joint per angle of the same joint
   double margin = 0.5;
   std::vector<double> share;  ///< share of the margin that each loop has to keep
-  /// Settling time that is enough; a faster loop gains margin instead. 0: as fast as possible.
+  /// Sufficient settling time. If it is reached, the search increases the margin. 0: as fast as
+  /// possible.
   double settling_s = 0;
 };
 
 /// A constraint that keeps the gains from being faster.
 struct Binding {
   enum class Kind { margin, count, bound } kind = Kind::margin;
-  std::size_t which = 0;      ///< number of the loop, joint or variable
-  double settling_share = 0;  ///< of the settling time, saved by loosening it by a tenth
+  std::size_t which = 0;  ///< number of the loop, joint or variable
+  /// Share of the settling time that is saved if the constraint is loosened by a tenth.
+  double settling_share = 0;
 };
 
 struct FoundGains {
@@ -66,7 +68,8 @@ std::vector<double> least_moduli(const GainProblem& problem, const Eigen::Vector
 /// end of the longest interval examined.
 std::vector<double> settling_times(const GainProblem& problem, const Eigen::VectorXd& theta);
 
-/// Adds to the problem loops at which these gains lack something. Returns whether it added any.
+/// Function that adds loops to the problem at which these gains violate a constraint. It returns
+/// whether it added any.
 using AddLoops = std::function<bool(GainProblem& problem, const Eigen::VectorXd& theta)>;
 
 /// Runs at most `most_steps` steps from `theta`. Calls `add` every few steps and at the end of the

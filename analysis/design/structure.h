@@ -26,8 +26,9 @@ constexpr std::array<std::string_view, 3> names(Structure /*type*/) {
 /// Returns the name of the law whose gains have that structure.
 std::string_view law_of(Structure structure);
 
-/// Bandwidth of scheduled gains if the user gives none [Hz]: errors settle in about 0.1 s. Springs
-/// of gears and current loops, which a URDF does not state, lie above.
+/// Bandwidth of scheduled gains if the user gives none [Hz]: errors settle in about 0.1 s.
+/// Resonances of gears and bandwidths of current loops, which a URDF does not state, are above this
+/// frequency.
 inline constexpr double default_bandwidth_hz = 10;
 
 /// Result of the search for gains of one structure.
@@ -38,6 +39,7 @@ struct Candidate {
   std::string refusal;           ///< why there are none
 };
 
+/// Designs of the structures, and the chosen one.
 struct Comparison {
   std::vector<Candidate> candidates;  ///< diagonal, then scheduled
   std::size_t chosen = 0;             ///< index of the candidate, which has a design
@@ -46,8 +48,8 @@ struct Comparison {
 
 /// Designs diagonal and scheduled gains, and chooses between them. Scheduled gains are the default.
 /// They are at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. Diagonal
-/// gains are chosen if they are as good. They then settle at most a tenth later and keep the margin
-/// over the range of the joints. Friction stops no joint far beside its goal.
+/// gains are chosen if they settle at most a tenth later, keep the margin over the range of the
+/// joints, and let friction stop no joint far from its goal.
 /// @param scenario_with returns the scenario with the law of a structure
 /// @throw base::Failure(check_said_no) if no structure has gains
 Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,

@@ -8,7 +8,7 @@
 
 namespace tachless::design {
 
-/// Bounds of what the plant may have other than the law's model.
+/// Bounds of the differences between the plant and the law's model.
 struct Uncertainty {
   double links = 0;        ///< share by which mass and inertia of each link may differ
   double rotors = 0;       ///< share by which the inertia of each rotor may differ

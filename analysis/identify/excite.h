@@ -27,6 +27,7 @@ struct Excitation {
   Vector torque;         ///< largest, with the scenario's parameters [N m; N]
 };
 
+/// Goals of an excitation.
 struct ExcitationGoal {
   double duration_s = 20;
   double reach = 0.5;  ///< largest deflection from the start [rad; m]
@@ -34,15 +35,15 @@ struct ExcitationGoal {
   std::optional<double> floor;
 };
 
-/// Torque noise of the prediction, as a share of each joint's torque limit; where there is none, of
-/// the largest torque of the first motion.
+/// Torque noise of the prediction, as a share of each joint's torque limit. For a joint without a
+/// limit it is a share of the largest torque in the first motion.
 inline constexpr double noise_share = 0.01;
 
 /// Designs a motion of several sines per joint. It begins and ends at rest at the scenario's
 /// initial posture. It stays within nine tenths of the joints' ranges and four fifths of their
 /// torque limits. It stays within four fifths of their speed limits (1 rad/s, 1 m/s where the URDF
 /// has none). The function maximises the determinant of the information on the unknowns
-/// (D-optimality). It draws motions at random, and then draws the best motion's joints anew, one
+/// (D-optimality). It draws motions at random, and then draws the best motion's joints again, one
 /// after the other. It does not consider obstacles other than a floor.
 /// @throw base::Failure(bad_usage) for flexible joints, for a joint that begins at its limit, and
 /// when none of the motions stays within the torque limits and above the floor

@@ -15,16 +15,18 @@
 
 namespace tachless::identify {
 
+/// Result of an identification.
 struct Identified {
   struct Parameter {
     Parameters::Entry entry;
-    /// A value at its bound is zero; the true one is then at most the half width.
+    /// In the unit of `entry`. `half_width` is half a 95 % interval. If `at_bound`, the value is
+    /// zero, and the true value is at most `half_width`.
     double value, half_width;
     std::string doubt;      ///< why it is not identifiable; empty: it is
     bool in_sum = false;    ///< the parameter is determined only in a sum with others
     bool at_bound = false;  ///< the value is zero because it cannot be negative
 
-    /// Returns whether the parameter is known to be small but not told from zero.
+    /// Returns whether the parameter is known to be small but cannot be distinguished from zero.
     [[nodiscard]] bool is_small() const {
       return doubt.empty() && entry.not_negative && std::abs(value) <= half_width;
     }
@@ -32,9 +34,10 @@ struct Identified {
   /// A link together with everything that is fixed to it.
   struct Link {
     std::string name;
-    robot::MassProperties before, after;
+    robot::MassProperties before, after;  ///< of the URDF, and identified
   };
-  /// The check of one joint, on the recording with the largest error, or on data that was not used.
+  /// Check of one joint on the recording with the largest error. If `validated`, that recording was
+  /// not used to identify.
   struct Check {
     std::string joint, unit;
     /// Rms torque error over the peak torque, with all unknowns zero and with the identified
@@ -42,27 +45,28 @@ struct Identified {
     double before, after;
     /// Rms of measured minus simulated positions, if the loop can be simulated [rad; m].
     std::optional<double> position_error;
-    /// How the recordings that were used differ from the model (misfit.h).
+    /// Difference between the joint's model and the recordings that were used (misfit.h).
     Misfit misfit;
   };
 
   std::vector<Parameter> parameters;  ///< link parameters are differences to the URDF's values
   std::optional<Load> load;
-  std::vector<Link> links;  ///< empty if the links are those of the URDF
+  std::vector<Link> links;  ///< empty if the URDF's links are unchanged
   Eigen::Index rank = 0;    ///< number of parameter combinations that least squares determines
   bool simulated = false;   ///< the answer is from output error; otherwise from least squares
-  double condition = 0;
+  double condition = 0;     ///< condition number of the (scaled) least-squares problem
   std::vector<Check> checks;
   bool validated = false;  ///< `checks` use data that was not used to identify
   /// Why the recordings do not fit the robot, and what would make them fit; empty: they fit.
   std::string no_fit;
   std::vector<std::string> advice;  ///< what a recording of the doubtful parameters needs
+  /// Settings "key=value" that write the values into the scenario.
   std::vector<std::string> overrides;
 };
 
 /// Identifies the unknown parameters. The first step is least squares on filtered positions and
-/// torques. For recordings of known laws, output error of the closed loop follows; it has no
-/// offsets.
+/// torques. If all recordings are of known laws, output error of the closed loop follows. Torque
+/// offsets are then not identified, because a log has the torques that were sent.
 /// @param validate a recording used only for the checks; nothing: the checks use all recordings
 /// @throw base::Failure(bad_usage) for recordings of different robots, and when no parameter of
 /// `unknown` is left to identify
@@ -72,6 +76,8 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
 /// Returns the recording's URDF with the identified links. `robot::urdf_mechanics` reads it.
 std::string urdf_of(const Identified& found, const scenario::Scenario& scenario);
 
+/// Returns a text with the values, their intervals, the checks and the advice.
+/// @param name title of the text
 std::string text(const Identified& found, const std::string& name);
 void to_json(nlohmann::ordered_json& json, const Identified& found);
 

@@ -29,19 +29,20 @@ struct Regression {
   /// @param with_slow whether a joint's slow rows count; empty: all rows do
   [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values,
                                          const std::vector<bool>& with_slow = {}) const;
-  /// Returns whether a row is used if slow rows are used of these joints.
+  /// Returns whether a row is used, if slow rows are used for the joints in `with_slow`.
   [[nodiscard]] bool used(Eigen::Index row, const std::vector<bool>& with_slow) const {
     const auto at = static_cast<std::size_t>(row);
     return !slow[at] || with_slow[static_cast<std::size_t>(joint[row])];
   }
 };
 
+/// Returns the regression of a recording.
 Regression regression(const Recording& recording, const Parameters& parameters);
 
-/// Returns how many rows in succession count as one independent row behind the filter.
+/// Returns the number of successive filtered rows that count as one independent row.
 double rows_alike(const Regression& regression);
 
-/// Filters each column with that low-pass.
+/// Filters each column with the low-pass of `regression`.
 /// @param h period of the rows [s]
 Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h, double cutoff_hz = 15);
 
@@ -62,7 +63,7 @@ struct Precision {
 };
 /// Computes the precision from the variation of the estimate when blocks of time are left out. It
 /// holds for residuals of any autocorrelation. A parameter at its bound is held there for the
-/// precision of the others. Its own half width is that of the estimate in which it alone is free of
+/// precision of the others. Its own half width comes from an estimate in which it alone may leave
 /// its bound, so that the true value is at most a half width from the bound.
 /// @param J Jacobian, rows in order of time
 /// @param norm norms of its columns, by which it is scaled
@@ -80,7 +81,8 @@ std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& 
 /// rest may have any friction up to Coulomb's.
 struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
-  /// For each parameter: the others it is determined with in a sum; empty: alone.
+  /// For each parameter: the other parameters of the sum in which alone it is determined; empty: it
+  /// is determined by itself.
   std::vector<std::string> sums;
 };
 /// @param with_slow whether a joint's slow rows are used; empty: no joint's are

@@ -7,15 +7,15 @@
 #include "identify/least_squares.h"
 #include "identify/recording.h"
 
-/// Tests whether the model is right: what it leaves unexplained is then noise.
+/// Tests of the model. If the model is right, its residuals are noise.
 namespace tachless::identify {
 
-/// How one joint's residuals differ from noise.
+/// Difference between one joint's residuals and noise.
 struct Misfit {
   double correlation = 0;  ///< of the residual with itself a little later; white noise has 0
   bool found = false;      ///< the residual is too correlated and too large to be noise
-  /// Coulomb friction of slow motion less that of fast motion, if both were recorded and differ
-  /// [N m; N]; otherwise 0.
+  /// Coulomb friction of slow motion minus Coulomb friction of fast motion, if both were recorded
+  /// and differ [N m; N]; otherwise 0.
   double slow_friction = 0;
 };
 
@@ -23,8 +23,8 @@ struct Misfit {
 inline bool is_misfit(const Misfit& misfit) { return misfit.found || misfit.slow_friction != 0; }
 
 /// Tests the torques that `values` leave unexplained in a table, in rows that are not slow, 50 ms
-/// apart. Of 120 right arms none had a correlation above 0.2. Misfits below 0.2 % of the joint's
-/// peak are not called one.
+/// apart. No arm of 120 with a right model had a correlation above 0.2. A residual below 0.2 % of
+/// the joint's peak is not called a misfit.
 /// @param regressions one of each recording; the largest correlation counts
 std::vector<Misfit> torque_misfits(const std::vector<Regression>& regressions,
                                    const Parameters& parameters, const Eigen::VectorXd& values);
@@ -42,8 +42,8 @@ struct TableAnswer : LeastSquares {
   std::vector<Misfit> misfits;
 };
 
-/// Identifies from torques alone. The answer is that of rows that are not slow. If a test finds a
-/// misfit at any joint, the arm's friction is another one; slow rows then count too, and the
+/// Identifies from torques alone. Rows that are not slow give the answer. If a test finds a misfit
+/// at any joint, the friction of the arm differs from the model. Slow rows then count too, and the
 /// intervals are wider by the difference between both answers.
 TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model);

@@ -13,9 +13,9 @@ namespace tachless::identify {
 
 /// Kinds of parameters. `inertia`: mass, first moments and inertia of every link. `offset`:
 /// constant error of a torque sensor or motor current. `delay`: ticks, with a fraction, from a
-/// measurement until the torque computed from it acts. `payload`: mass of a payload whose place the
-/// scenario says. `load`: mass, first moments and inertia of a payload on the scenario's payload
-/// link.
+/// measurement until the torque computed from it acts. `payload`: mass of a payload whose position
+/// is in the scenario. `load`: mass, first moments and inertia of a payload on the scenario's
+/// payload link.
 enum class Kind { rotor, viscous, coulomb, payload, delay, inertia, offset, load };
 inline constexpr std::array<std::string_view, 8> kind_names = {
     "rotor", "viscous", "coulomb", "payload", "delay", "inertia", "offset", "load"};
@@ -44,8 +44,8 @@ class Parameters {
   };
 
   /// @param controlled the recordings are of the scenario's own law (`Recording::controlled`).
-  /// Otherwise a delay is the time by which a table's torques are late. It may be negative and
-  /// belongs to the table, so that it is not written.
+  /// Otherwise a delay is the time by which a table's torques are late. This delay may be negative.
+  /// It is a property of the table, so `overrides` does not write it.
   Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
              bool controlled = true);
 
@@ -55,7 +55,8 @@ class Parameters {
   /// Returns the index of the first entry of a kind, or -1 if there is none.
   [[nodiscard]] Eigen::Index first(Kind kind) const;
 
-  /// Returns the scenario with these values in its plant, ideal encoders and native mechanics.
+  /// Returns `scenario` with these values in its plant, with ideal encoders and with native
+  /// mechanics.
   [[nodiscard]] scenario::Scenario plant(const scenario::Scenario& scenario,
                                          const Eigen::VectorXd& values) const;
 
@@ -64,8 +65,8 @@ class Parameters {
 
   /// Returns overrides such as "plant.drive.coulomb_friction_Nm=[1, 2]" that write the values into
   /// a scenario. Friction is written for the plant and for the law's feedforward. A delay is
-  /// rounded to whole ticks. Ticks beyond the scenario's own delay go to the encoder's latency,
-  /// which has the same effect in the loop and none on a real arm.
+  /// rounded to whole ticks. Ticks beyond the scenario's own delay are written as the encoder's
+  /// latency. This latency has the same effect in the emulated loop and no effect on a real arm.
   [[nodiscard]] std::vector<std::string> overrides(const scenario::Scenario& scenario,
                                                    const Eigen::VectorXd& values) const;
 

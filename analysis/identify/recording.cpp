@@ -81,7 +81,9 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
     if (to_stop && truth.fault == messages::truth::DriveFault::protective_stop) break;
     const Vector positions = messages::links_of(*record.measurement);
     if (positions.size() != n) {
-      throw bad_usage("{}: holds no positions of the joints (links)", log.path().string());
+      throw bad_usage(
+          "{}: holds no positions of the joints (links); record a law that measures them",
+          log.path().string());
     }
     q.add(positions);
     tau.add(truth.tau);
@@ -131,8 +133,10 @@ void require_same_robot(const Recording& first, const Recording& other) {
       a.gravity_m_per_s2 == b.gravity_m_per_s2) {
     return;
   }
-  throw bad_usage("{}: is of another robot than {}: URDF, locked joints, base or gravity differ",
-                  other.source, first.source);
+  throw bad_usage(
+      "{}: is of another robot than {}: URDF, locked joints, base or gravity differ; identify "
+      "each robot by itself",
+      other.source, first.source);
 }
 
 }  // namespace tachless::identify

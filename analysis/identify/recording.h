@@ -54,10 +54,11 @@ class TickRows {
 Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
 
 /// Reads a recording from a log.
-/// @throw base::Failure(bad_usage) with one line that names the log's fault. The robot: flexible
-/// joints. The content: positions not recorded, or missing ticks or commands. The run: a dry run,
-/// withheld torques, changing gains, a torque at its limit in more than 1 % of the ticks, less than
-/// 2 s, or no joint that moves.
+/// @throw base::Failure(bad_usage), one line, if the robot has flexible joints
+/// @throw base::Failure(bad_usage), one line, if positions are not recorded, or ticks or commands
+/// are missing
+/// @throw base::Failure(bad_usage), one line, for a dry run, withheld torques, changing gains, a
+/// torque at its limit in more than 1 % of the ticks, less than 2 s, or no joint that moves
 Recording read_recording(const std::filesystem::path& log);
 
 /// Reads a recording from another logger's table. The YAML file `description` names the table's
@@ -66,7 +67,7 @@ Recording read_recording(const std::filesystem::path& log);
 /// @throw base::Failure(bad_usage) with one line: file, line, fault and allowed values
 Recording read_table(const std::filesystem::path& description);
 
-/// Returns a table's recording with its torques moved by so many ticks more. Rows without a torque
+/// Returns a table's recording with its torques moved by `ticks` more ticks. Rows without a torque
 /// are left out.
 Recording with_torques_moved(const Recording& recording, int ticks);
 

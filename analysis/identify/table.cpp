@@ -141,7 +141,7 @@ void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording&
   Eigen::Index widest = 0;
   if (step.maxCoeff(&widest) > longest_gap * h) {
     throw bad_usage(
-        "{}: nothing from {:g} to {:g} s, where the usual step is {:g} s; cut the table "
+        "{}: no row from {:g} to {:g} s, but the usual step is {:g} s; cut the table "
         "there and give both parts",
         source, rows(0, widest), rows(0, widest + 1), h);
   }

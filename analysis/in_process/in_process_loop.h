@@ -44,7 +44,7 @@ struct TickRecord {
 void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
                     const std::function<bool(const TickRecord&)>& on_tick,
                     plant::RobotDriver* driver = nullptr);
-/// Calls `run_in_process` with a simulator in the place of the emulator's mechanics.
+/// Calls `run_in_process` with a simulator in place of the emulator's mechanics.
 void run_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,
                     const std::function<bool(const TickRecord&)>& on_tick,
                     plant::Simulator& simulator);

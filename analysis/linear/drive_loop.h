@@ -10,8 +10,8 @@
 /// The loop inside the drives (plant.drive.loop) and its margins, by the exact map of one period.
 namespace tachless::linear {
 
-/// Returns the plant whose drives close that loop. `plant.B` has their scale.
-/// @param host_period_s to which the loop's `late_ticks` belong
+/// Returns the plant with the drives' loop closed. `plant.B` includes the scale of the drives.
+/// @param host_period_s period in which `loop.late_ticks` are counted
 LinearPlant with_drive_loop(const LinearPlant& plant, const scenario::DriveLoopSpec& loop,
                             double host_period_s);
 
@@ -20,21 +20,21 @@ LinearPlant without_drive_loop(const LinearPlant& plant);
 
 /// Margins of a stable loop at the drives, while the host's loop is closed.
 struct DriveMargins {
-  double gain = 0;  ///< factor above 1 on kp and kd that makes it unstable; infinite up to 1e4
-  int delay_ticks =
-      0;  ///< further ticks of the drives that keep it stable, up to `most_drive_ticks`
+  double gain = 0;      ///< factor above 1 on kp and kd that makes it unstable; infinite up to 1e4
+  int delay_ticks = 0;  ///< largest further delay that keeps it stable, up to `most_drive_ticks`
+                        ///< [ticks of the drives]
   /// Inverse of the largest gain, over frequencies, from torques added in each tick of the drives
-  /// to the sums. It is the least over all directions of the lifted loop.
+  /// to the resulting torques. It is the least over all directions of the lifted loop.
   double modulus = 0;
 };
 inline constexpr int most_drive_ticks = 400;
 
-/// Ticks of the drives by which the host's torque may come later, up to `most_host_ticks` periods.
+/// Largest delay of the host's torque that `host_delay_margin` tries [periods of the host].
 inline constexpr int most_host_ticks = 32;
 
 /// A host's law around drives with a loop of their own, at one posture and period.
 struct SplitLoop {
-  LinearPlant arm;  ///< without that loop
+  LinearPlant arm;  ///< without the drives' loop
   scenario::DriveLoopSpec drive;
   LinearLaw law;
   double period_s = 0;
@@ -48,8 +48,8 @@ struct SplitLoop {
 /// Returns the margins; all zero for an unstable loop.
 DriveMargins drive_margins(const SplitLoop& loop);
 
-/// Returns the largest ticks of the drives, added to the host's delay, that keep the loop stable;
-/// `most_host_ticks` periods when no limit was found; -1 for an unstable loop.
+/// Returns the largest delay added to the host's torque that keeps the loop stable [ticks of the
+/// drives]. Returns `most_host_ticks` periods when no limit was found, and -1 for an unstable loop.
 int host_delay_margin(const SplitLoop& loop);
 
 /// Returns the torque of one count of the drives' own encoders: (kp + kd rate) count [N m; N].

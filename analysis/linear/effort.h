@@ -9,10 +9,10 @@ namespace tachless::linear {
 using OnProgress = std::function<void(std::string_view what)>;
 inline void no_progress(std::string_view /*what*/) {}
 
-/// Amount of computation. A smaller effort leaves numbers out; the others are the same.
+/// Amount of computation. A smaller effort leaves numbers out. The remaining numbers are the same.
 enum class Effort {
-  quick,    ///< without margins: well under 0.1 s for two joints, for every run
-  margins,  ///< without missed ticks, which take seconds for seven joints
+  quick,    ///< without margins; below 0.1 s for two joints
+  margins,  ///< with margins, without missed ticks, which take seconds for seven joints
   full,
 };
 

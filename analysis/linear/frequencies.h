@@ -22,8 +22,8 @@ Eigen::VectorXd balance(Eigen::MatrixXd& map);
 Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
 double spectral_radius(const Eigen::MatrixXd& map);
 
-/// The response C (z - A)^-1 B of x' = A x + B u, y = C x over one period. It is in Schur's
-/// coordinates, where a frequency costs a substitution.
+/// The response C (z - A)^-1 B of x' = A x + B u, y = C x over one period. It is computed in
+/// Schur's coordinates, in which each frequency costs one back substitution.
 class FrequencyResponse {
  public:
   FrequencyResponse() = default;
@@ -36,8 +36,8 @@ class FrequencyResponse {
 
 /// Returns rising frequencies from well below the slowest mode to half the sampling rate, and the
 /// frequencies of the closed loop's poles [rad/s]. A resonance may be narrower than any grid.
-/// @param peaks poles of the response, beside which there are more frequencies: at a pole without
-/// damping the response has no value
+/// @param peaks poles of the response; more frequencies are near them, because the response has no
+/// value at a pole without damping
 std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points,
                                 const Eigen::VectorXcd& peaks = {});
 

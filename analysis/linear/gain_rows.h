@@ -8,10 +8,10 @@
 #include "linear/sampled_limit.h"
 #include "numerics/linear_programme.h"
 
-/// Demands of a loop at rest on the gains of its law, and their derivatives by these gains. The
-/// demands are the distance of L(exp(iwh)) from -1 and the errors from each joint alone. The
-/// derivatives are by the logarithms of gains. They are numbered kind by kind, and joint by joint
-/// within a kind.
+/// Constrained quantities of a loop at rest, and their derivatives by the gains of the law. The
+/// quantities are the distance of L(exp(iwh)) from -1 and the errors from each joint alone. The
+/// derivatives are by the logarithms of gains. The gains are numbered kind by kind, and joint by
+/// joint within a kind.
 namespace tachless::linear {
 
 /// A law's feedback terms (D without the compensation), and their derivatives.
@@ -36,18 +36,20 @@ FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s);
 /// The frequencies at which a RestLoop keeps its response, ascending [rad/s].
 std::vector<double> kept_frequencies(double period_s);
 
-/// A plant at rest with its compensation of gravity closed and its delay: everything but the gains.
+/// A plant at rest with its compensation of gravity closed and its delay: all of the loop except
+/// the gains.
 class RestLoop {
  public:
   RestLoop() = default;
-  /// @param keeps_responses those at `kept_frequencies` are computed once; otherwise when asked for
+  /// @param keeps_responses true: the responses at `kept_frequencies` are computed once; false: at
+  /// each use
   RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
            bool keeps_responses = true);
 
   /// Returns the map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
-  /// Returns starts for `closed`: a column for each joint displaced alone by 1 with its rotor. The
-  /// law's memory is as a run begins there.
+  /// Returns initial states for `closed`: a column for each joint displaced alone by 1 with its
+  /// rotor. The law's memory is the memory of a run that begins there.
   [[nodiscard]] Eigen::MatrixXd starts(const LinearLaw& feedback) const;
 
   /// Returns the least |1 + eigenvalue of L| at each of these frequencies. A value that is above

@@ -180,9 +180,10 @@ LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
   const auto refuse_unless = [&](const char* what, const MatrixXd& is, const MatrixXd& expected) {
     const double by = disagreement(is, expected, 2 * static_cast<double>(inputs) * noise);
     if (by < agreement) return;
-    throw NoLinearModel(fmt::format(
-        "its answers do not superpose: {}, by {:.2g} of it; a limit, dead band or sign in it?",
-        what, by));
+    throw NoLinearModel(
+        fmt::format("its answers do not superpose: {}, by {:.2g} of it; take limits, dead bands "
+                    "and signs out of the law",
+                    what, by));
   };
   const MatrixXd even = (plus + minus) / 2 - at_rest;
   if (disagreement(once + even, once, noise) >= agreement) {
@@ -190,11 +191,11 @@ LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
     // as |x|.
     const MatrixXd less = (ask(given) + ask(-given)) / 2 - at_rest;
     const double square = factor * factor;
-    refuse_unless("that to -1e-05 is not the opposite of that to 1e-05",
+    refuse_unless("the answer to -1e-05 is not the opposite of the answer to 1e-05",
                   once + (square * less - even) / (factor - 1), once);
   }
   if (disagreement(once, factor * foretell(law, given), noise) < agreement) return law;
-  refuse_unless("that to deviations of 1e-05 is not 10 times that to 1e-06", once,
+  refuse_unless("the answer to deviations of 1e-05 is not 10 times the answer to 1e-06", once,
                 factor * odd_part(ask, given));
   MatrixXd sum = 0 * once;
   for (Index j = 0; j < inputs; ++j) {
@@ -202,10 +203,10 @@ LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
     alone.row(j) = large.row(j);
     sum += odd_part(ask, alone);
   }
-  refuse_unless("that to all inputs is not the sum of those to each", once, sum);
+  refuse_unless("the answer to all inputs is not the sum of the answers to each", once, sum);
   throw NoLinearModel(
-      fmt::format("a model of {} ticks of its answers does not foretell {}: its memory is longer, "
-                  "or it depends on the time",
+      fmt::format("a model of {} ticks of its answers does not predict {} ticks: its memory is "
+                  "longer, or it depends on the time",
                   window, ticks));
 }
 

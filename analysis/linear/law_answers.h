@@ -15,7 +15,7 @@ namespace tachless::linear {
 /// a run.
 using Ask = std::function<Eigen::MatrixXd(const Eigen::MatrixXd& deviations)>;
 
-/// Reason for which there is no such model; the message is one clause.
+/// Error of a law that has no linear model; the message is one clause that gives the reason.
 struct NoLinearModel : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -23,29 +23,30 @@ struct NoLinearModel : std::runtime_error {
 /// Numbers of ticks of a pulse's answer from which a model is made, the fewest first. A model has
 /// up to half as many states for each input.
 inline constexpr Eigen::Index windows[] = {24, 96, 288};
-/// Ticks over which a model of the first posture has to predict answers.
+/// Number of ticks over which a model of the first posture has to predict the law's answers.
 inline constexpr Eigen::Index foretold = 1200;
 
-/// Returns the law's state-space model without its measured parts. A singular value decomposition
-/// of the Hankel matrix of the answers to a pulse in each input gives the model (Ho and Kalman
-/// 1966; Juang and Pappa, "An eigensystem realization algorithm", J. Guidance 8(5), 1985). The
-/// order is the number of singular values above the rounding in each joint. Pulses of 1e-6 rad are
-/// small enough to be linear.
+/// Returns the law's state-space model; its `measured` is left empty. A singular value
+/// decomposition of the Hankel matrix of the answers to a pulse in each input gives the model (Ho
+/// and Kalman 1966; Juang and Pappa, "An eigensystem realization algorithm", J. Guidance 8(5),
+/// 1985). The order is the number of singular values above the rounding in each joint. Pulses of
+/// 1e-6 rad are small enough to be linear.
 ///
 /// The model is made of the odd part of the answers. Other answers check it: to ten times the
 /// deviations, to random pulses in all inputs at once, and to a step. Their odd part has to match
-/// the model within 1e-4. Their even part must not grow linearly by more than that; it may be
-/// quadratic, as gravity is.
+/// the model within 1e-4. Their even part has to be zero or quadratic in the deviations, within the
+/// same tolerance. Gravity makes it quadratic.
 /// @param window one of `windows`
 /// @param ticks number of ticks that the model has to predict
-/// @throw NoLinearModel when the answers do not superpose, or belong to no system of so few states
+/// @throw NoLinearModel when the answers do not superpose, or need more states than the window
+/// gives
 LinearLaw realised(const Ask& ask, Eigen::Index inputs, Eigen::Index window, Eigen::Index ticks);
 
-/// Returns the torque per deviation in its tick [joints x inputs]: D of that model.
+/// Returns the torque per deviation in the same tick [joints x inputs], the matrix D of the model.
 Eigen::MatrixXd at_once(const Ask& ask, Eigen::Index inputs);
 
 /// Returns the first of `windows` with which `realised` predicts `foretold` ticks.
-/// @throw NoLinearModel as `realised`, and when the law does not answer the same twice
+/// @throw NoLinearModel as `realised`, and when two equal requests have different answers
 Eigen::Index window_of(const Ask& ask, Eigen::Index inputs);
 
 }  // namespace tachless::linear

@@ -18,12 +18,12 @@ namespace tachless::linear {
 
 using messages::Part;
 
-/// The number between two at which a search looks next.
+/// The number between two limits at which a search looks next.
 enum class Middle { arithmetic, geometric };
 
-/// Returns by bisection where `is` ends between `inside`, where it holds, and `outside`. `is` holds
-/// at the returned value.
-/// @param middle geometric: the halvings are of the numbers' ratio
+/// Returns the limit up to which `is` holds between `inside`, where `is` holds, and `outside`. The
+/// limit is found by bisection, and `is` holds at it.
+/// @param middle geometric: each step halves the logarithm of the ratio of both ends
 template <class Inside>
 double edge(double inside, double outside, int halvings, const Inside& is,
             Middle middle = Middle::arithmetic) {
@@ -35,8 +35,8 @@ double edge(double inside, double outside, int halvings, const Inside& is,
   return inside;
 }
 
-/// Returns the largest whole number from `inside`, where `is` holds, to `most`, if `is` holds up to
-/// some number and then not. Steps are doubled, then halved.
+/// Returns the largest whole number up to `most` at which `is` holds. Precondition: `is` holds at
+/// `inside` and up to some number, and not above. Steps are doubled, then halved.
 template <class Inside>
 int largest_whole(int inside, int most, const Inside& is) {
   int step = 1;
@@ -55,7 +55,8 @@ Eigen::MatrixXd power(Eigen::MatrixXd base, std::int64_t exponent);
 
 /// Loop inside the drives, as part of a plant. At the beginning of each of its ticks x <- jump x;
 /// in between A holds its states. These follow the arm's states: q less its value at the last tick,
-/// the drive's velocity, the torque that acts, the torques under way, and the host's torque in use.
+/// the drive's velocity, the torque that acts, the computed torques that do not act yet, and the
+/// host's torque in use.
 struct DriveTicks {
   double period_s = 0;
   Eigen::MatrixXd jump;
@@ -63,7 +64,7 @@ struct DriveTicks {
   /// Share of the host's period after which the drives use a torque, in [0, 1).
   double late = 0;
 
-  /// First row of the torque that acts on the arm.
+  /// Returns the first row of the torque that acts on the arm.
   [[nodiscard]] Eigen::Index acting(Eigen::Index num_joints) const {
     return arm_states + 2 * num_joints;
   }
@@ -92,8 +93,8 @@ Eigen::MatrixXd gradient_by_q(const robot::Model& model, const messages::Referen
 /// further viscous friction at the joints; empty: none.
 LinearPlant rigid_plant(const robot::Model& model, const messages::ReferencePoint& point,
                         const Eigen::VectorXd& friction = {});
-/// Returns the plant whose links move as `point`; springs and rotors are linear anyway. `friction`
-/// is the motors'.
+/// Returns the plant with flexible joints whose links move along `point`. Springs and rotors are
+/// linear. `friction` is the friction of the motors.
 LinearPlant flexible_plant(const robot::Model& links, const messages::ReferencePoint& point,
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
                            const Eigen::VectorXd& friction = {});
@@ -120,8 +121,8 @@ Eigen::MatrixXd measured_rows(const std::vector<Part>& measured, Eigen::Index nu
                               Eigen::Index states);
 
 /// Returns the memory of a run that begins with these deviations of the measurement, each in a
-/// column. If `start` is not known, it is the memory after a long time there for a law that
-/// forgets, else 0.
+/// column. If `start` is not known, returns the memory at rest under these measurements, or 0 if
+/// that is not unique.
 Eigen::MatrixXd first_memory(const LinearLaw& law, const Eigen::MatrixXd& measured);
 
 /// Returns the gradient of a law by central differences of step `step` times max(1, |x_i|).
@@ -130,18 +131,18 @@ LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd&
                      double step = 1e-6);
 
 /// Returns the plant over one period with its torque held, exactly: x' = A x + B tau. A loop inside
-/// the drives ticks as often as its period is nearest to; its ticks are stretched to fit.
+/// the drives gets the nearest whole number of ticks, and its ticks are stretched to fit.
 LinearPlant held(const LinearPlant& plant, double period_s);
 
-/// Sets the rows of a map of one period of (x, memory, torques under way) below those of x: the
-/// memory, and the torques under way but the newest, whose row is 0.
+/// Sets the rows of a map of one period of (x, memory, commanded torques that do not act yet) below
+/// the rows of x. The row of the newest torque is 0.
 /// @param measured of the plant's states x, as of `measured_rows`
 void set_law_rows(const LinearLaw& law, const Eigen::MatrixXd& measured, Eigen::Index delay,
                   Eigen::MatrixXd& map);
 
-/// One period of (x, memory, torques under way) with the law's feedback terms cut. The torque
-/// computed at tick k acts from tick k + delay on. The compensation of gravity stays closed. The
-/// feedback terms C state enter through B.
+/// One period of (x, memory, commanded torques that do not act yet) with the law's feedback terms
+/// cut. The torque computed at tick k acts from tick k + delay on. The compensation of gravity
+/// stays closed. The feedback terms C state enter through B.
 struct CutLoop {
   Eigen::MatrixXd A, B, C;
 

@@ -27,14 +27,15 @@ namespace tachless::linear {
 
 /// Largest numbers in a row, up to `most_missed`.
 struct MissedTicks {
-  int commands = 0;  ///< found stable for every pattern with at most so many
-  /// the same for measurements; nothing for a law that measures velocities
+  int commands = 0;  ///< the loop is stable for each pattern with at most this many in a row
+  /// Largest number of measurements in a row; nothing for a law that measures velocities.
   std::optional<int> measurements;
   std::optional<int> unstable;  ///< fewest commands in a row of an unstable pattern that was found
   int hits = 0;                 ///< commands that arrive after them in that pattern, repeated
 };
 inline constexpr int most_missed = 1000;
 
+/// Return gamma_u and gamma_y for this number of missed ticks in a row.
 double gain_of_missed_commands(int in_a_row);
 double gain_of_missed_measurements(int in_a_row);
 
@@ -46,11 +47,11 @@ struct HeldMaps {
 /// Returns the maps of a loop.
 HeldMaps held_maps(const SampledLoop& loop, double period_s);
 
-/// Returns how many ticks in a row a stable loop may miss.
+/// Returns the number of ticks in a row that a stable loop may miss.
 MissedTicks missed_ticks(const SampledLoop& loop, double period_s);
 
-/// Finds the fewest missed commands in a row that make the loop unstable, above `commands`.
-/// Patterns are so many misses and 1 to 4 hits, repeated. Sets `unstable` and `hits`.
+/// Finds the fewest missed commands in a row that make the loop unstable, above `commands`. A
+/// pattern is a number of misses and 1 to 4 hits, repeated. Sets `unstable` and `hits`.
 void find_unstable_pattern(const SampledLoop& loop, double period_s, MissedTicks& result);
 
 }  // namespace tachless::linear

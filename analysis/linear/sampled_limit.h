@@ -7,9 +7,10 @@
 #include "linear/frequencies.h"
 #include "linear/linear_loop.h"
 
-/// Stability, margins and motion of a law's loop at a fixed period, by its linearisation, exactly
-/// over one period. It does not cover large errors, saturation or quantisation. A moving reference
-/// needs `radius_along`: eigenvalues at frozen postures are neither necessary nor sufficient.
+/// Stability, margins and motion of a law's linearised loop at a fixed period. The map of one
+/// period is exact for the linearised loop. Large errors, saturation and quantisation are not
+/// covered. A moving reference needs `radius_along`, because stable eigenvalues at frozen postures
+/// are neither necessary nor sufficient.
 namespace tachless::linear {
 
 /// A plant and the law for any period.
@@ -19,7 +20,7 @@ struct SampledLoop {
   int delay = 0;  ///< whole periods from measurement to torque
 };
 
-/// Returns the loop at that period, cut at the feedback terms.
+/// Returns the loop at `period_s`, cut at the law's feedback terms.
 CutLoop cut(const SampledLoop& loop, double period_s);
 
 /// Returns the spectral radius of the map of one period.
@@ -27,9 +28,9 @@ double radius_at(const SampledLoop& loop, double period_s);
 
 /// Range of the periods that are tried [s].
 inline constexpr double shortest_s = 1e-7, longest_s = 1;
-/// Returns the stability limit nearest to `from_s` that was found [s]. It is above `from_s` where
-/// the loop is stable there, else below it. Periods are tried in steps of 2 %, and between them
-/// where the radius has a maximum. A window of instability narrower than that may be missed.
+/// Returns the stability limit nearest to `from_s` that was found [s]. The limit is above `from_s`
+/// if the loop is stable at `from_s`, else below. Periods are tried in steps of 2 %, and between
+/// them where the radius has a maximum. A narrower interval of unstable periods may be missed.
 /// Returns at least `longest_s`, or `from_s` beyond that, when no unstable period was found.
 /// Returns nothing when the loop is unstable even at `shortest_s`, and therefore in continuous
 /// time.
@@ -41,7 +42,7 @@ struct Modes {
   double radius = 0;       ///< spectral radius of the one-period map
   double decay_per_s = 0;  ///< of the slowest mode
   /// Time until the errors of all joints stay below 1 % of an error that began in one joint alone,
-  /// at rest [s]. The first is the longest of all joints, the second the mean.
+  /// at rest [s]. `settling_s` is the longest of all joints, `settling_mean_s` the mean.
   double settling_s = 0, settling_mean_s = 0;
   double least_damped_hz = 0;
   double least_damping = 1;  ///< 1: no mode oscillates
@@ -65,15 +66,15 @@ struct Margins {
   double phase_deg = 0;  ///< lag common to all joints that makes it unstable; 180 when none
   double delay_s = 0;    ///< delay common to all joints that makes it unstable; infinite when none
 };
-/// Returns the modulus alone; 0 of an unstable loop.
+/// Returns `Margins::modulus` alone; 0 for an unstable loop.
 double modulus_margin(const SampledLoop& loop, double period_s);
 /// Returns the margins of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
 
 /// Returns the torque on the links per position error at rest, of all joints together. Gravity
 /// counts as compensated, and the growth of an integral is left out.
-/// @param scale of the drives' torques
-/// @param springs of flexible joints; empty: rigid
+/// @param scale torque that acts over the commanded torque, per joint
+/// @param springs stiffness of flexible joints; empty: rigid joints
 Eigen::MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
                                   const Eigen::VectorXd& springs, double period_s);
 

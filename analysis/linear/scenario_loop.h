@@ -19,14 +19,14 @@
 #include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 
-/// A scenario's closed loop, linearised: its plant about its reference, and its law, whichever of
-/// the catalogue. The plant includes payload and friction. Saturation, quantisation and noise are
-/// left out.
+/// Linearised closed loop of a scenario: its plant about its reference, and its law, which may be
+/// any law of the catalogue or an external law. The plant includes payload and friction.
+/// Saturation, quantisation and noise are left out.
 namespace tachless::linear {
 
 /// Function that returns the torques with which a law of another program answers measurements, tick
-/// by tick from the first tick of a run. The reference is held, with its gains. Gravity is the
-/// scenario's, or next to none. One thread at a time calls it.
+/// by tick from the first tick of a run. The reference and its gains are constant. The gravity is
+/// the scenario's, or nearly zero if `weightless`. One thread at a time calls it.
 using LawAnswers = std::function<std::vector<Vector>(double period_s, bool weightless,
                                                      std::span<const messages::AnyMeasurement>,
                                                      const messages::ReferencePoint&)>;
@@ -35,19 +35,19 @@ class ScenarioLoop {
  public:
   /// @param answers of the external law; empty: the law is in the catalogue
   /// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of the scenario
-  /// @throw NoLinearModel, also by the functions below, when the answers belong to no linear law.
+  /// @throw NoLinearModel, also by the functions below, when no linear law gives these answers.
   explicit ScenarioLoop(const scenario::Scenario& scenario, const LawAnswers& answers = {});
 
   /// Returns the loop about a point of a motion, for any period. Delays of measurement and command
-  /// are added: only their sum matters. Precondition of this function and of those below:
-  /// `controller::LawFacts::no_linearisation` is empty, or there are answers.
+  /// are added: only their sum matters. Precondition of this function and of the functions below:
+  /// `controller::LawFacts::no_linearisation` is empty, or `answers` was given.
   [[nodiscard]] SampledLoop at(const messages::ReferencePoint& reference) const;
 
-  /// Returns the plant about a point of a motion, with `model` in the place of the scenario's.
+  /// Returns the plant about a point of a motion, with `model` in place of the scenario's model.
   [[nodiscard]] LinearPlant plant_with(const robot::Model& model,
                                        const messages::ReferencePoint& reference) const;
 
-  /// Returns the law about rest there with these gains in place of the scenario's.
+  /// Returns the law linearised at rest, with these gains in place of the scenario's gains.
   [[nodiscard]] LinearLaw law_with(const std::map<std::string, Vector>& gains,
                                    const messages::ReferencePoint& reference) const;
 
@@ -55,7 +55,8 @@ class ScenarioLoop {
   [[nodiscard]] controller::SteppedLaw stepped(const messages::ReferencePoint& reference) const;
 
   /// Returns the map of one period of the scenario from time t [s] on: the law at t, the plant half
-  /// a period later. Precondition: no answers, whose states at two times need not be the same.
+  /// a period later. Precondition: no `answers` were given. Models made of answers at two times
+  /// need not have the same states.
   [[nodiscard]] Eigen::MatrixXd map_at(double t_s) const;
 
   using Motion = reference::Motion;

@@ -4,13 +4,14 @@
 #include <optional>
 #include <vector>
 
-/// The closed loop of a law in error coordinates y beside the links' rate edot, and what a Lyapunov
-/// function with full weights certifies of it:
+/// The closed loop of a law in error coordinates y beside the links' rate edot, and the region that
+/// a Lyapunov function with full weights certifies:
 ///
 ///   M eddot + [C(q, v) + Cd + D] edot = Gam y,   ydot = Fy y + Fe edot,   Cd = C(q, v_ref),
 ///   V = 1/2 edot' M edot + 1/2 y' P y + (N y)' M edot,   delta = N y.
 ///
-/// The paper's V (eq. 15) is P = diag(Kp, Kd B^-1), N = [E1, -E2]. Continuous time, exact model.
+/// The paper's V (eq. 15) is P = diag(Kp, Kd B^-1), N = [E1, -E2]. Time is continuous, and the
+/// model is exact.
 namespace tachless::lyapunov {
 
 /// The loop at one posture and one instant of the reference.
@@ -53,8 +54,8 @@ struct FormEntries {
   std::vector<std::pair<Eigen::Index, Eigen::Index>> N;
 };
 
-/// Searches the weights with the largest level over the forms, all of which decay at `rate` at
-/// least. Nothing when no weights are found.
+/// Searches for the weights with the largest level over the forms, such that V decays at `rate` or
+/// faster in each form. Returns nothing if no weights are found.
 /// @param size typical size of P's diagonal
 /// @param from weights with which the search begins, if there are any
 std::optional<FormWeights> best_form_weights(const std::vector<ErrorForm>& forms,

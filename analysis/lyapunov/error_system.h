@@ -22,8 +22,8 @@ struct ErrorSystem {
   Eigen::VectorXd a, b;           ///< [1/s]
   Eigen::VectorXd rotor_inertia;  ///< J [kg m2]; empty for rigid joints
   Eigen::VectorXd damping = {};   ///< D of the joints' viscous friction [N m s/rad]; empty: none
-  /// Rates of gains that follow the reference, at one instant [N m/(rad s), N m/rad], and its
-  /// velocity v_ref [rad/s]. Empty: the gains are constant.
+  /// Rates of gains that follow the reference, at one instant [N m/(rad s), N m/rad], and the
+  /// reference's velocity v_ref [rad/s]. Empty: the gains are constant.
   Eigen::MatrixXd kp_dot = {}, kd_dot = {};
   Eigen::VectorXd v_ref = {};
 
@@ -38,6 +38,7 @@ struct ErrorSystem {
 /// The gains of one filtered spring and damper.
 using controller::law::FilterGains;
 
+/// Returns the error system of flexible joints.
 ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,
                                   const Eigen::VectorXd& rotor_inertia, const FilterGains& link,
                                   const FilterGains& motor);
@@ -72,8 +73,8 @@ Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weight
 /// the part that is linear in M, and the part that is linear in Cd. The term in delta is in none of
 /// the parts: it is -sym C(q, delta) in the links' corner of the last block. The result uses two
 /// properties of the weights: they are constant, and E2 commutes with A and B. It also uses Mdot =
-/// C + C' and C(q, x) y = C(q, y) x. By these, delta' (Mdot - C(q, v) - Cd) edot is delta' (Cd' -
-/// Cd) edot + edot' C(q, delta) edot.
+/// C + C' and C(q, x) y = C(q, y) x. By these properties, delta' (Mdot - C(q, v) - Cd) edot is
+/// delta' (Cd' - Cd) edot + edot' C(q, delta) edot.
 Eigen::MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights);
 Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& weights,
                                     const Eigen::MatrixXd& link_M);

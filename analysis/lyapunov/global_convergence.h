@@ -5,12 +5,14 @@
 
 #include "scenario/scenario.h"
 
-/// The statement whether every start converges, in continuous time and with an exact model.
+/// Global convergence: whether every initial state converges, in continuous time and with an exact
+/// model.
 namespace tachless::lyapunov {
 
+/// Statement about global convergence.
 struct GlobalConvergence {
-  bool shown = false;
-  std::string why;  ///< the reason, or the missing condition
+  bool shown = false;  ///< every initial state converges; false: not shown
+  std::string why;     ///< the reason, or the missing condition
   /// Least eigenvalue of D + sym C(q, v_ref) at sampled postures and instants [N m s/rad]; nothing
   /// where the reference comes to rest.
   std::optional<double> g0;

@@ -11,14 +11,14 @@
 /// A scenario's law in the error coordinates of the certificate, and the friction that disturbs it.
 namespace tachless::lyapunov {
 
-/// Error systems and start of a scenario's law, which the certificate is about.
+/// Error systems and initial state of a scenario's law, for the certificate.
 struct LawLoop {
   /// The error systems; the first is the system of the start. Constant gains have one system. Gains
-  /// that follow the reference have one for each of 25 even instants. They also have one for each
+  /// that follow the reference have one system for each of 25 evenly spaced instants, and for each
   /// instant where |v_ref| or the rate of Kp has a large maximum.
   std::vector<ErrorSystem> systems;
   Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
-  std::optional<Weights> weights;  ///< weights of a law with an integral, which allows no others
+  std::optional<Weights> weights;  ///< the only weights that a law with an integral allows
   Eigen::VectorXd ki;              ///< gain of the integral [N m/rad]
   Eigen::VectorXd d_max;           ///< largest torque of the integral [N m]; infinite: no bound
   /// Feedback torque up to which the systems describe the law [N m]; empty: any.
@@ -47,15 +47,15 @@ ErrorSystem system_at(const L& law, const messages::ReferencePoint& reference,
   return s;
 }
 
-/// Returns why there is no stability certificate: for other laws, and for a rigid law on flexible
-/// joints. Empty: there is one.
+/// Returns why the scenario's law has no stability certificate, for example a rigid law on flexible
+/// joints. Empty: the law has a certificate.
 std::string no_certificate(const scenario::Scenario& scenario);
 
 /// Returns the loop of the scenario's law; nothing for a law without a certificate.
 /// @throw base::Failure(bad_usage).
 std::optional<LawLoop> law_loop(const scenario::Scenario& scenario);
 
-/// Returns the links of the error equation, whose M includes the rotors of rigid joints.
+/// Returns the robot model of the error equation. Its M includes the rotors of rigid joints.
 robot::Model error_model(const scenario::Scenario& scenario);
 
 /// Returns V [J] of the error state x at posture q.
@@ -70,6 +70,7 @@ struct VelocityBound {
   Eigen::VectorXd each;
   Eigen::MatrixXd scale;
 };
+/// Returns the bound for the scenario's reference.
 VelocityBound velocity_bound(const scenario::Scenario& scenario);
 
 /// Bounds of a rigid robot's friction torques, which Mm does not contain. Let f = Fc Sgn(v) + r,

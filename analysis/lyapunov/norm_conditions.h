@@ -5,21 +5,23 @@
 #include "lyapunov/error_system.h"
 #include "numerics/postures.h"
 
-/// The constants of a robot, and the conditions of stability that Loria and Ortega (1995) print,
-/// which are made of such norms. The conditions have one weight eps = eps_1 = eps_2 and are about
-/// continuous time. They are very conservative, and their proof has a gap (docs/paper.md).
-/// matrix_condition.h has neither fault.
+/// Norms of a robot's dynamics, and the stability conditions that Loria and Ortega (1995) print in
+/// terms of these norms. The conditions have one weight eps = eps_1 = eps_2 and hold in continuous
+/// time. They are very conservative, and their proof has a gap (docs/paper.md). matrix_condition.h
+/// has neither fault.
 namespace tachless::lyapunov {
 
-/// Norms are Euclidean, and spectral for matrices. Each sup and inf is over the postures and, where
-/// there is an x, over |x| = 1. The values come from sampled postures, of which the best are
-/// refined locally, so they are no bounds. They do not depend on gains.
+/// Constants of a robot. Norms are Euclidean, and spectral for matrices. Each sup and inf is over
+/// the postures and, where there is an x, over |x| = 1. The values come from sampled postures, and
+/// the best of these are refined locally. The values are therefore no bounds. They do not depend on
+/// gains.
 struct RobotConstants {
   numerics::Extreme lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
   numerics::Extreme k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
   numerics::Extreme k_g;                         ///< sup |dg/dq| [N m/rad]
 };
 
+/// Returns the constants of a robot.
 RobotConstants robot_constants(const robot::Model& model);
 
 struct Interval {
@@ -38,12 +40,14 @@ struct PrintedConditions {
   double eq25 = 0;  ///< divided by beta_3
   double eq27 = 0;  ///< for gamma_2 = 1/2
   bool feasible = false;
-  Interval epsilon;  ///< for which some beta and gamma exist
+  Interval epsilon;  ///< values of eps for which some beta and gamma exist
   // The best certified ball over eps, beta and gamma.
   double c1 = 0;    ///< eq. 8
   double eq26 = 0;  ///< R = (beta_2 lambda(B) lambda(M) - Lambda(M)) / (2 k_c) [rad; rad/s]
 };
 
+/// Returns the conditions of an error system.
+/// @param B_d upper bound of |v_ref| [rad/s]
 PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
                                      double B_d);
 

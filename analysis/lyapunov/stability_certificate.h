@@ -16,12 +16,12 @@
 namespace tachless::lyapunov {
 
 /// The certificate of the scenario's own start. `certify`, the closing table of `run` and
-/// summary.json all show this answer. It uses the weights that quick effort finds too. Among those
-/// whose region contains the start, the weights with the least torque count. At a constant
-/// reference V has no cross terms. The weights of full effort count only if none of these contains
-/// the start.
+/// summary.json all show this answer. It uses the weights that quick effort finds. Among the
+/// weights whose region contains the start, it uses the weights with the least torque. At a
+/// constant reference V has no cross terms. It uses the weights of full effort only if no region of
+/// quick effort contains the start.
 struct CertifiedStart {
-  bool decided = false;  ///< quick effort may leave it open where postures are sampled
+  bool decided = false;  ///< false is possible for quick effort with sampled postures
   bool certified = false;
   bool proved = false;  ///< proved for all postures; otherwise for the sampled postures
   /// The largest share of a torque limit from the start on. Nothing: not certified, flexible
@@ -32,7 +32,7 @@ struct CertifiedStart {
 /// The region that one choice of the weights certifies, and its bounds from the scenario's start.
 struct CertifiedRegion : Certified {
   double V0 = 0;  ///< V at the start [J]
-  /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
+  /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside the region.
   double rate_from_start = -1;
 
   /// The largest constant torque, unknown to a law with an integral, from the scenario's start
@@ -41,14 +41,15 @@ struct CertifiedRegion : Certified {
   /// The largest share of the level that the integral's part of V takes, for unknown torques up to
   /// `d_max` of each joint. Nothing: the law has no integral, or d_max has no bound.
   std::optional<double> integral_share;
-  /// The bound of |e_i| at the end from V <= level / 4 on, with the friction that Mm does not have
+  /// Final bound of |e_i| for motions from V <= level / 4, with the friction that is not in Mm
   /// [rad; m]. Nothing: there is no such friction. Empty: no bound is certified.
   std::optional<Eigen::VectorXd> friction_error;
 
   /// The largest V of the region up to which no torque reaches its limit [J], for a rigid robot
-  /// with torque limits. `joint` is the joint that ends it. `share` is the largest share of a limit
-  /// from the start on, if the region holds the start. The torque is at most |feed-forward| +
-  /// |Kp e + Kd nu|. The feed-forward is that at sampled instants and errors.
+  /// with torque limits. `joint` is the joint whose torque reaches its limit first. `share` is the
+  /// largest share of a limit from the start on, if the region contains the start. The torque is at
+  /// most |feed-forward| + |Kp e + Kd nu|. The feed-forward is evaluated at sampled instants and
+  /// errors.
   struct Torque {
     double level = 0;
     Eigen::VectorXd e_at_rest;  ///< largest error of one joint alone, within that level [rad; m]
@@ -58,11 +59,11 @@ struct CertifiedRegion : Certified {
   std::optional<Torque> torque;
 
   /// The postures for which the region is certified: each joint within `tube` of q_ref(t) [rad; m].
-  /// pi: all postures of that joint. Empty: every posture. No error leaves the tube while V <=
-  /// level, so the tube is part of the region.
+  /// An entry of pi means all postures of that joint. Empty: every posture. No error leaves the
+  /// tube while V <= level, so the tube is part of the region.
   Eigen::VectorXd tube;
   bool starts_in_tube = true;
-  double beyond_tube = 0;  ///< largest error over the tube, of the level without it
+  double beyond_tube = 0;  ///< largest error over `tube`, before the tube reduces the level
 
   [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level && starts_in_tube; }
 };
@@ -82,7 +83,7 @@ inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& reg
 struct StabilityCertificate {
   bool proved = false;       ///< proved for all postures; otherwise for the sampled postures
   double B_d = 0;            ///< sup |v_ref| [rad/s; m/s]
-  bool own_weights = false;  ///< the weights are those of the law's integral, in `fastest`
+  bool own_weights = false;  ///< the law's integral determines the weights, which are in `fastest`
   bool constant = false;     ///< the reference is constant: proved with both weights 0, by LaSalle
   /// Regions by the weights of the fastest rate and of the largest ball; nothing: no weights are
   /// certified. At a constant reference the ball has no limit, so there is no largest region.

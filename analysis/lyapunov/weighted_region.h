@@ -12,16 +12,16 @@
 
 /// The certified region of the laws whose error equation is an `ErrorForm`: `flexible_position` and
 /// `flexible_motor` with weights of V that are searched, and `loria_ortega_adaptive` with its own
-/// weights at the corners of the box of the unknown parameters. Continuous time, an exact model but
-/// for these parameters, no lead. At sampled postures and instants: not a proof.
+/// weights at the corners of the box of the unknown parameters. Time is continuous, there is no
+/// feed-forward lead, and the model is exact except for these parameters. Postures and instants are
+/// sampled, so the region is not proved.
 namespace tachless::lyapunov {
 
 struct WeightedRegion {
   FormRegion region;
   FormWeights weights;
   int forms = 0;  ///< postures and instants at which V was found to fall
-  /// Largest displacement of one joint alone, its link and motor together, at rest beside the
-  /// reference [rad; m].
+  /// Largest displacement of one joint alone, its link and motor together, at rest [rad; m].
   Eigen::VectorXd e_at_rest;
   double V0 = 0;  ///< at the scenario's start [J]
   /// Largest part of V that belongs to the unknown parameters [J]. Nothing: the law has none.
@@ -39,8 +39,8 @@ class FormLoop {
 
   /// Returns the form of posture and instant number `k`, the first at the scenario's start.
   [[nodiscard]] virtual ErrorForm form(int k) const = 0;
-  /// Returns V's y at the start of the reference with links and motors displaced by e, at rest
-  /// beside it.
+  /// Returns the y of V at the start of the reference, with links and motors at rest and displaced
+  /// by e.
   [[nodiscard]] virtual Eigen::VectorXd displaced(const Eigen::VectorXd& e) const = 0;
   /// Returns (y, edot) at the scenario's start.
   [[nodiscard]] virtual Eigen::VectorXd initial() const = 0;
@@ -49,7 +49,7 @@ class FormLoop {
   /// Returns the law's own weights; nothing: they are searched.
   [[nodiscard]] virtual std::optional<FormWeights> weights() const { return {}; }
   [[nodiscard]] virtual std::optional<double> of_parameters() const { return {}; }
-  /// Returns how many numbers k in a row show every corner of the parameters' box.
+  /// Returns the number of consecutive k that together have every corner of the parameters' box.
   [[nodiscard]] virtual int corners() const { return 1; }
 };
 

@@ -35,8 +35,8 @@ struct Concave {
 };
 using Objective = std::function<Concave(const Eigen::VectorXd&)>;
 
-/// Returns an x that satisfies all inequalities, from any start. Nothing when the search finds
-/// none.
+/// Returns an x that satisfies all inequalities, from any start. Returns nothing when the search
+/// finds none.
 std::optional<Eigen::VectorXd> feasible_point(const std::vector<MatrixInequality>& inequalities,
                                               const Eigen::VectorXd& start);
 

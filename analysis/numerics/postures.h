@@ -22,12 +22,13 @@ struct Minimum {
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations);
 
-/// M(q) and C(q, e_j), with C(q, x) = sum_j x_j C[j]; or one harmonic of them.
+/// M(q) and C(q, e_j), with C(q, x) = sum_j x_j C[j]; or one harmonic of these functions of q2.
 struct Inertia {
   Eigen::MatrixXd M;               ///< [kg m2]
   std::vector<Eigen::MatrixXd> C;  ///< [kg m2]
 };
 
+/// Returns M and C of the robot at `q`.
 Inertia inertia_at(const robot::Model& model, const Vector& q);
 
 /// An extreme over the postures.
@@ -93,8 +94,8 @@ struct Postures {
 /// cover their range; a missing bound is replaced by -1 m or 1 m.
 Vector spread_posture(const robot::Model& model, int k);
 
-/// Returns the largest f over the first `samples` postures of that sequence. Refines the best six
-/// locally within the same range. Revolute joints are returned in [-pi, pi].
+/// Returns the largest f over the first `samples` postures of `spread_posture`. Refines the best
+/// six postures locally within the same range. Revolute joints are returned in [-pi, pi].
 Extreme largest(const robot::Model& model, const std::function<double(const Vector&)>& f,
                 int samples);
 

@@ -9,8 +9,9 @@
 #include <utility>
 #include <vector>
 
-/// A control law in a loop of your own: positions in, torques out, tick by tick, from your thread.
-/// No process, no bus, no clock. This header needs C++17 and the standard library alone.
+/// A control law for a loop in your own program: it takes positions and returns torques, tick by
+/// tick, in your thread. It uses no process, no bus and no clock. This header needs C++17 and the
+/// standard library alone.
 ///
 ///   tachless::CertifiedLoop loop("arm.yaml");     // certifies, or throws the reason
 ///   for (std::int64_t tick = 0; running; ++tick) {
@@ -19,10 +20,10 @@
 ///     send(step.tau);
 ///   }
 ///
-/// Positions and torques are the arm's: the scenario's joint_signs, joint_offsets_rad and
-/// robot.compensates apply. References are in the coordinates of the URDF. After the constructor no
-/// call allocates, locks or throws, except calls that return text. One thread uses an object at a
-/// time.
+/// Positions and torques are in the coordinates of the arm. The scenario's joint_signs,
+/// joint_offsets_rad and robot.compensates are applied to them. References are in the coordinates
+/// of the URDF. After the constructor no call allocates, locks or throws, except calls that return
+/// text. One thread uses an object at a time.
 namespace tachless::own_loop {
 
 /// A view of one number per joint: of a std::vector, a std::array, an Eigen vector, or of a pointer
@@ -72,18 +73,19 @@ struct LawSettings {
   std::map<std::string, std::vector<double>> gains;  ///< "kp" -> one number per joint
   double period_s = 1e-3;                            ///< one tick [s]
   int command_delay = 1;  ///< ticks from a reading to the tick over which its torque acts
-  std::string law = "loria_ortega_rigid";  ///< one of `tachless laws` that measures positions alone
+  /// A law of `tachless laws` that measures positions alone.
+  std::string law = "loria_ortega_rigid";
 };
 
 /// Result of a step.
 enum class Status {
   ok,
   beyond_bounds,  ///< the torque is the law's; the reference is beyond the certified bounds
-  // The rest gives no torque: `Step::tau` is the last one.
-  old_tick,       ///< the tick is not later than the last one
-  wrong_size,     ///< another number of positions or references than joints
-  no_reference,   ///< the scenario has none, and the caller gave none
-  not_finite,     ///< a position or reference that is no number or above 1e12, or the torque
+  // The statuses below give no new torque: `Step::tau` is the last one.
+  old_tick,      ///< the tick is not later than the last one
+  wrong_size,    ///< another number of positions or references than joints
+  no_reference,  ///< the scenario has none, and the caller gave none
+  not_finite,  ///< a position or reference is no number or above 1e12, or the torque is not finite
   out_of_range,   ///< guards: a joint is outside its range in the URDF
   too_fast,       ///< guards: a joint is above its speed limit in the URDF
   off_reference,  ///< guards: a joint is farther from its reference than plant.following_error_rad
@@ -95,7 +97,7 @@ struct [[nodiscard]] Step {
   int joint = -1;              ///< joint that the status is about, from 0; -1: none
   std::int64_t tick = 0;       ///< tick of the call
   std::int64_t skipped = 0;    ///< ticks without a step before this one: the law stepped over them
-  bool restarted = false;      ///< the gap was too long, and the law's memory began anew
+  bool restarted = false;      ///< the gap was too long, and the law's memory started again
   bool saturated = false;      ///< guards: a torque was limited
   Numbers tau;                 ///< torque to send [N m; N]
   Numbers law_tau;             ///< whole torque of the law, as a log's COMMAND [N m; N]
@@ -114,20 +116,22 @@ class Loop {
  public:
   /// Reads a scenario. `reference`, `plant` and `loop.duration_s` may be missing.
   /// @param set "key=value" of the scenario, as for --set: "loop.period_s=0.002"
-  /// @throw std::runtime_error with one line: file, line, key, value, what is allowed
+  /// @throw std::runtime_error if the scenario is refused; one line names file, line, key, value
+  /// and the allowed values
   explicit Loop(const std::string& scenario_file, const std::vector<std::string>& set = {});
-  /// Makes the law of a robot. The rest is as `tachless design` writes it for a bare URDF.
+  /// Makes the law of a robot. Other settings have the values that `tachless design` writes for a
+  /// URDF alone.
   explicit Loop(const LawSettings& law, const std::vector<std::string>& set = {});
   Loop(Loop&&) noexcept;             ///< a loop moves and is not copied
   Loop& operator=(Loop&&) noexcept;  ///< a loop moves and is not copied
   ~Loop();
 
   /// Returns the torque for the positions of `tick` along the scenario's reference. Ticks begin at
-  /// 0 and go forward; a missed reading leaves its tick out.
+  /// 0 and increase. Leave out a tick whose reading is missing.
   Step torque(std::int64_t tick, Numbers position) noexcept;
-  /// Returns the torque for a reference of the caller's.
+  /// Returns the torque for the caller's reference.
   Step torque(std::int64_t tick, Numbers position, const Reference& reference) noexcept;
-  /// Begins a new run: the law's memory begins anew, and so do the ticks.
+  /// Begins a new run: the law's memory is initialised again, and ticks begin at 0.
   void reset() noexcept;
 
   /// Returns the scenario's reference at a tick, valid until the next call; empty without one.
@@ -154,17 +158,18 @@ struct NotCertified : std::runtime_error {
 struct Certificate {
   std::string text;               ///< "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, …"
   double limit_s = 0;             ///< largest stable period [s]
-  double settling_s = 0;          ///< time in which errors at rest decay to 1 %, the longest [s]
+  double settling_s = 0;          ///< longest decay of an error at rest to 1 % [s]
   std::vector<double> stiffness;  ///< torque per position error at rest, the least [N m/rad; N/m]
 };
 
 /// A law whose loop was certified at its period and delay: along the scenario's reference, within
-/// the bounds of the caller's references, or both. The bounds are checked at each step, with the
-/// distance from the step before. Link the target tachless::certified_loop.
+/// the bounds of the caller's references, or both. The bounds are checked at each step. The change
+/// since the last reference is checked too. Link the target tachless::certified_loop.
 class CertifiedLoop : public Loop {
  public:
   /// Certifies the loop along the scenario's reference.
-  /// @throw NotCertified; std::runtime_error as `Loop`, and without a reference
+  /// @throw NotCertified if the loop is unstable or its law cannot be linearised
+  /// @throw std::runtime_error as `Loop`, and if the scenario has no reference
   explicit CertifiedLoop(const std::string& scenario_file,
                          const std::vector<std::string>& set = {});
   /// Certifies the loop within the bounds, and along the scenario's reference if there is one.

@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "base/failure.h"
+#include "base/text.h"
 #include "scenario/gains.h"
 
 namespace tachless::replay {
@@ -43,10 +44,12 @@ std::optional<messages::AnyMeasurement> measured(const std::optional<messages::A
 void require_fitting(const logger::RunLog& log, const scenario::Scenario& scenario) {
   const scenario::Scenario& recorded = log.scenario();
   if (scenario.num_joints != recorded.num_joints) {
-    refuse(log, "recorded with {} joints, not {}", recorded.num_joints, scenario.num_joints);
+    refuse(log, "recorded with {} joints, not {}; robot.urdf must stay so", recorded.num_joints,
+           scenario.num_joints);
   }
   if (scenario.loop.period_s != recorded.loop.period_s) {
-    refuse(log, "recorded with another loop.period_s; commands between its ticks cannot be had");
+    refuse(log, "recorded with loop.period_s {}, not {}; loop.period_s must stay so",
+           base::shortest(recorded.loop.period_s), base::shortest(scenario.loop.period_s));
   }
   if (scenario.robot.flexible.has_value() != recorded.robot.flexible.has_value()) {
     refuse(log, "recorded from a robot whose joints are {}; robot.joints must stay so",
@@ -56,8 +59,11 @@ void require_fitting(const logger::RunLog& log, const scenario::Scenario& scenar
 
 void require_measured(const logger::RunLog& log, const messages::LawInfo& law) {
   if (measured(messages::measurement_of(log.info().measurement), law.measurement)) return;
-  refuse(log, "law {} needs the measurement {}, which cannot be had from the recorded one, {}",
-         law.law, law.measurement, log.info().measurement);
+  refuse(
+      log,
+      "law {} needs the measurement {}, which the recorded {} does not contain; replay a law that "
+      "measures less",
+      law.law, law.measurement, log.info().measurement);
 }
 
 /// The state of a replay in progress.

@@ -22,9 +22,9 @@ namespace tachless::replay {
 /// A difference between a replayed and a recorded torque.
 struct Mismatch {
   std::int64_t tick = 0;
-  int joint = 0;  ///< counted from 0
-  double recorded = 0, replayed = 0;
-  std::uint64_t ulps = 0;  ///< number of doubles from one to the other
+  int joint = 0;                      ///< counted from 0
+  double recorded = 0, replayed = 0;  ///< [N m; N]
+  std::uint64_t ulps = 0;             ///< number of doubles from one to the other
 };
 
 /// Torques of one joint and their differences, replayed minus recorded, over the compared ticks [N
@@ -69,13 +69,13 @@ using OnCompared =
 /// (controller::AnyLaw).
 /// @param scenario the log's scenario, or that scenario with another law or other gains
 /// @param law the law of `scenario`
-/// @throw base::Failure(bad_usage) when the scenario does not fit the log: another number of
-/// joints, another period, or rigid instead of flexible joints or the reverse. Also for a law that
-/// needs more than was measured
+/// @throw base::Failure(bad_usage) when the scenario has another number of joints or another period
+/// than the log, or one is rigid and the other flexible
+/// @throw base::Failure(bad_usage) when the law needs a measurement that the log does not have
 Replay replay(logger::RunLog& log, const scenario::Scenario& scenario, controller::ScenarioLaw law,
               const OnCompared& on_compared = {});
 
-/// Returns what prevents a full verdict; empty when nothing does.
+/// Returns why some recorded commands could not be compared; empty when all were compared.
 std::string hindrance(const Replay& replay, const logger::RunLog& log);
 
 /// Returns why the recorded commands are not all verified as the same; empty when they are.

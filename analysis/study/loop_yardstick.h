@@ -5,9 +5,9 @@
 
 namespace tachless::study {
 
-/// Adds to `yardsticks` the numbers of the scenario's linearised loop at rest. They are computed
-/// when `judge` asks for them. Nothing is known of an external law. The scenario has to live as
-/// long as the yardsticks.
+/// Sets `yardsticks.loop`, which `judge` calls for the numbers of the scenario's linearised loop at
+/// rest. For an external law these numbers are unknown. `scenario` has to live as long as
+/// `yardsticks`.
 void add_loop(Yardsticks& yardsticks, const scenario::Scenario& scenario);
 
 }  // namespace tachless::study

@@ -12,14 +12,13 @@
 #include "scenario/scenario.h"
 #include "study/verdict.h"
 
-/// A run in a few numbers, by which runs are compared. Steps the loop in this process; writes no
-/// file.
+/// Measures by which runs are compared. The loop runs in this process, and no file is written.
 namespace tachless::study {
 
 /// Error beyond which a run is broken off as diverging [rad; m].
 inline constexpr double diverged_error = 100;
 
-/// A run in numbers. Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
+/// Measures of a run. Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
 struct Measures {
   Verdict verdict;
   std::int64_t ticks = 0;       ///< stepped
@@ -59,7 +58,7 @@ double torque_noise(const scenario::Scenario& scenario);
 /// Runs the scenario. An end by a protective stop is a result. An error beyond 100 rad or m is a
 /// result too: the run is broken off as diverging.
 /// @param on_tick called with each tick; nothing is returned once it returns false
-/// @throw base::Failure(bad_usage) for a scenario that makes no sense.
+/// @throw base::Failure(bad_usage) for an inconsistent scenario.
 std::optional<Measures> measure(
     const scenario::Scenario& scenario,
     const std::function<bool(const in_process::TickRecord&)>& on_tick = {});

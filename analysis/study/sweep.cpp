@@ -107,8 +107,8 @@ class RowFile {
 
  private:
   [[noreturn]] void fail(int error) const {
-    throw base::bad_usage("{}: cannot be written: {}", path_.string(),
-                          std::generic_category().message(error));
+    throw base::bad_usage("{}: cannot be written: {}; see its permissions and the free space",
+                          path_.string(), std::generic_category().message(error));
   }
 
   fs::path path_;
@@ -123,7 +123,8 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
   std::error_code error;
   fs::create_directories(directory, error);
   if (error) {
-    throw base::bad_usage("{}: cannot be made: {}", directory.string(), error.message());
+    throw base::bad_usage("{}: cannot be made: {}; name another directory with --out",
+                          directory.string(), error.message());
   }
   // Shards that are started together all write the plan; the first one wins.
   const bool is_new =
@@ -140,7 +141,8 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
 Sweep Sweep::open(const fs::path& directory) {
   const fs::path file = directory / "plan.json";
   if (!fs::is_regular_file(file)) {
-    throw base::bad_usage("{}: no sweep: there is no plan.json", directory.string());
+    throw base::bad_usage("{}: no sweep: there is no plan.json; name the directory of a sweep",
+                          directory.string());
   }
   return {directory, SweepPlan::from_json(base::file_text(file).value_or(""), file.string())};
 }

@@ -37,7 +37,7 @@ Axis parse_axis(const std::string& text, bool drawn);
 /// A law of a sweep, and the law's changes of the scenario.
 struct SweepLaw {
   std::string name;
-  std::vector<std::string> overrides;  ///< its parameters
+  std::vector<std::string> overrides;  ///< settings "key=value" of the law's parameters
 };
 
 /// The case that a row of the results is about.
@@ -47,6 +47,7 @@ struct SweepCase {
   std::vector<double> values;  ///< of the axes, in their order
 };
 
+/// Scenario, laws and axes of a sweep.
 struct SweepPlan {
   std::string name, source;  ///< of the scenario, and its file
   std::string text, urdf;    ///< the scenario, and its robot's description
@@ -56,7 +57,7 @@ struct SweepPlan {
   std::int64_t drawn = 0;  ///< cases that are drawn; 0: the grid of all axes
   std::uint64_t seed = 1;
 
-  /// Returns true without axes: the sweep then compares laws, with a run of each.
+  /// Returns true if there are no axes. The sweep then compares laws by one run of each.
   [[nodiscard]] bool is_comparison() const { return axes.empty(); }
   /// Adds an axis.
   /// @throw base::Failure(bad_usage) if another axis varies the same number.
@@ -65,6 +66,7 @@ struct SweepPlan {
   [[nodiscard]] std::int64_t num_cases() const {
     return cases_per_law() * static_cast<std::int64_t>(laws.size());
   }
+  /// Returns the case with this number.
   [[nodiscard]] SweepCase at(std::int64_t index) const;
   /// Returns the scenario of a case. If loop.period_s is varied, the run's length becomes the
   /// nearest whole number of periods.

@@ -6,7 +6,7 @@
 
 #include "base/quantities.h"
 
-/// The behaviour of a run, from its signals. Nothing here steps a loop.
+/// Tracking error and torque of a run, from its signals. Nothing here steps a loop.
 namespace tachless::study {
 
 struct Point {
@@ -25,8 +25,8 @@ class Envelope {
   /// @param x not below the x of the sample before
   void add(double x, double y);
 
-  /// Returns the points in the order of the samples; at most `at_most` of them (or 2), by wider
-  /// stretches.
+  /// Returns at most max(`at_most`, 2) points in the order of the samples. A smaller `at_most`
+  /// makes the stretches longer.
   [[nodiscard]] std::vector<Point> points(std::size_t at_most = max_points) const;
 
  private:
@@ -66,8 +66,8 @@ struct JointTracking {
   Envelope error_over_time;  ///< signed
 };
 
-/// The numbers of the closing table, the summary and the figure about a run. They are gathered tick
-/// by tick.
+/// Tracking of all joints over a run, gathered tick by tick. The table after a run, its summary and
+/// its figure show these numbers.
 class Tracking {
  public:
   explicit Tracking(int num_joints);

@@ -13,16 +13,17 @@
 #include "scenario/scenario.h"
 #include "study/tracking.h"
 
-/// The verdict on a run, in one of seven words. It judges the run's signals; numbers of the
-/// linearised loop tell noise and a slow decay from faults. docs/report.md explains the words.
+/// The verdict on a run, in one of seven words. The verdict is based on the run's signals. Numbers
+/// of the linearised loop distinguish noise and a slow decay from faults. docs/report.md explains
+/// the words.
 namespace tachless::study {
 
 /// Words from the best to the worst.
 enum class Outcome {
   converged,     ///< error at most 1 % of the joint's scale, or within counts and noise
-  lags,          ///< more, made by the motion or a disturbance, or still settling
+  lags,          ///< larger error: the motion or a disturbance makes it, or it still settles
   not_judged,    ///< no verdict: too few ticks, or a dry run
-  rests_beside,  ///< more, and it stays: friction or an unknown torque holds the joint
+  rests_beside,  ///< larger error that stays: friction or an unknown torque holds the joint
   saturated,     ///< a joint was at its torque limit for more than half of the run
   oscillates,    ///< the error swings without decaying, and neither reference nor noise makes it
   diverging,     ///< the error grows
@@ -42,7 +43,7 @@ constexpr bool bad(Outcome outcome) { return outcome >= Outcome::rests_beside; }
 struct LoopYardstick {
   bool stable = false;    ///< false: unstable or unknown, and the rest is empty
   Vector noise{};         ///< standard deviation of each joint's error by its encoders [rad; m]
-  double settling_s = 0;  ///< until an initial error is below 1 %
+  double settling_s = 0;  ///< time until an initial error is below 1 %
 };
 
 /// Facts beside the signals that a verdict needs. An empty vector means that nothing is known.
@@ -51,7 +52,7 @@ struct Yardsticks {
   Vector friction{};    ///< largest dry friction [N m; N]
   Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
   std::vector<double> saturated_share{};  ///< of the ticks, per joint
-  bool realtime = false;                  ///< late and missed commands make it swing too
+  bool realtime = false;                  ///< late and missed commands make the error swing too
   bool held = true;                       ///< the scenario's reference is a constant position
   double period_s = 0;                    ///< of the reference; 0: it does not repeat
   /// Returns true if a disturbance varies between the two times [s]. Empty: never.
@@ -60,24 +61,25 @@ struct Yardsticks {
   std::function<LoopYardstick(const std::vector<Vector>& postures)> loop{};
 };
 
-/// Returns the scenario's facts. The saturated share, the stiffness and the loop are not among
-/// them.
+/// Returns the facts that the scenario gives. Leaves the saturated share, the stiffness and the
+/// loop empty.
 Yardsticks yardsticks(const scenario::Scenario& scenario);
 
-/// Cause of an error that is neither small nor a fault, or of a resting one.
+/// Cause of an error whose outcome is `lags` or `rests_beside`.
 enum class Cause { unknown, motion, disturbance, settling, friction };
 
+/// Verdict on a run, with the numbers that its text shows.
 struct Verdict {
   Outcome outcome = Outcome::not_judged;
   Cause cause = Cause::unknown;
   std::size_t joint = 0;       ///< the worst one
   double error = 0;            ///< its largest |e| in the last quarter of the run [rad; m]
-  double share = 0;            ///< error per scale; NaN where it has none
-  double frequency_hz = 0;     ///< of an oscillation, at least
+  double share = 0;            ///< `error` over the joint's scale; not finite without a scale
+  double frequency_hz = 0;     ///< lower bound of an oscillation's frequency
   double settled_s = 0;        ///< when every joint's error was last beyond 1 % of its scale
   double counted_from_s = 0;   ///< end of the motion, where settled_s is 0; 0: start of the run
   double loop_settles_s = 0;   ///< by the linearised loop; 0: unknown
-  double rested_s = 0;         ///< since when the reference rests, at the end of the run
+  double rested_s = 0;         ///< time from the end of all motion to the end of the run
   bool moves = false;          ///< the reference moves
   bool held = true;            ///< the scenario's reference is a constant position
   double saturated_share = 0;  ///< largest of the joints' shares of ticks

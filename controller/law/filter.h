@@ -9,7 +9,7 @@
 
 namespace tachless::controller::law {
 
-/// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}) for one joint.
+/// Coefficients of nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}) for one joint.
 struct FilterCoefficients {
   double phi = 0;   ///< [1]
   double beta = 0;  ///< [1/s]

@@ -53,10 +53,12 @@ class FilteredError : public RigidLaw<G> {
   }
   /// Returns the diagonal of A [1/s].
   [[nodiscard]] Vector filter_pole() const { return this->each(this->gains_.a); }
+  /// Returns the diagonal of B [1/s].
   [[nodiscard]] Vector filter_gain() const { return this->each(this->gains_.b); }
 
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė";
+  /// Returns eq. 15 with the weights [J].
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& weights) const {
     const Vector e = state.q - reference.q_ref, edot = state.v - reference.v_ref;

@@ -14,8 +14,8 @@ namespace tachless::controller::law {
 ///   theta_d = q_ref + K^-1 f,   f = ID_l(q_ref, v_ref, vdot_ref),   em = theta - theta_d,
 ///   tau = J thetaddot_d + f - Kp em - Kd nu,   nudot = -A nu + B emdot.
 ///
-/// Nothing of the links is measured; the springs alone damp them. At a constant reference the law
-/// is `KellyFlexible`.
+/// The law does not measure the links and damps them only through the springs. At a constant
+/// reference the law is `KellyFlexible`.
 class FlexibleMotor : public FlexibleLaw<FilterGains> {
  public:
   static constexpr std::string_view name = "flexible_motor";
@@ -52,7 +52,7 @@ class FlexibleMotor : public FlexibleLaw<FilterGains> {
     return {next, {tau}, {signals.size(), {e, next.nu}}};
   }
 
-  /// f and theta_d with their first two time derivatives.
+  /// Torque f and position theta_d with their first two time derivatives.
   struct MotorReference {
     robot::JetVector torque;   ///< [N m]
     robot::JetVector theta_d;  ///< [rad]

@@ -116,8 +116,9 @@ class FlexiblePosition : public FlexibleLaw<FlexiblePositionGains> {
 
   static constexpr std::string_view lyapunov_formula =
       "½ ė₁′Mė₁ + ½ e₁′Kp₁e₁ + ½ ν₁′Kd₁B₁⁻¹ν₁ + ½ z′K⁻¹z + ½ w′Jβ⁻¹w + ½ ν₂′Kd₂β⁻¹B₂⁻¹ν₂";
-  /// Returns the sum of the energies of links, springs, motors and filters [J]. It is the function
-  /// of the proof without its cross terms.
+  /// Returns the sum of the energies of links, springs, motors and filters [J], with z = ts - t1
+  /// and w = thetadot - theta_ddot. This sum is the Lyapunov function of the proof without the
+  /// cross terms.
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
     const Vector e1 = state.q - reference.q_ref, e1dot = state.v - reference.v_ref;

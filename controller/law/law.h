@@ -39,7 +39,9 @@ struct Settings {
   /// Standard deviation of a measured position by the encoder's data sheet [rad]; zero or empty:
   /// ideal.
   Vector position_std{};
-  FrictionSpec friction{};  ///< friction that is fed forward, beside or by the law
+  /// Friction that is fed forward: by the law if it declares `feeds_friction`, else beside the law
+  /// (controller/any_law.h).
+  FrictionSpec friction{};
   /// Largest torque of the drives [N m; N]; empty or infinite: no limit.
   Vector torque_limit{};
   /// Ticks from the measured state to the tick over which the answering command acts, at most
@@ -110,7 +112,7 @@ void for_each_vector(Memory& memory, const F& f) {
 // ---- a law ------------------------------------------------------------------------------------
 
 /// A type with a law's declarations beside its equations: name, parameters (`Gains::keys`) and
-/// logged signals. In words it declares its source, the proved stability and the conditions of the
+/// logged signals. It declares in words its source, the proved stability and the conditions of the
 /// proof.
 template <class L>
 concept Declared = base::has_keys<typename L::Gains> && requires {
@@ -226,7 +228,7 @@ struct LyapunovWeights {
   }
 };
 
-/// A law that declares the Lyapunov function of its stability proof: its formula in words, and its
+/// A law that declares the Lyapunov function of its stability proof: its formula as text, and its
 /// value [J]. A function without cross terms ignores the weights. The function takes the true
 /// state, which `step` does not receive; controller/stepped_law.h evaluates it afterwards.
 template <class L>

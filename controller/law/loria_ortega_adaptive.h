@@ -87,8 +87,9 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
   static constexpr std::string_view no_certificate =
       "its region depends on the box of the unknown parameters";
 
-  /// A parameter of the load: the robot without mass that carries one kilogram, or two of them, the
-  /// half of whose difference is the parameter's.
+  /// Parameter of the load, with its rate of adaptation and its bounds. The parameter's column of Y
+  /// is the torque of the massless robot `load[0]` with a load of one kilogram. With a second
+  /// robot, the column is half the difference of the two torques.
   struct Column {
     std::vector<robot::Model> load;
     double rate = 0;
@@ -135,7 +136,7 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
     }
   }
 
-  /// Computes gains that adapt to a mass at about a metre's reach, of at most 5 kg.
+  /// Computes gains that adapt to a mass of at most 5 kg, at a reach of about one metre.
   static Gains tuned(const Tuning& t) {
     const double eps_1 = t.w / 5;
     Gains gains{t.kp(), t.kd(), t.each(t.filter), t.each(t.filter)};
@@ -230,7 +231,7 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
   [[nodiscard]] Memory adapted(const Memory& before, Memory now) const {
     const double h = settings_.period_s;
     const Vector de = now.e - before.e;
-    // Other gains of a reference may have other columns; their estimates begin anew.
+    // Gains that a reference brings may have other columns. The estimates then start again.
     const bool known = before.load.size() == num_columns();
     now.load = known ? before.load : Load(Load::Zero(num_columns()));
     for (Eigen::Index i = 0; known && i < num_columns(); ++i) {

@@ -31,8 +31,8 @@ struct LoriaOrtegaFlexibleGains {
 ///   tau = J thetaddot_ref + K (theta_ref - q_ref) - Kp2 e2 - Kd2 nu2,
 ///   nu_j = diag{ b_j p / (p + a_j) } e_j,   e1 = q - q_ref,   e2 = theta - theta_ref.
 ///
-/// thetaddot_ref is exact. Jets (value, first and second time derivative) go through the one
-/// inverse dynamics. Forward dynamics of the first line of eq. 1 give the second derivative of q.
+/// thetaddot_ref is exact. The inverse dynamics are evaluated with jets (value, first and second
+/// time derivative). Forward dynamics of the first line of eq. 1 give the second derivative of q.
 /// The continuous filter's equations give nu1dot = -A1 nu1 + B1 e1dot and nu1ddot = -A1 nu1dot + B1
 /// e1ddot at the sampled filter's output. The law uses the reference's derivatives up to snap.
 ///
@@ -113,8 +113,9 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
     return {torque, r.q + torque.cwiseQuotient(robot_.stiffness)};
   }
 
-  /// Eq. 15 with e = (e1, e2), nu = (nu1, nu2), M = blockdiag(M_l, J), Kp = [Kp1 + K, -K; -K, Kp2 +
-  /// K], and block diagonal Kd and B. theta_ref and its derivative are evaluated at the true state.
+  /// Lyapunov function of eq. 15 with e = (e1, e2), nu = (nu1, nu2), M = blockdiag(M_l, J), Kp =
+  /// [Kp1 + K, -K; -K, Kp2 + K], and block diagonal Kd and B. theta_ref and its derivative are
+  /// evaluated at the true state.
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė, links and motors";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,

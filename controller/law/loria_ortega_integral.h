@@ -37,8 +37,8 @@ struct IntegralGains {
 /// takes e to be linear between samples.
 ///
 /// Two rules keep y from winding up. |Ki y| is at most `d_max`, the largest unknown torque. A
-/// component of y does not move on where the command exceeds the drive's limit and the move would
-/// command more.
+/// component of y does not change if the command exceeds the drive's limit and the change would
+/// increase the command.
 class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_integral";

@@ -21,8 +21,8 @@ struct ScheduledGains {
 ///
 ///   Kp(t) = w^2 M(q_ref(t)) + w D,   Kd(t) = 2 damping w M(q_ref(t)),   A = a I, B = b I,
 ///
-/// with D the viscous friction that is fed forward (`controller.friction`). Near the reference the
-/// whole arm moves like one joint. The proof does not hold for weights by M at the measured q,
+/// with D the viscous friction that is fed forward (`controller.friction`). Near the reference all
+/// joints have the same error dynamics. The proof does not hold for gains with M at the measured q,
 /// because Kp(q) e is no gradient.
 class LoriaOrtegaScheduled : public FilteredError<LoriaOrtegaScheduled, ScheduledGains> {
  public:

@@ -30,8 +30,8 @@ struct PdGains {
       gain("kd", &PdGains::kd, "N m s/rad", "Weight of the velocity error")};
 };
 
-/// Gains of the laws that command -Kp e - Kd nu, one of each per joint. nudot = -A nu + B edot
-/// replaces the velocity.
+/// Gains of the laws that command -Kp e - Kd nu, one of each per joint. The filter nudot = -A nu +
+/// B edot replaces the velocity error.
 struct FilterGains {
   Vector kp;  ///< [N m/rad]
   Vector kd;  ///< [N m s/rad]
@@ -67,7 +67,7 @@ struct Feedforward {
 
 /// Returns the reference's velocity and acceleration `lead_s` ahead, by Taylor expansion through
 /// snap. A torque held over a tick acts, on average, half a tick and the command's delay late. A
-/// feed-forward that much ahead compensates this delay. Position, error and filter are not taken
+/// feed-forward evaluated this delay ahead compensates it. Position, error and filter are not taken
 /// ahead, because they refer to the measurement.
 inline Feedforward feedforward_ahead(const ReferencePoint& reference, double lead_s) {
   const double h = lead_s;

@@ -13,10 +13,10 @@
 
 #include "base/file_descriptor.h"
 
-/// Starts, reads and reaps one child process. cli/supervise watches several at once.
+/// Functions that start, read and reap one child process. cli/supervise watches several at once.
 namespace tachless::base {
 
-/// A process that was started here. `take_end` has to reap it.
+/// A process that `start` started. `take_end` has to reap it.
 struct Child {
   pid_t pid = -1;
   bool running = false;
@@ -64,8 +64,8 @@ sigset_t blocked_signals();
 /// @throw base::Failure(bad_usage) naming the program that cannot be started
 Child start(const std::vector<std::string>& command, const StartOptions& options = {});
 
-/// Hands over each line that the process has written since the last call, but reads at most 64 kB.
-/// Does not wait. A last line without an end follows once the process has ended.
+/// Passes to `on_line` each line that the process has written since the last call, but reads at
+/// most 64 kB. Does not wait. A last line without an end follows once the process has ended.
 /// @return true if there may be more
 bool read_lines(Child& child, const std::function<void(std::string)>& on_line);
 
@@ -83,8 +83,8 @@ std::optional<End> take_end(Child& child, bool wait = false);
 
 using OnLine = std::function<void(std::string line)>;
 
-/// Waits for a running child's end, at most `patience`, then kills it. Always kills the rest of its
-/// process group. Hands over its last lines.
+/// Waits for a running child's end, at most `patience`, then kills it. Always kills the rest of the
+/// child's process group. Passes the child's last lines to `on_line`.
 /// @return its end
 End end_within(Child& child, std::chrono::milliseconds patience, const OnLine& on_line);
 

@@ -12,7 +12,7 @@ constexpr std::chrono::nanoseconds nanoseconds_of(double seconds) {
       std::chrono::duration<double>(seconds));
 }
 
-/// Converts to seconds. Exact below 104 days (2^53 ns).
+/// Converts to seconds. The result is exact below 104 days (2^53 ns).
 constexpr double seconds_of(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double>(duration).count();
 }

@@ -4,16 +4,16 @@
 /// functions by the processor (with or without fused multiply-add) and changes them from version to
 /// version. These functions use additions, multiplications, divisions and integer operations alone,
 /// and IEEE 754 fixes the result of each. Every value is within 1 ulp of the exact one. All code
-/// whose results go round the control loop or into a log uses these functions instead of those of
-/// <cmath>. From <cmath> it may use sqrt, fmod, round, floor, ldexp, abs and copysign, which are
-/// exact or correctly rounded.
+/// whose results act in the control loop or are logged uses these functions instead of the
+/// functions of <cmath>. From <cmath> it may use sqrt, fmod, round, floor, ldexp, abs and copysign,
+/// which are exact or correctly rounded.
 namespace tachless::base {
 
 /// Returns the sine of `x` [rad]; NaN for an infinite `x`.
 double sin(double x);
 /// Returns the cosine of `x` [rad]; NaN for an infinite `x`.
 double cos(double x);
-/// Computes both: `sine` and `cosine` have the bits of `sin(x)` and `cos(x)`.
+/// Computes sine and cosine with the same bits as `sin(x)` and `cos(x)`.
 void sin_cos(double x, double& sine, double& cosine);
 
 /// Returns e^x.

@@ -48,11 +48,11 @@ Failure system_failure(const std::system_error& error);
 
 /// Returns the exception being handled as a Failure. A std::system_error goes through
 /// `system_failure`; any other exception keeps its words and gets ExitCode::protocol_violated. Call
-/// in a catch clause.
+/// it in a catch clause.
 Failure current_failure();
 
-/// Prints the std::exception being handled on one line of stderr and returns the exit code. Call in
-/// the catch clause of `main`. An exception that is neither a Failure nor a system error is an
+/// Prints the std::exception being handled on one line of stderr and returns the exit code. Call it
+/// in the catch clause of `main`. An exception that is neither a Failure nor a system error is an
 /// internal error (code 4).
 /// @param evidence what a report of an internal error should contain: "the command line"
 int told_exception(std::string_view evidence);

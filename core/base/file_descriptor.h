@@ -6,7 +6,7 @@
 
 namespace tachless::base {
 
-/// Owns an open file descriptor.
+/// Owner of an open file descriptor, which it closes.
 class FileDescriptor {
  public:
   FileDescriptor() = default;

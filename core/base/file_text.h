@@ -8,8 +8,8 @@
 
 #include "base/file_descriptor.h"
 
-/// Whole-file helpers: reading a file, writing a file so that no process sees a half of it, and
-/// making a temporary directory. This header knows no format.
+/// Whole-file helpers: reading a file, writing a file so that no process reads an incomplete one,
+/// and making a temporary directory. This header knows no format.
 namespace tachless::base {
 
 /// Longest text of a scenario or a URDF that is read, from files and from logs.
@@ -24,7 +24,7 @@ std::optional<std::string> file_text(const std::filesystem::path& path);
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
 
 /// A file that gets its name when it is complete. Until then, and if it never is, the earlier file
-/// stays. The new file has no name before, and a signal leaves nothing of the file. If the file
+/// stays. The incomplete file has no name, and disappears if a signal ends the process. If the file
 /// system needs a name, that name (X.1a2b3c4d.partial) is random and is created exclusively: two
 /// writers of one file never share it. A pipe or a terminal is written to directly.
 class UnfinishedFile {
@@ -67,7 +67,8 @@ class UnfinishedFile {
 /// A new empty directory, removed with the object.
 class TemporaryDirectory {
  public:
-  /// @param parent where it is made; default: the system's directory for temporary files
+  /// @param parent directory in which it is made; default: the system's directory for temporary
+  /// files
   /// @throw Failure(bad_usage) if it cannot be made
   explicit TemporaryDirectory(const std::filesystem::path& parent = default_parent());
   TemporaryDirectory(const TemporaryDirectory&) = delete;

@@ -7,8 +7,8 @@
 namespace tachless::base {
 
 /// Returns `json` as text, for every JSON that is written. Bytes that are not UTF-8, such as a
-/// file's name or a text from the bus, become U+FFFD; the library would throw.
-/// @param indent spaces a level; -1: all on one line
+/// file's name or a text from the bus, become U+FFFD, because the library would throw for them.
+/// @param indent spaces per level; -1: all on one line
 template <class Json>
 std::string json_text(const Json& json, int indent = -1) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
-/// Lines for people, on stderr: "tachless-plant: waiting for controller". Code that runs once per
-/// tick never calls these functions: writing may block, and it allocates.
+/// Log lines for the user, on stderr: "tachless-plant: waiting for controller". Code that runs once
+/// per tick never calls these functions: writing may block, and it allocates.
 namespace tachless::base {
 
 enum class Verbosity { quiet, normal, verbose };
@@ -17,8 +17,8 @@ inline constexpr std::string_view error_mark = "<error> ";
 inline constexpr std::string_view warning_mark = "<warning> ";
 
 /// Sets the program's name and the verbosity: quiet shows warnings and errors, normal also events
-/// that happen once per run, verbose also details. Call once, before the first line. Every line is
-/// made printable (text.h).
+/// that happen once per run, verbose also details. Call it once, before the first line. Every line
+/// is made printable (text.h).
 void start_logging(std::string_view program, Verbosity verbosity, Marks marks = Marks::none);
 
 void log_detail(std::string_view line);  ///< shown with --verbose

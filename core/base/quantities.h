@@ -3,14 +3,14 @@
 #include <Eigen/Core>
 #include <limits>
 
-/// Types that every library shares. This header and core/robot/model.h stay C++17-clean: the
+/// Types that every library shares. This header and core/robot/model.h are valid C++17, because the
 /// Simbody translation unit includes them.
 namespace tachless {
 
 /// Most joints a robot may have. Vectors and matrices reserve space for this many in place:
 /// nothing allocates once a run has begun.
 inline constexpr int max_joints = 64;
-/// Stands for a limit that a joint does not have.
+/// Value of a limit that a joint does not have.
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// One entry per joint.

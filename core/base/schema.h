@@ -29,7 +29,7 @@
 /// read anything itself (core/scenario/ reads YAML).
 namespace tachless::base {
 
-/// The numbers that a value may take; NaN and the infinities never are among them.
+/// The numbers that a value may take; they never include NaN or infinities.
 struct Range {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
@@ -174,10 +174,10 @@ enum class Shape {
   joints_list,    ///< list of `joints`
   named_joints,   ///< map from names of the user's choice to `joints`
   named_numbers,  ///< map from names of the user's choice to numbers
-  named_texts,    ///< the same to texts
+  named_texts,    ///< map from names of the user's choice to texts
   one_of,         ///< std::variant of structs that have `name` and `keys`
   map,            ///< struct that has `keys`
-  list_of_maps,   ///< list of them
+  list_of_maps,   ///< list of such structs
 };
 
 /// The type of the value behind a key's `Member`: without std::optional, the argument of a setter.

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-/// Text helpers that fmt does not have: lists, numbers, tables, suggestions for a misspelt name. No
-/// escaping for HTML (tools/report/) and no YAML (core/scenario/).
+/// Text helpers that fmt does not have: lists, numbers, tables, suggestions for a misspelt name.
+/// HTML is escaped in tools/report/, and YAML is written in core/scenario/.
 namespace tachless::base {
 
 /// Joins the elements, as fmt writes them, with `separator` between them: "link, motor".

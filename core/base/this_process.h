@@ -32,7 +32,7 @@ void survive_file_size_limit();
 void survive_broken_pipes();
 
 /// Opens /dev/null as each of stdin, stdout and stderr that is closed, so that no other file gets
-/// its number. For the start of a `main`.
+/// its number. Call it at the start of `main`.
 void open_standard_streams();
 
 /// Sends stdout and stderr to /dev/null from now on if they cannot be written within a second. In

@@ -9,7 +9,7 @@ namespace tachless::base {
 
 /// Calls a function that a user wrote and returns its result. An exception that is no Failure
 /// becomes a Failure of code 5, because it stops the robot.
-/// @param whose for people: "the driver"
+/// @param whose name of the user's code in messages, for example "the driver"
 template <class Function>
 auto call_users(std::string_view whose, const Function& function) -> decltype(function()) {
   try {

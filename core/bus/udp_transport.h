@@ -54,7 +54,7 @@ class UdpTransport final : public Transport {
 
   /// Sends without waiting: a message that the kernel does not take at once is lost and counted.
   /// @throw std::length_error if channel and payload together exceed one datagram (65,498 bytes)
-  /// @throw std::invalid_argument for a channel name as above
+  /// @throw std::invalid_argument for a channel name that `subscribe` refuses
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
 
   /// Waits for a message of a subscribed channel until the deadline.
@@ -63,7 +63,7 @@ class UdpTransport final : public Transport {
   std::optional<Datagram> receive(base::Clock::time_point deadline) override;
 
   /// Lets a wait for datagrams begin with a pause of this length from now on, so that one wake-up
-  /// reads many. 0: no pause. Only for a process whose replies no other process waits for.
+  /// reads many. 0: no pause. Use it only in a process for whose replies no other process waits.
   void read_in_batches(std::chrono::nanoseconds pause) { pause_ = pause; }
 
   /// Returns the counts since construction.

@@ -8,8 +8,8 @@
 
 #include "messages/messages.h"
 
-/// The list of the measurements that a controller can receive. The table of fields of each says
-/// what it holds. Each law chooses its measurement.
+/// The list of the measurements that a controller can receive. Each measurement declares its
+/// content in a table of fields. Each law chooses its measurement.
 namespace tachless::messages {
 
 /// The types of measurements.

@@ -11,8 +11,8 @@
 #include "messages/field.h"
 #include "messages/signals.h"
 
-/// The messages of the four processes beside the values of core/messages/signals.h, and the list of
-/// all messages. This header knows no bytes, no transport and no ground truth (messages/truth).
+/// The messages of the four processes, besides the values of core/messages/signals.h, and the list
+/// of all messages. This header knows no bytes, no transport and no ground truth (messages/truth).
 namespace tachless::messages {
 
 /// The common header of all messages.
@@ -69,15 +69,16 @@ inline constexpr int max_participant_text = 1024;
 /// Most bytes of a run_info_t, so that it fits one datagram.
 inline constexpr int max_run_info_size = 65'000;
 
-/// plant -> reference
+/// Message from the plant to the reference.
 struct Tick {
-  bool last = false;
+  bool last = false;  ///< the tick is the last one of the run
 
   static constexpr std::string_view type = "tachless.tick_t", suffix = "TICK";
   static constexpr auto fields = std::tuple{number("last", "", Kind::flag, &Tick::last)};
 };
 
-struct Participant : LawInfo {  ///< the LawInfo of a controller only
+/// Announcement of a process. Only a controller fills its LawInfo.
+struct Participant : LawInfo {
   std::int64_t instance = 0;
   std::int64_t scenario_digest = 0;
   std::int32_t pid = 0;
@@ -122,6 +123,7 @@ struct Participant : LawInfo {  ///< the LawInfo of a controller only
                  number("truth_digest", "", Kind::int64, &Value::truth_digest)};
 };
 
+/// Facts about a run, for its log.
 struct RunInfo : LawInfo {
   std::int64_t num_ticks = 0;
   double period_s = 0;
@@ -146,7 +148,7 @@ struct RunInfo : LawInfo {
                  file("robot_description", max_size, &Value::robot_description)};
 };
 
-/// logger -> plant; `Stamp::tick` is the last tick recorded without a gap.
+/// Message from the logger to the plant. `Stamp::tick` is the last tick recorded without a gap.
 struct LogAck {
   std::uint64_t missing = 0;  ///< bit i: tick + 1 + i has begun but is incomplete
 
@@ -154,7 +156,8 @@ struct LogAck {
   static constexpr auto fields = std::tuple{number("missing", "", Kind::int64, &LogAck::missing)};
 };
 
-/// `tachless gains` -> reference; `Stamp::tick` is the newest that the sender has seen.
+/// Message from `tachless gains` to the reference. `Stamp::tick` is the newest tick that the sender
+/// has seen.
 struct GainChange {
   std::string gains;                 ///< as scenario::gains_text
   std::string replaces;              ///< gains in force that the sender has seen; empty: none yet
@@ -169,7 +172,8 @@ struct GainChange {
                  messages::number("number", "", Kind::int64, &GainChange::number)};
 };
 
-/// reference -> `tachless gains`: a change is accepted. `Stamp::tick` is the first tick with it.
+/// Message from the reference to `tachless gains`: a change is accepted. `Stamp::tick` is the first
+/// tick with it.
 struct GainAck {
   std::int64_t number = 0;  ///< number of the accepted `GainChange`
 

@@ -11,9 +11,9 @@
 #include "base/quantities.h"
 #include "messages/field.h"
 
-/// The values that travel round the loop, without ticks or times; the nodes add ticks and times.
-/// Each measurement has its own type, without inheritance or conversion. A law therefore receives
-/// only what its type holds.
+/// The values that the processes of the loop exchange, without ticks or times. The nodes add ticks
+/// and times. Each measurement has its own type, without inheritance or conversion. A law therefore
+/// receives only what its type holds.
 namespace tachless::messages {
 
 /// Measurement of an output-feedback law of a rigid robot.

@@ -52,15 +52,16 @@ std::optional<messages::Layout> announced_layout(std::span<const std::byte> payl
 
 using messages::all_finite;
 
-/// Encoder and decoder of one message type for one layout. Preallocated, so that fixed-size
-/// messages cost no allocation after construction. It is instantiated for messages::Messages and,
-/// in messages/truth, for PlantTruth. Only one thread at a time may use a codec.
+/// Encoder and decoder of one message type for one layout. Its memory is preallocated, so
+/// fixed-size messages cost no allocation after construction. It is instantiated for
+/// messages::Messages and, in messages/truth, for PlantTruth. Only one thread at a time may use a
+/// codec.
 template <class Value>
 class Codec {
  public:
-  /// @throw std::logic_error if the message has joint arrays and the layout is not possible.
-  /// Possible are 1 to max_joints joints, as many motors or none, and 0 to messages::max_signals
-  /// signals.
+  /// @throw std::logic_error if the message has joint arrays and the layout is not possible. A
+  /// possible layout has 1 to max_joints joints, as many motors or none, and 0 to
+  /// messages::max_signals signals.
   explicit Codec(const messages::Layout& layout);
 
   /// Returns the message's bytes, valid until the next call. Precondition: sizes agree with the

@@ -8,21 +8,23 @@
 /// for the scalars double and Jet2. They allocate nothing. Friction, springs and drives are left
 /// out.
 ///
-/// C is the Christoffel one: Mdot - 2C is skew and C(q,x) y = C(q,y) x, so C(q,x) y is the
-/// polarisation of the quadratic term C(q,v) v that the recursion computes. With mimic joints,
-/// q_tree = G q + offset, every torque here is G' f_tree(G q + offset, G v, G a).
+/// C is defined by the Christoffel symbols: Mdot - 2C is skew-symmetric and C(q,x) y = C(q,y) x, so
+/// C(q,x) y is the polarisation of the quadratic term C(q,v) v that the recursion computes. With
+/// mimic joints, q_tree = G q + offset, every torque here is G' f_tree(G q + offset, G v, G a).
 ///
 /// A vector whose size is not the model's `num_joints` is a violated precondition:
 /// std::logic_error.
 namespace tachless::robot {
 
-/// Returns M(q) [kg m2; kg m; kg], rotor inertia on the diagonal included. Symmetric to the last
-/// bit.
+/// Returns M(q) [kg m2; kg m; kg], rotor inertia on the diagonal included. The result is symmetric
+/// to the last bit.
 template <class Scalar>
 MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q);
 
 /// Returns M(q) a + C(q,v) v + g(q) [N m; N] (paper, eq. 2), rotor inertia included, O(n).
-/// @param q [rad; m]  @param v [rad/s; m/s]  @param a [rad/s2; m/s2]
+/// @param q [rad; m]
+/// @param v [rad/s; m/s]
+/// @param a [rad/s2; m/s2]
 template <class Scalar>
 VectorOf<Scalar> inverse_dynamics(const Model& model, const VectorOf<Scalar>& q,
                                   const VectorOf<Scalar>& v, const VectorOf<Scalar>& a);

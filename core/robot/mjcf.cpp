@@ -473,7 +473,9 @@ class Converter {
   void read_keyframe() {
     std::optional<MjcfAttributes> chosen;
     for (const TiXmlElement* each : document_.in_sections("keyframe")) {
-      if (each->ValueStr() != "key") document_.refuse(*each, "<keyframe> has <key> alone");
+      if (each->ValueStr() != "key") {
+        document_.refuse(*each, "<keyframe> has <key> alone; remove the element");
+      }
       const MjcfAttributes key = document_.attributes(*each, "main");
       if (key.has("qpos") && (!chosen || key.text("name") == "home")) chosen = key;
     }

@@ -194,7 +194,9 @@ void MjcfDocument::read_includes(const TiXmlElement& of, const IncludedText& inc
     }
     parse(included(file), file);
     const TiXmlElement* const root = files_.back().RootElement();
-    if (root == nullptr) refuse(*e, fmt::format("{:.60} has no element", file));
+    if (root == nullptr) {
+      refuse(*e, fmt::format("{:.60} has no element; give an MJCF, or remove the <include>", file));
+    }
     included_[e] = root;
     read_includes(*root, included);
   }
@@ -346,12 +348,14 @@ MjcfPose MjcfDocument::pose(const MjcfAttributes& of) const {
   }
   const auto direction = [&](const char* name, double x, double y, double z) {
     const Eigen::Vector3d v(x, y, z);
-    if (v.norm() < 1e-10) of.refuse(fmt::format("{}: an axis of length 0", name));
+    if (v.norm() < 1e-10) {
+      of.refuse(fmt::format("{}: an axis of length 0; give its direction", name));
+    }
     return v;
   };
   if (const auto q = of.numbers("quat", 4, 4); !q.empty()) {
     pose.q = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
-    if (pose.q.norm() < 1e-10) of.refuse("quat: four zeros");
+    if (pose.q.norm() < 1e-10) of.refuse("quat: four zeros; give a rotation, or leave it out");
     if (pose.q.squaredNorm() != 1) pose.q.normalize();
   } else if (const auto a = of.numbers("axisangle", 4, 4); !a.empty()) {
     pose.q = rotation_about(direction("axisangle", a[0], a[1], a[2]), a[3] * angle_unit());

@@ -60,8 +60,8 @@ struct MjcfPose {
   MjcfPose operator*(const MjcfPose& inner) const { return {q * inner.q, p + q * inner.p}; }
 };
 
-/// An MJCF's elements with included files in place, and the defaults of its classes. Checks the
-/// names of elements and attributes. Knows no mechanics.
+/// An MJCF's elements with included files in place, and the defaults of its classes. The class
+/// checks the names of elements and attributes. It knows no mechanics.
 class MjcfDocument {
  public:
   /// @throw std::invalid_argument for malformed XML, a file that is included twice, and faults of
@@ -70,14 +70,14 @@ class MjcfDocument {
   MjcfDocument(const MjcfDocument&) = delete;
   MjcfDocument& operator=(const MjcfDocument&) = delete;
 
-  /// Returns the children of an element, with an included file's elements in the place of
-  /// <include>.
+  /// Returns the children of an element, with an included file's elements in place of <include>.
   [[nodiscard]] std::vector<const TiXmlElement*> children(const TiXmlElement& of) const;
   /// Returns the children of all sections of a name, such as "equality".
   [[nodiscard]] std::vector<const TiXmlElement*> in_sections(std::string_view section) const;
   [[nodiscard]] std::vector<const TiXmlElement*> sections(std::string_view section) const;
   /// Returns the attributes of an element after a check of the names in it.
-  /// @param around class of elements without one  @param rule key of `mjcf_rule`; empty: the name
+  /// @param around default class for elements that name no class
+  /// @param rule key of `mjcf_rule`; empty: the element's name
   [[nodiscard]] MjcfAttributes attributes(const TiXmlElement& element, const std::string& around,
                                           std::string_view rule = {}) const;
   /// Returns the attributes that an element has itself. Their names are not checked.
@@ -114,7 +114,7 @@ class MjcfDocument {
 /// Returns the rotation about an axis by an angle [rad].
 Eigen::Quaterniond rotation_about(const Eigen::Vector3d& axis, double angle);
 
-/// Returns the rotation that turns the z axis to a direction on the shortest way.
+/// Returns the rotation that turns the z axis to a direction by the smallest angle.
 Eigen::Quaterniond from_z_to(const Eigen::Vector3d& direction);
 
 }  // namespace tachless::robot

@@ -5,10 +5,10 @@
 
 namespace tachless::robot {
 
-/// Names that MuJoCo has of one element.
+/// Names of MuJoCo's attributes and children of one element.
 struct MjcfRule {
   std::vector<std::string_view> attributes;
-  std::vector<std::string_view> children;  ///< that are read
+  std::vector<std::string_view> children;  ///< children that are read
   std::vector<std::string_view> others;    ///< children without mechanics of a robot; not read
   std::vector<std::string_view> refused;   ///< children with mechanics; not read
 };

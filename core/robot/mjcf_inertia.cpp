@@ -81,7 +81,7 @@ MjcfShape shape_of(const MjcfDocument& document, const MjcfAttributes& geom) {
   size.resize(3);
   if (!ends.empty()) {
     const Eigen::Vector3d a(ends[0], ends[1], ends[2]), b(ends[3], ends[4], ends[5]);
-    if ((a - b).norm() < 1e-10) geom.refuse("fromto: two equal points");
+    if ((a - b).norm() < 1e-10) geom.refuse("fromto: two equal points; give two different ones");
     shape.pose = {from_z_to(a - b), 0.5 * (a + b)};
     const double half = 0.5 * (a - b).norm();
     size = needed == 2 ? std::vector{size[0], half, 0.0} : std::vector{size[0], size[0], half};

@@ -27,7 +27,7 @@ MjcfShape shape_of(const MjcfDocument& document, const MjcfAttributes& geom);
 /// @throw std::invalid_argument for a mesh and other shapes whose volume is not known
 MassProperties mass_of_geom(const MjcfDocument& document, const MjcfAttributes& geom);
 
-/// Returns the properties after the bounds and the balance of <compiler>.
+/// Returns the properties after applying the bounds and the balance of <compiler>.
 MassProperties corrected(const MjcfDocument& document, MassProperties body);
 
 }  // namespace tachless::robot

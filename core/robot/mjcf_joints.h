@@ -18,9 +18,8 @@ struct JointNumbers {
 /// Reads `armature`, `damping` and `frictionloss` of the named joints of a MuJoCo model, by name.
 /// Follows includes and applies the defaults of classes. Reads nothing else of the file.
 /// @param source the file's name, for messages
-/// @throw std::invalid_argument, one line, for a text that is no MJCF and an armature of an
-/// actuator. Also for an unknown class, element or attribute, and a value that is negative or not
-/// finite
+/// @throw std::invalid_argument, one line, if the text is no MJCF, an actuator has an armature, a
+/// class, element or attribute is unknown, or a value is negative or not finite
 std::map<std::string, JointNumbers> read_mjcf_joints(const std::string& text,
                                                      const std::string& source,
                                                      const IncludedText& included);

@@ -7,7 +7,7 @@
 
 namespace tachless::robot {
 
-/// Returns whether a MuJoCo model has something beside its robot: a shape of the world, or a body
+/// Returns whether a MuJoCo model has something besides its robot: a shape of the world, or a body
 /// of the world that carries no hinge and no slide joint.
 /// @param source name of the file, for messages
 /// @throw std::invalid_argument, one line, for a text that is no MJCF

@@ -19,7 +19,7 @@ enum class JointType { revolute, prismatic };
 /// Most moving bodies a model may have: mimic joints move bodies without adding coordinates.
 inline constexpr int max_bodies = 2 * max_joints;
 
-/// Mass, centre of mass and inertia of something rigid, in one frame, B.
+/// Mass, centre of mass and inertia of a rigid body, in one frame, B.
 struct MassProperties {
   double mass = 0;                                  ///< [kg]
   Eigen::Vector3d p_Bcm = Eigen::Vector3d::Zero();  ///< centre of mass [m]
@@ -60,7 +60,7 @@ struct Frame {
   int body = -1;                                       ///< -1 is the ground
   Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();  ///< its axes in the body's frame
   Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();      ///< its origin there [m]
-  bool leaf = false;  ///< no joint, not even a fixed one, goes on from this link
+  bool leaf = false;  ///< the link is the parent of no joint, not even of a fixed one
 };
 
 /// A robot: a tree of revolute and prismatic joints. Some joints may mimic others.
@@ -104,7 +104,7 @@ Vector nearest_to_zero(const Model& model);
 /// nearest to 0.
 std::pair<double, double> finite_range(const Model& model, int joint);
 
-/// How to treat a moving body with a physically impossible inertia.
+/// Treatment of a moving body with a physically impossible inertia.
 enum class CheckInertia { refuse, warn };
 /// Returns the names of the choices in scenarios.
 constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
@@ -130,17 +130,19 @@ std::string urdf_mechanics(const std::string& text, const std::string& source);
 ///
 /// Coordinates and bodies are numbered depth-first from the root, the children of a link in the
 /// order of their joints in the file. A mimic joint adds a body, not a coordinate. Its limits are
-/// not read. Its damping and friction add to those of the joint that drives it. Links behind fixed
-/// and locked joints are merged into the body that carries them. The inertia of the merged body is
+/// not read. Its damping and friction are added to the joint that drives it. Links behind fixed and
+/// locked joints are merged into the body that carries them. The inertia of the merged body is
 /// checked, unless it is fixed to the ground. An effort or velocity limit of 0 or below means none.
 /// Visuals, collisions, safety controllers and transmissions are not read. The inertia matrix is
 /// not checked.
-/// @throw std::invalid_argument in one line naming source, link or joint, value and remedy. Errors
-/// of the text: XML or URDF that does not parse, remains of xacro, duplicated or unknown names.
-/// Errors of the tree: links that are no tree, joints of other types, a mimic cycle, an axis of
-/// zero length, limits that enclose nothing. Too many: above `max_joints` coordinates or
-/// `max_bodies` bodies. Impossible inertias are named all at once, unless `check_inertia` is
-/// `warn`.
+/// @throw std::invalid_argument in one line naming source, link or joint, value and remedy
+/// @throw std::invalid_argument for XML or URDF that does not parse, remains of xacro, duplicated
+/// or unknown names
+/// @throw std::invalid_argument for links that are no tree, joints of other types, a mimic cycle,
+/// an axis of zero length, a lower limit that is not below the upper one, and more than
+/// `max_joints` coordinates or `max_bodies` bodies
+/// @throw std::invalid_argument for impossible inertias, which are named all at once, unless
+/// `check_inertia` is `warn`
 Model read_urdf(const std::string& text, const std::string& source,
                 const UrdfOptions& options = {});
 
@@ -164,14 +166,14 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// Returns the leaf link farthest from the root, which usually carries the tool. The distance
+/// Returns the leaf links farthest from the root, usually one, which carries the tool. The distance
 /// counts moving joints first, then metres along the joints' origins at q = 0. If several links are
 /// at one place, the first by name is returned. Links at different places, such as fingers, are all
 /// returned.
 std::vector<std::string> farthest_leaves(const Model& model);
 
-/// Returns the model with a payload fixed to `link` and given in the link's frame. Default link:
-/// the only one of `farthest_leaves`.
+/// Returns the model with a payload fixed to `link` and given in the link's frame. Without `link`,
+/// it is the only link of `farthest_leaves`.
 /// @throw std::invalid_argument for a mass that is negative or not finite, an unknown link, a link
 /// that does not move, or an ambiguous default.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});

@@ -143,7 +143,9 @@ class Loader {
             at->name, mimic.joint);
       }
       if (seen.size() > max_bodies) {
-        refuse("joint '{}': mimics by way of more than {} joints", joint.name, max_bodies);
+        refuse(
+            "joint '{}': mimics by way of more than {} joints; let it mimic an independent joint",
+            joint.name, max_bodies);
       }
       const auto next = urdf_.joints.find(mimic.joint);
       if (next == urdf_.joints.end()) {

@@ -28,7 +28,7 @@ struct UrdfLink {
   double largest_angle = 0;  ///< largest angle of the inertial's rpy as written [rad]
 };
 
-/// The position of a joint as an affine map of another's: multiplier q + offset.
+/// The position of a joint as an affine map of another joint's position q: multiplier q + offset.
 struct MimicRelation {
   std::string joint;
   double multiplier = 1, offset = 0;
@@ -60,14 +60,14 @@ struct UrdfTree {
 
 /// Reads a URDF's XML.
 /// @param locked joints that are to be fixed; their type may be any, at position 0
-/// @throw std::invalid_argument on malformed XML, remains of xacro, or duplicated, missing or
-/// unknown names. Also on unsupported types, values that are no finite number, and links that are
+/// @throw std::invalid_argument on malformed XML or remains of xacro, on duplicated, missing or
+/// unknown names, on unsupported types, on values that are no finite number, and on links that are
 /// not one tree
 UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
                        const std::map<std::string, double>& locked);
 
-/// Returns a line for each number that a URDF may have and that is improbable: limits of 0,
-/// degrees, millimetres, grams, a radius of gyration beyond the link, mass without inertia.
+/// Returns a line for each number that is allowed in a URDF but improbable: limits of 0, degrees,
+/// millimetres, grams, a radius of gyration beyond the link, mass without inertia.
 /// @throw std::invalid_argument as `read_urdf_xml`
 std::vector<std::string> improbable_numbers(const std::string& text, const std::string& source,
                                             const std::map<std::string, double>& locked);
@@ -94,9 +94,9 @@ int line_of_unread_markup(const TiXmlNode& node);
 /// lines of other programs. A name is printable, short, and has no character with a meaning there.
 bool is_urdf_name(std::string_view text);
 
-/// Returns the kind of an XML text and a remedy: "a URDF; …". Messages that want another kind use
-/// it.
-/// @param source its file's name
+/// Returns the kind of an XML text and a remedy: "a URDF; …". Messages use it when a file is of
+/// another kind than expected.
+/// @param source name of the text's file
 std::string xml_kind(std::string_view text, const std::string& source);
 
 }  // namespace tachless::robot

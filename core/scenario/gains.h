@@ -7,7 +7,7 @@
 
 #include "base/quantities.h"
 
-/// A law's gains as they travel in messages.
+/// A law's gains in the text form that messages have.
 namespace tachless::scenario {
 
 using Gains = std::map<std::string, Vector>;
@@ -16,9 +16,9 @@ using Gains = std::map<std::string, Vector>;
 /// all are the same.
 std::string gains_text(const Gains& gains);
 
-/// Returns the gains of such a text, with `num_joints` entries where one number stands for all. A
-/// matrix has the square of `num_joints`. Returns nothing for another text, and if a number is not
-/// finite.
+/// Returns the gains of a text of `gains_text`, with `num_joints` entries where one number stands
+/// for all. A matrix has the square of `num_joints`. Returns nothing for another text, and if a
+/// number is not finite.
 std::optional<Gains> read_gains(std::string_view text, int num_joints);
 
 }  // namespace tachless::scenario

@@ -22,7 +22,7 @@ using JointParameters = std::map<std::string, robot::JointNumbers>;
 JointParameters take_joint_parameters(YamlNode& root, const Scenario& scenario,
                                       const std::filesystem::path& directory);
 
-/// Writes the numbers of the model's joints into the tree, below the keys that do not have any yet.
+/// Writes the numbers of the model's joints into the tree, below the keys that have no numbers yet.
 /// @throw Failure(bad_usage) when the file has no numbers of a joint
 void add_joint_parameters(YamlNode& root, Scenario& scenario, const JointParameters& parameters,
                           const robot::Model& model);

@@ -33,7 +33,9 @@ std::string table_text(const Scenario& scenario, const fs::path& path, std::stri
     throw scenario.complaint("reference.file", failure.what());
   }
   if (digest.empty() || digest == digest_of(text)) return text;
-  throw scenario.complaint("reference.file.digest", "{}, but that of {} is {}: it is another table",
+  throw scenario.complaint("reference.file.digest",
+                           "{}, but that of {} is {}: it is another table; give the first one, or "
+                           "remove the key",
                            digest, path.string(), digest_of(text));
 }
 

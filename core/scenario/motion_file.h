@@ -19,7 +19,7 @@ void pin_motion(YamlNode& root, const Scenario& scenario, const std::filesystem:
 /// Gives the scenario the motion of the table that it names, if any. Adds a warning to the model if
 /// the run has only a part of the motion.
 /// @throw Failure(bad_usage) when the table cannot be read or has another digest, when its times
-/// lie outside of the run, and as `parse_motion`
+/// lie outside the run, and as `parse_motion`
 void read_motion(Scenario& scenario, const std::filesystem::path& directory);
 
 /// Returns a spline through the rows of a table (docs/trajectories.md).

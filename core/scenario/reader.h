@@ -20,7 +20,7 @@ namespace tachless::scenario {
 
 /// A value, or a missing value, and its place in the scenario.
 struct Place {
-  const Scenario& scenario;  ///< for lines, and for the number of joints
+  const Scenario& scenario;  ///< gives line numbers and the number of joints
   const YamlNode* node;      ///< null: not given
   std::string path;          ///< "loop.period_s"; empty for the whole scenario
 
@@ -93,7 +93,8 @@ std::string_view read_alternative(const Place& place, const std::vector<std::str
 template <class Struct>
 void read(const Place& place, Struct& to);
 
-/// Reads the value at `place` into `to`. Only an alternative may be missing there.
+/// Reads the value at `place` into `to`. The value may be missing only for one of several structs
+/// (std::variant).
 /// @throw InvalidValue when `key` does not allow the value
 /// @throw Failure(bad_usage) for an error inside of the value.
 template <class Key, class Value>
@@ -187,7 +188,7 @@ void read_key(const Place& place, const base::Key<Struct, Member>& key,
   }
 }
 
-/// Fills all members of `to` that have keys, and asks `to` for rules that it breaks.
+/// Fills all members of `to` that have keys, and checks the rules of `to.refusal()`.
 /// @throw Failure(bad_usage) as `read_key`.
 template <class Struct>
 void read(const Place& place, Struct& to) {

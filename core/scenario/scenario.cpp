@@ -485,8 +485,8 @@ std::optional<DriveLoopSpec> drive_loop(const Scenario& scenario) {
   }
   if (loop.late_ticks > std::lround(ticks) - 1) {
     throw scenario.complaint(key + ".late_ticks",
-                             "{}; a tick of the loop has {:.0f}: allowed: "
-                             "less; raise loop.command_delay",
+                             "{}; loop.period_s has {:.0f} ticks of the drives; allowed: "
+                             "fewer; raise loop.command_delay",
                              loop.late_ticks, ticks);
   }
   return loop;

@@ -28,9 +28,10 @@ namespace tachless::messages {
 struct LawInfo;
 }
 
-/// One experiment = one YAML file, read into typed values. Each value is declared once, beside the
-/// member that it fills. The reader, the check for unknown keys and the table of docs/scenario.md
-/// use the declarations. This header does not know how plant, controller and reference use them.
+/// Scenario of one experiment: one YAML file, read into typed values. Each value is declared once,
+/// beside the member that it fills. The reader, the check for unknown keys and the table of
+/// docs/scenario.md use the declarations. This header does not know how plant, controller and
+/// reference use them.
 namespace tachless::scenario {
 
 /// Pose at which the robot's root link is fixed.
@@ -53,9 +54,9 @@ struct BaseSpec {
 struct CompensationSpec {
   bool gravity = false;
   bool coriolis = false;
-  double friction = 0;           ///< share that it cancels, 0 to 1
-  std::vector<double> base_rpy;  ///< base of its own model [rad]; empty: robot.base
-  std::string urdf_path;         ///< path of its own model, as written; empty: robot.urdf
+  double friction = 0;           ///< share of the friction that is cancelled, 0 to 1
+  std::vector<double> base_rpy;  ///< base of the arm's own model [rad]; empty: robot.base
+  std::string urdf_path;         ///< file of the arm's own model, as written; empty: robot.urdf
 
   /// Returns true if the arm adds a torque of its own model.
   [[nodiscard]] bool adds_torque() const { return gravity || coriolis; }
@@ -91,11 +92,11 @@ struct RobotSpec {
   std::string name = "arm";
   std::string channel_prefix = "ARM";  ///< name in upper case
   std::string urdf_path;               ///< as written in the scenario
-  /// robot::urdf_mechanics of the file, then of controller.urdf if there is one
+  /// Text of `robot::urdf_mechanics` for the file, then for controller.urdf if there is one.
   std::string urdf_text;
   robot::CheckInertia check_inertia = robot::CheckInertia::refuse;
   std::map<std::string, std::string> xacro;  ///< arguments of a urdf_path that ends in .xacro
-  std::map<std::string, double> locked;
+  std::map<std::string, double> locked;      ///< positions of locked joints by name [rad; m]
   BaseSpec base;
   double gravity_m_per_s2 = 9.81;
   std::string joint_parameters;  ///< as written in the scenario; a recorded one has the numbers
@@ -222,7 +223,7 @@ struct Scenario {
   /// Robot of controller.urdf; null without that key: the law's model is the plant's.
   std::shared_ptr<const robot::Model> believed_model;
   int num_joints = 0;
-  /// YAML with `--set` applied: parse(text, urdf_text) gives this scenario again
+  /// YAML with `--set` applied. `parse_scenario` makes the same scenario of it.
   std::string text;
   std::int64_t digest = 0;  ///< of text and URDF
   std::string source;       ///< file name for messages
@@ -242,8 +243,8 @@ struct Scenario {
                                                        std::forward<Rest>(rest)...)));
   }
 
-  /// Checks that the scenario asks for a controller with this law. The name counts unless the law
-  /// is external. The measurement counts if the scenario gives one.
+  /// Checks that the scenario asks for a controller with this law. The names have to agree unless
+  /// the law is external. The measurements have to agree if the scenario gives one.
   /// @throw base::Failure(bad_usage) for another controller
   void require_law(const messages::LawInfo& law) const;
 
@@ -276,23 +277,24 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
 void require_consistent(const Scenario& scenario);
 
+/// Options of `urdf_scenario`.
 struct UrdfScenario {
   std::string name;
   std::string urdf;  ///< path of the URDF for the file
   double period_s = 1e-3;
-  Vector from{};              ///< beginning of the motion [rad; m]; empty: see below
-  bool adds_gravity = false;  ///< the arm's own controller carries its weight
+  Vector from{};              ///< start of the motion [rad; m]; empty: chosen by `urdf_scenario`
+  bool adds_gravity = false;  ///< the arm's own controller adds g(q)
 };
 
 /// Returns the posture of a description's keyframe in the order of the model's joints. Returns
 /// nothing without a keyframe, or if a joint is outside its range there.
 Vector start_posture(const robot::Description& description, const robot::Model& model);
 
-/// Returns a scenario for a bare URDF as text. Only a design makes its gains useful. The motion
-/// begins in the middle of the joints' ranges, or near it with no link below the base's plane. It
-/// ends 0.3 rad (0.1 m) away, on the side of the farther limit. The scenario has a 20-bit encoder,
-/// one tick of delay, and the URDF's friction fed forward. The drives hold the robot until the
-/// first command acts.
+/// Returns the text of a scenario for a URDF alone. The gains are useful only after a design. The
+/// motion begins in the middle of the joints' ranges, or near it with no link below the base's
+/// plane. It ends 0.3 rad (0.1 m) away, on the side of the farther limit. The scenario has a 20-bit
+/// encoder, one tick of delay, and the URDF's friction fed forward. The drives hold the robot until
+/// the first command acts.
 std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
 
 /// Returns `model` with the scenario's payload, or unchanged without a payload.
@@ -316,7 +318,7 @@ RobotFile robot_file(const std::filesystem::path& file, const std::vector<std::s
 /// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
 Vector encoder_count(const Scenario& scenario, const robot::Model& model);
 
-/// Checks that the robot has the encoders of a law that is fed from that channel suffix.
+/// Checks that the robot has the encoders for a law with the measurement of this channel suffix.
 /// @throw Failure(bad_usage) naming the key and what is allowed.
 void require_encoders(const Scenario& scenario, std::string_view measurement);
 

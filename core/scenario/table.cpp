@@ -142,7 +142,10 @@ void Table::read_field(std::string& field) {
     read_quoted(field);
     while (!at_end_of_line() && separator_ != ' ' && is_blank(text_[at_])) ++at_;
     const bool ends = at_end_of_line() || text_[at_] == separator_ || at_comment();
-    if (!ends) refuse(fmt::format("text behind the quoted field \"{:.40}\"", field));
+    if (!ends) {
+      refuse(fmt::format("text behind the quoted field \"{:.40}\"; put a separator between them",
+                         field));
+    }
     return;
   }
   const std::size_t begin = at_;
@@ -224,7 +227,7 @@ std::size_t Table::column(std::string_view name) const {
     refuse(fmt::format("no column \"{}\"; there are {}", name, base::joined(names_)));
   }
   if (std::find(found + 1, names_.end(), name) != names_.end()) {
-    refuse(fmt::format("two columns \"{}\"", name));
+    refuse(fmt::format("two columns \"{}\"; rename one", name));
   }
   return static_cast<std::size_t>(found - names_.begin());
 }

@@ -70,7 +70,8 @@ class Builder : public YAML::EventHandler {
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     const auto found = anchored_.find(anchor);
     if (!refused_ && found == anchored_.end()) {
-      throw complaint(line_of(mark), "an alias inside of the value that it names");
+      throw complaint(line_of(mark),
+                      "an alias inside the value that it names; write the value out");
     }
     if (!refused_) add(mark, YAML::NullAnchor, found->second);
   }

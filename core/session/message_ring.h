@@ -21,12 +21,12 @@ enum class Verdict {
   conflicting,  ///< other bytes than before for the same tick, so two processes have one role
 };
 
-/// Returns a digest that tells messages apart within one process. Its seed is random: no other
+/// Returns a digest that distinguishes messages within one process. Its seed is random: no other
 /// process can choose a second message with the digest of the first.
 std::uint64_t digest_of(std::span<const std::byte> bytes);
 
 /// The messages of the last `depth` ticks, with a fixed number of kinds per tick. A message is kept
-/// as its bytes, or as a digest if a copy has only to be recognised. Preallocated.
+/// as its bytes, or as a digest if a copy has only to be recognised. The memory is preallocated.
 class MessageRing {
  public:
   /// Number of kept ticks, more than the window (TickMaster::Config) plus one tick for the

@@ -20,7 +20,7 @@ constexpr std::size_t index(messages::Role role) { return static_cast<std::size_
 /// The processes whose announcements one process has received, with their proofs of being alive.
 /// Announcements carry an increasing counter. For each role they name a process and its newest
 /// counter. An announcement that names this process answers its announcement with that counter. The
-/// sender was therefore alive after that announcement. A recording answers nothing.
+/// sender was therefore alive after that announcement. A recording cannot contain an answer.
 ///
 /// On a bus without a key a program may leave counters out (0) of all its announcements. Each of
 /// these announcements then counts as proof. The class is pure; it knows neither runs nor the
@@ -69,8 +69,8 @@ class Peers {
     bool first = false;
   };
   /// Remembers the sender of an announcement.
-  /// @param lived result of `answered`; without it only the announcement's counter is kept of a
-  /// known process
+  /// @param lived result of `answered`; nothing: if the process is known, only the announcement's
+  /// counter is kept
   /// @return the peer, and whether it was unknown or unproven before
   Remembered remember(const messages::Stamp& stamp, const messages::Participant& who,
                       std::string_view sender, std::optional<Time> lived, Time now);
@@ -80,9 +80,9 @@ class Peers {
   /// Subtracts the time for which this process was suspended from the silence of others.
   void excuse(std::chrono::nanoseconds suspended);
 
-  /// Sets the next counter and the acknowledged process of each role. Every other time that process
-  /// is a holder, or a process that has proven to be alive. In between, the other processes take
-  /// turns.
+  /// Sets the next counter and one acknowledged process of each role. In every second announcement
+  /// this is a holder, or a process that has proven to be alive. In the other announcements the
+  /// remaining processes take turns.
   /// @param holders_only this process is ending, so only the run's members still have to believe it
   void fill_acknowledgements(messages::Participant& mine, bool holders_only, Time now);
 

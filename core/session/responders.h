@@ -9,10 +9,10 @@
 #include "base/clock.h"
 #include "session/message_ring.h"
 
-/// The processes' sides of the tick protocol: the reference in both modes, the controller and the
-/// plant in each. In lockstep every request is answered once, in order. The reply is kept for
-/// repeated requests (the plant's side: tick_master.h). In realtime no process repeats a message or
-/// waits for one.
+/// Tick protocol of the processes: the reference in both modes, the controller in both modes, and
+/// the plant in realtime. In lockstep every request is answered once, in order. The reply is kept
+/// for repeated requests (the plant's side: tick_master.h). In realtime no process repeats a
+/// message or waits for one.
 namespace tachless::session {
 
 /// The reference's side. TICK(k) requests every unpublished reference up to k + 1. No process
@@ -37,6 +37,7 @@ class ReferenceResponder {
         realtime_(realtime),
         ring_(std::array{MessageRing::digest_only, longest_reference}) {}
 
+  /// Handles TICK of this run.
   Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes);
 
   /// Keeps the reference of `tick`.
@@ -79,6 +80,7 @@ class CommandResponder {
         ring_(std::array{MessageRing::digest_only, MessageRing::digest_only, longest_command,
                          longest_state}) {}
 
+  /// Handles a measurement or reference of this run.
   Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes);
 
   /// Returns the tick whose command is computed next.
@@ -165,6 +167,7 @@ class MissedCommandMonitor {
   explicit MissedCommandMonitor(int max_missed)
       : max_missed_(max_missed), commands_(std::array{MessageRing::digest_only}) {}
 
+  /// Begins a tick.
   void begin(std::int64_t tick);
 
   /// Handles a command of this run.

@@ -13,9 +13,9 @@ namespace tachless::session {
 using RoleMain = std::function<void(const scenario::Scenario&, Session&)>;
 
 /// Runs one of the four processes. It loads the scenario, catches interruptions, opens the bus, and
-/// runs the role. It always writes the statistics if they are requested. It knows no role's work.
+/// runs the role. If statistics are requested, it writes them in every case.
 /// @throw Failure for every early end of the role, and for a fault in the statistics of a role that
-/// has come to its end.
+/// ended regularly.
 base::ExitCode run_role(messages::Role role, const ProcessOptions& options, const RoleMain& main);
 
 }  // namespace tachless::session

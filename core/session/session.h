@@ -41,7 +41,7 @@ class Session {
   struct Config {
     messages::Role role = messages::Role::plant;
     std::optional<std::int64_t> run_id = {};  ///< plant only; default: microseconds since 1970
-    double wait_s = 0;                        ///< at the start, for the others; 0 = unlimited
+    double wait_s = 0;  ///< longest wait for the other processes at the start; 0: unlimited
     /// Becomes true when the user wants the process to end.
     const std::atomic<bool>* interrupted = nullptr;
     std::int64_t instance = 0;         ///< distinguishes two processes of one role; 0: a random one
@@ -110,8 +110,8 @@ class Session {
   /// Waits until the run is known; the plant waits until all are ready.
   /// @param law of a controller only
   /// @param other receives the messages on the node's own channels during the wait
-  /// @throw Failure: see `poll`; refusal by or of another process; missing roles at the end of the
-  /// wait
+  /// @throw Failure as `poll` does, if this process refuses another one or is refused, and if roles
+  /// are missing after `Config::wait_s`
   void join(const messages::LawInfo& law, const Handler& other);
   /// Notes that the first message of the run has been sent or accepted.
   void note_started(Time now);
@@ -131,13 +131,14 @@ class Session {
   /// run.
   void attend_until(const std::function<bool()>& done);
   /// Polls and handles messages until the plant has finished.
-  /// @param all_there returns whether this process has all ticks; before that no end is believed
+  /// @param all_there returns whether this process has all ticks; until then the end of the run is
+  /// not accepted
   void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
   /// Handles one datagram if one arrives before the deadline.
   /// @return whether one arrived
   bool receive(Time deadline);
-  /// Makes `attend` call `each` once a `period` from now on, for a process that has to keep
-  /// something going until it ends. An empty function ends these calls.
+  /// Makes `attend` call `each` once per `period` from now on, for a process with a task to repeat
+  /// until it ends. An empty function ends these calls.
   void while_attending(std::chrono::nanoseconds period, std::function<void()> each);
   /// Handles the announcements that arrive before the deadline, or until it is `over`.
   void attend(
@@ -169,7 +170,7 @@ class Session {
   /// ticks, it waits at most the time to give up plus 2 s. Otherwise it waits at most the time to
   /// give up plus 60 s. The others wait until all have finished and the plant has acknowledged
   /// their own end, at most a second.
-  /// @throw Failure if another process has failed at the last moment, or (protocol_violated) if the
+  /// @throw Failure if another process has failed during the wait, or (protocol_violated) if the
   /// plant waited too long
   void leave();
 

@@ -91,7 +91,7 @@ struct PlantStatistics {
   /// Realtime: delay of a tick's work after its deadline; time from the measurement to its command.
   LatencyHistogram wake_up_jitter_us, command_age_us;
   /// Realtime: ticks whose work began more than a period late; greatest number of consecutive ones.
-  /// With a robot that is the clock and tells its time: ticks that passed unanswered.
+  /// With a robot that is the clock and reports its time: ticks that passed without an answer.
   std::int64_t missed_deadlines = 0, longest_miss = 0;
   /// Realtime: ticks that ended without their command; greatest number of consecutive ones;
   /// commands that came after their tick.

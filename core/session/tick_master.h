@@ -12,10 +12,10 @@
 
 namespace tachless::session {
 
-/// The plant's side of the protocol. Each tick of a run has a request (TICK and measurement) until
-/// the command is received, an advance of the plant, and the TRUTH. The run ends with the logger's
-/// last acknowledgement. The class decides when the next of these may happen, which messages to
-/// repeat and when, and when to give up.
+/// The plant's side of the protocol. In each tick the plant publishes a request (TICK and
+/// measurement), repeats it until the command is received, advances, and publishes TRUTH. The run
+/// ends with the logger's last acknowledgement. The class decides when the next of these actions
+/// may happen, which messages to repeat and when, and when to give up.
 class TickMaster {
  public:
   using Time = base::Clock::time_point;
@@ -103,7 +103,7 @@ class TickMaster {
   std::int64_t acknowledged_ = -1;
   std::uint64_t missing_ = 0;  ///< bit i: the logger misses a message of acknowledged_ + 1 + i
   std::uint64_t pending_ = 0;  ///< the ticks of `missing_` to be repeated now
-  /// When all messages of a tick were last sent.
+  /// Time at which all messages of a tick were last sent.
   base::TickRing<Time> sent_{MessageRing::depth};
   Time progress_;
   Time waited_;  ///< progress_, increased by the time suspended

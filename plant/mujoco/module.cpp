@@ -119,12 +119,17 @@ class Mujoco final : public MujocoSimulator {
     longest_step_s_ = request.step_s > 0 ? request.step_s : option.timestep;
     if (request.keyframe.empty()) return;
     keyframe_ = mj_name2id(model_.get(), mjOBJ_KEY, request.keyframe.c_str());
-    if (keyframe_ < 0) fail("no keyframe \"" + request.keyframe + "\"");
+    if (keyframe_ < 0) {
+      fail("no keyframe \"" + request.keyframe + "\"; correct plant.mujoco.keyframe");
+    }
   }
 
   void add(const MujocoJoint& joint) {
     const int id = mj_name2id(model_.get(), mjOBJ_JOINT, joint.name.c_str());
-    if (id < 0) fail("no joint \"" + joint.name + "\", which the scenario's robot has");
+    if (id < 0) {
+      fail("no joint \"" + joint.name +
+           "\", which the scenario's robot has; give the joint that name in the model");
+    }
     const int type = model_->jnt_type[id];
     if (type != mjJNT_HINGE && type != mjJNT_SLIDE) {
       fail("joint \"" + joint.name + "\" is neither hinge nor slide");

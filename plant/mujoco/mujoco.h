@@ -10,11 +10,11 @@
 /// links MuJoCo, so that no program needs it.
 namespace tachless::plant {
 
-/// Returns whether the module is there.
+/// Returns whether the module is installed.
 bool has_mujoco_module();
 
-/// Returns the simulator of plant.mujoco. Before that, it compares the inertia matrix and gravity
-/// torque with those of `model` at the initial posture and ten others.
+/// Returns the simulator of plant.mujoco. First compares the inertia matrix and gravity torque with
+/// those of `model`, at the initial posture and ten others.
 /// @throw base::Failure(bad_usage) without the module, for a model that does not fit, and for other
 /// mechanics unless plant.mujoco.may_differ
 std::unique_ptr<Simulator> mujoco_simulator(const scenario::Scenario& scenario,

@@ -42,8 +42,8 @@ struct Sine {
   }
 };
 
-/// q_ref_i(t) = offset_i + sum over terms of amplitude_i sin(2 pi frequency_i t + phase_i),
-/// for all t.
+/// Trajectory q_ref_i(t) = offset_i + sum over terms of amplitude_i sin(2 pi frequency_i t +
+/// phase_i), for all t.
 struct MultiSine {
   Vector offset_rad;  ///< [rad; m if prismatic]
   std::vector<Sine> terms;
@@ -62,7 +62,7 @@ struct MultiSine {
   }
 };
 
-/// q_ref_i(t) = offset_i + amplitude_i sin(2 pi frequency_i t + phase_i), for all t.
+/// Trajectory q_ref_i(t) = offset_i + amplitude_i sin(2 pi frequency_i t + phase_i), for all t.
 struct Sinusoid : Sine {
   Vector offset_rad;  ///< [rad; m if prismatic]
 

@@ -20,7 +20,7 @@ struct Waypoints;
 /// last position after the last time.
 class WaypointSpline {
  public:
-  /// Solves for the spline in time and memory linear in the number of points.
+  /// Solves for the spline. Time and memory are linear in the number of points.
   /// @throw std::invalid_argument: `Waypoints::refusal` in one line.
   explicit WaypointSpline(const Waypoints& points);
 

@@ -422,9 +422,10 @@ TEST(AForgedTruth, IsNoticedAtTheEndThoughThePlantsOwnIsLost) {
   const RunResult result = threads.finish();
   for (const Role role : {Role::plant, Role::logger}) {
     EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << messages::name(role);
-    EXPECT_THAT(result.of.at(role).fault, HasSubstr("what is recorded on ARM_TRUTH is not what"));
+    EXPECT_THAT(result.of.at(role).fault,
+                HasSubstr("the messages recorded on ARM_TRUTH are not those"));
   }
-  EXPECT_THAT(end_of(threads), HasSubstr("the logger: what is recorded on ARM_TRUTH"));
+  EXPECT_THAT(end_of(threads), HasSubstr("the logger: the messages recorded on ARM_TRUTH"));
 }
 
 TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
@@ -454,8 +455,9 @@ TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
     const Outcome& outcome = result.of.at(role);
     if (outcome.code == ExitCode::done || outcome.code == ExitCode::peer_lost) continue;
     EXPECT_EQ(outcome.code, ExitCode::protocol_violated) << messages::name(role);
-    EXPECT_THAT(outcome.fault, AnyOf(HasSubstr("has not finished: ticks are missing there"),
-                                     HasSubstr("what is recorded on ARM_TRUTH is not what")));
+    EXPECT_THAT(outcome.fault,
+                AnyOf(HasSubstr("has not finished: ticks are missing there"),
+                      HasSubstr("the messages recorded on ARM_TRUTH are not those")));
   }
 }
 

@@ -12,32 +12,35 @@
 
 namespace tachless::cli {
 
-/// The file that `tachless design` is given, a scenario or a bare URDF, with the options about it.
-/// A URDF is parsed once.
+/// Input file of `tachless design`, a scenario or a URDF alone, with the options about it. A URDF
+/// is parsed once.
 class DesignInput {
  public:
   struct Options {
     std::filesystem::path file;
     std::vector<std::string> overrides;
-    double period_s = 0;       ///< 0: the scenario's, 1 ms for a URDF
-    std::vector<double> from;  ///< start of a URDF's motion [rad; m]; empty: in the joints' ranges
+    double period_s = 0;  ///< 0: the scenario's, 1 ms for a URDF
+    /// Start of a URDF's motion [rad; m]; empty: chosen within the joints' ranges.
+    std::vector<double> from;
     bool typical_rotors = false;   ///< a URDF's rotors by the rule of thumb
     std::filesystem::path output;  ///< paths are relative to it; empty: they are absolute
   };
 
   /// Reads the file.
-  /// @throw base::Failure(bad_usage) for a file that is no robot's, or options that do not suit it
+  /// @throw base::Failure(bad_usage) for a file that describes no robot, or options that do not
+  /// suit the file
   explicit DesignInput(Options options);
 
   [[nodiscard]] bool bare_urdf() const { return urdf_.has_value(); }
 
-  /// Returns the scenario with these overrides. A bare URDF gives the scenario that is made of it.
+  /// Returns the scenario with these overrides. For a URDF alone it is the scenario made of the
+  /// URDF.
   /// @param structure of the gains; nothing: the structure of the law
   [[nodiscard]] scenario::Scenario scenario(std::optional<design::Structure> structure,
                                             std::vector<std::string> more = {}) const;
 
-  /// Returns what the scenario of a bare URDF has that neither URDF nor options state, each with
-  /// the key that changes it. Empty for a scenario's file.
+  /// Returns the assumptions in the scenario of a URDF alone, which neither URDF nor options state,
+  /// each with the key that changes it. Empty for a scenario's file.
   [[nodiscard]] std::vector<std::string> assumptions(const scenario::Scenario& scenario) const;
 
  private:

@@ -14,8 +14,8 @@ namespace tachless::cli {
 struct Finding {
   std::string subject;                     ///< "multicast", "receive buffer", …
   std::string what;                        ///< what was found
-  std::optional<std::string> remedy = {};  ///< what to type; nothing: no problem to mend
-  bool warns = false;                      ///< nothing on this machine mends it
+  std::optional<std::string> remedy = {};  ///< command that solves the problem; nothing: none
+  bool warns = false;                      ///< the problem cannot be solved on this machine
 
   [[nodiscard]] bool ok() const { return !remedy.has_value(); }
 };
@@ -29,7 +29,7 @@ std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::
 /// memory, clock.
 std::vector<Finding> examine_punctuality();
 
-/// Judges a single figure.
+/// Return the finding for a single figure.
 /// @param interface through which messages to the bus leave; empty if there is none
 Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface);
 Finding judge_receive_buffer(long rmem_max_bytes);

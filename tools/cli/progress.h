@@ -56,7 +56,8 @@ class LaggingOutput {
   ~LaggingOutput();
 
   void put(std::string_view text);
-  /// Writes as much as is possible now. @return whether something is left
+  /// Writes as much as is possible now.
+  /// @return whether something is left
   bool flush();
 
  private:

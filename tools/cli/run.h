@@ -19,10 +19,10 @@
 #include "session/options.h"
 #include "session/statistics.h"
 
-/// `tachless run`, from its options to the exit code. run_plan.cpp works out and checks the runs
-/// before anything is started. run_on_bus.cpp carries out each run in four processes, and run.cpp
-/// in this process. run_results.cpp keeps the directory, and makes summary, figure and report from
-/// the log. verb/run.cpp declares the options.
+/// `tachless run`, from its options to the exit code. run_plan.cpp plans and checks the runs before
+/// anything is started. run_on_bus.cpp carries out each run in four processes, and run.cpp in this
+/// process. run_results.cpp keeps the directory, and makes summary, figure and report from the log.
+/// verb/run.cpp declares the options.
 namespace tachless::cli {
 
 /// Options of one robot's run.
@@ -30,7 +30,7 @@ struct RunOptions {
   std::filesystem::path scenario;
   std::string robot;          ///< name, if the command line has several robots; else empty
   std::filesystem::path out;  ///< empty: out/NAME/DATE-TIME; of several robots a folder for each
-  std::int64_t run_id = 0;    ///< 0: the time
+  std::int64_t run_id = 0;    ///< 0: the present time
   std::vector<std::string> overrides;
   std::string mode;
   std::string duration_s;
@@ -39,7 +39,7 @@ struct RunOptions {
   std::string placement = "auto";  ///< see choose_placement
   std::string law_program;         ///< shell command of the program with the law; empty: none
   std::string plant_program;       ///< shell command of the plant, a driver's; empty: the emulator
-  std::string measurement;  ///< measurement for `law_program`, where the scenario does not say
+  std::string measurement;         ///< measurement for `law_program` if the scenario gives none
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_outcome = false;  ///< no verdict is a failure
@@ -48,7 +48,7 @@ struct RunOptions {
   bool quiet = false;
   bool verbose = false;
   bool json = false;
-  bool watch = false;    ///< show it in a browser while it goes on
+  bool watch = false;    ///< show the run in a browser while it lasts
   bool dry_run = false;  ///< `plant_program` sends nothing to its robot
   bool ramp = false;     ///< first bring the robot of `plant_program` to where the scenario begins
 
@@ -58,7 +58,8 @@ struct RunOptions {
 };
 
 /// Returns the measurement of the law that `options.law_program` replaces. The result is empty if
-/// the scenario's law is external already, or is not replaced. @throw base::Failure(bad_usage)
+/// the scenario's law is external already, or is not replaced.
+/// @throw base::Failure(bad_usage) if the scenario is refused
 std::string measurement_wanted(const RunOptions& options);
 
 /// Returns the maker of a run's law: the law of `law_program` if there is one, else the scenario's.
@@ -76,7 +77,7 @@ struct Remark {
   std::string line;
 };
 
-/// One robot's run, worked out and checked.
+/// Run of one robot, planned and checked.
 struct PlannedRun {
   RunOptions options;
   scenario::Scenario scenario;
@@ -97,7 +98,7 @@ struct PlannedRun {
 /// unstable loop without --force. The remarks name the stability of the linearised loop, and the
 /// source of the plant's friction. They also name faults of the URDF, and references beyond the
 /// limits of drives and joints.
-/// @param options as of `run`
+/// @param options as for `run`
 /// @throw base::Failure(bad_usage)
 std::vector<PlannedRun> plan_runs(RunOptions options,
                                   const std::vector<std::filesystem::path>& scenarios);
@@ -120,8 +121,8 @@ class RunDirectory {
 
   /// Returns whether the last `look` found a record of this run.
   [[nodiscard]] bool begun() const { return begun_; }
-  /// Looks for a record of this run. Once there is one, it sets the link and removes an earlier
-  /// run's results. It is cheap.
+  /// Looks for a record of this run. If there is one, sets the link and removes an earlier run's
+  /// results. The call is cheap.
   bool look();
 
   [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
@@ -131,7 +132,7 @@ class RunDirectory {
   [[nodiscard]] std::filesystem::path statistics_path(messages::Role role) const;
   /// Returns the counters of the processes that wrote them, and removes their files.
   [[nodiscard]] std::vector<session::Statistics> take_statistics() const;
-  /// Returns the paths of our files that exist, for people.
+  /// Returns the paths of the result files that exist, for people.
   [[nodiscard]] std::vector<std::filesystem::path> files() const;
 
  private:
@@ -151,7 +152,7 @@ class RunDirectory {
 /// The end of a run.
 struct RunEnd {
   base::ExitCode code = base::ExitCode::done;
-  report::RunFacts facts;                       ///< of the run and the log by `Conclusions`
+  report::RunFacts facts;                       ///< `Conclusions` adds the facts of run and log
   std::vector<session::Statistics> statistics;  ///< of the processes that left theirs
   std::vector<std::string> consequences = {};   ///< of the fault: lines printed after it
 };
@@ -179,11 +180,11 @@ class Conclusions {
 /// @throw base::Failure(bad_usage)
 bool prepare_network(const RunOptions& options);
 
-/// Brings the driver's robot from its present position to the scenario's start. It does so by a run
-/// of the scenario's law along a slow motion, with its own log. The motion uses at most a tenth of
+/// Brings the driver's robot from its present position to the scenario's start. The scenario's law
+/// does this in a run along a slow motion, with its own log. The motion uses at most a tenth of
 /// each joint's speed limit. Beyond the holding torque it uses at most a tenth of the torque limit.
 /// @return the code of the run that ended badly, or done
-/// @throw base::Failure(check_said_no) if the robot is outside of its range or has not arrived;
+/// @throw base::Failure(check_said_no) if the robot is outside its range or has not arrived;
 /// otherwise as `run`
 base::ExitCode ramp(const RunOptions& options, const PlannedRun& run);
 
@@ -191,13 +192,14 @@ base::ExitCode ramp(const RunOptions& options, const PlannedRun& run);
 /// @return and @throw as `run`
 base::ExitCode run_on_bus(const std::vector<PlannedRun>& runs);
 
-/// Runs one scenario or several to their end, and shows their progress. On one bus they run at
-/// once, each in four processes of its own. In this process they run one after another, and write
-/// the same logs to the last bit. Each run gets log, summary, figure and report. If one fails, the
+/// Runs one scenario or several to their end, and shows their progress. On one bus all run at once,
+/// each in four processes of its own. In this process they run one after another, and write the
+/// same logs to the last bit. Each run gets log, summary, figure and report. If one fails, the
 /// others are interrupted, or not begun.
-/// @param options of all of them; without scenario and robot  @param scenarios at least one
+/// @param options options of all runs, without scenario and robot
+/// @param scenarios at least one
 /// @return the exit code (see supervise.h) of the first run that did not end well. A run that
-/// failed by itself comes before a run that ended because of another
+/// failed by itself takes precedence over a run that ended because of another run
 /// @throw base::Failure if a run is refused before anything is started
 base::ExitCode run(const RunOptions& options, const std::vector<std::filesystem::path>& scenarios);
 

@@ -37,10 +37,11 @@ struct Placement {
   }
 };
 
-/// Returns the CPUs of a run's processes. `auto` in lock-step: plant, controller and reference on
+/// Returns the CPUs of a run's processes. `auto` in lockstep: plant, controller and reference on
 /// one CPU, the logger on the others. `auto` in realtime, or with one CPU: as `none`. `none`: the
 /// kernel places them.
-/// @param index of the robot in the run: each robot has another CPU, as far as there are any
+/// @param index number of the robot in the run; each robot gets another CPU if there are enough
+/// CPUs
 /// @throw base::Failure(bad_usage) naming --placement and what is allowed
 Placement choose_placement(const std::string& wanted, scenario::Mode mode, std::size_t index);
 
@@ -49,7 +50,7 @@ struct ProcessEnd : base::End {
   std::string name;
   bool on_order = false;  ///< it ended after it was signalled
   bool overdue = false;   ///< it was still running long after another had ended well
-  std::string last_line;  ///< the last it wrote that may tell why it ended, without program's name
+  std::string last_line;  ///< last line that may give the reason of its end, without program's name
   std::string cause;      ///< why it ended, from its error line, without mark and program's name
   std::int64_t dropped_bytes = 0;  ///< bytes of its output that came faster than this process read
   std::int64_t hidden_lines = 0;   ///< lines of its output beyond `most_lines_per_s`
@@ -72,7 +73,7 @@ struct SuperviseOptions {
 struct Supervision {
   std::vector<ProcessEnd> ends;        ///< in the order of the processes given
   std::optional<std::size_t> culprit;  ///< index of the process that ended the run
-  bool begun = true;                   ///< when the first process ended
+  bool begun = true;                   ///< tick 0 was reached when the first process ended
   bool interrupted = false;            ///< by a signal to this process, or by another run's failure
   std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
 
@@ -89,12 +90,12 @@ struct Supervised {
 /// Starts the processes of all runs, and returns when all have ended. Each process has a process
 /// group of its own, so Ctrl-C reaches this process alone. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
 /// SIGPIPE are passed on once, as SIGINT, also to processes already sent SIGTERM. A second signal
-/// kills. If this process dies, its children get SIGTERM.
+/// kills the processes. If this process dies, its children get SIGTERM.
 ///
 /// When one process fails, the others of its run get `grace` to end by themselves, then SIGTERM,
 /// then SIGKILL. The other runs are interrupted at once. A process whose robot is started and not
-/// stopped gets SIGKILL by a third signal of the user alone. Until then a line each second names
-/// the emergency stop.
+/// stopped gets SIGKILL only after a third signal of the user. Until then a line in each second
+/// names the emergency stop.
 /// @return in the order of the runs
 /// @throw base::Failure(bad_usage) naming the program that cannot be started; programs started
 /// before it have then been killed.
@@ -109,8 +110,8 @@ std::string describe(const ProcessEnd& end);
 std::string others_that_failed(const Supervision& supervision);
 
 /// Returns the run's exit code: 130 when interrupted, else the culprit's own. A lost culprit gives
-/// 5 if another process brought the robot to a protective stop, else 3. Lost means: a signal killed
-/// it, or it ended with 1 before the run.
+/// 5 if another process brought the robot to a protective stop, else 3. A culprit is lost if a
+/// signal killed it, or if it ended with 1 before the run.
 base::ExitCode exit_code(const Supervision& supervision);
 
 }  // namespace tachless::cli

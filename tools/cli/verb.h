@@ -21,8 +21,8 @@ struct Scenario;
 
 namespace tachless::cli {
 
-/// One verb of the command. A new verb needs a line in verbs.inc and, in a file in verb/, a
-/// `const Verb` of that name with `_verb` behind it.
+/// One verb of the command. A new verb needs a line in verbs.inc and, in a file in verb/, a `const
+/// Verb` whose name is the verb's name followed by `_verb`.
 struct Verb {
   using Action = std::function<base::ExitCode()>;
 
@@ -52,8 +52,8 @@ void add_quiet(CLI::App& command, bool& quiet);
 /// Checks an option's value: a number above 0.
 std::string above_zero(const std::string& text);
 
-/// Prints text for people. Names of files may contain control characters: question marks replace
-/// all of them but line ends.
+/// Prints text for people. Names of files may contain control characters. Question marks replace
+/// all control characters except line ends.
 void print_text(std::string_view text);
 /// Prints `text`, or with --json `all` including `text`.
 void print(bool json, nlohmann::ordered_json all, const std::string& text);
@@ -62,8 +62,8 @@ void print(bool json, nlohmann::ordered_json all, const std::string& text);
 bool is_yaml(const std::filesystem::path& file);
 
 inline constexpr std::string_view write_remedy = "name another file with --write";
-/// Refuses, before the work begins, an output that could not be written after it. The first
-/// function also refuses a name that is no scenario's.
+/// Refuse an output file that cannot be written, before the work begins. The first function also
+/// refuses a name that is no scenario's.
 void require_scenario_writable(const std::filesystem::path& file, bool force);
 void require_writable(const std::filesystem::path& file, bool force);
 /// Makes a scenario's name from its file's name: replaces each forbidden character by _.
@@ -82,11 +82,11 @@ void write_scenario(const std::filesystem::path& input, std::vector<std::string>
 /// Checks that the scenario's law exists, and shows the warnings of its model.
 /// @throw base::Failure(bad_usage) for an unknown law
 void warn(const scenario::Scenario& scenario);
-/// Returns one number for each joint of an option that is given one number, or one for each joint.
+/// Returns one number for each joint. The option has one number for all joints, or one for each.
 /// @throw base::Failure(bad_usage) for another count of numbers
 Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints);
-/// Returns the overrides that put a program's law in the place of the scenario's. `overrides` are
-/// the command line's.
+/// Returns the overrides that replace the scenario's law by a program's law. `overrides` are the
+/// overrides of the command line.
 std::vector<std::string> of_program(const std::filesystem::path& scenario,
                                     std::vector<std::string> overrides,
                                     const std::string& law_program);

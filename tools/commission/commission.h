@@ -12,8 +12,8 @@
 #include "identify/output_error.h"
 #include "scenario/scenario.h"
 
-/// Determines what an arm does with the torques that it is sent: signs, scale, its own gravity and
-/// friction compensation, and delay. It uses small motions of the arm and measures positions only.
+/// Commissioning of an arm: signs and scale of its torques, the arm's own compensation of gravity
+/// and friction, and delay. It uses small motions of the arm and measures positions only.
 namespace tachless::commission {
 
 /// The data of a run on the arm, one row per tick, in the scenario's coordinates.
@@ -36,6 +36,7 @@ constexpr std::array<std::string_view, 3> names(Unsent /*type*/) {
   return {"held", "zeroed", "ends_the_run"};
 }
 
+/// Findings of a commissioning.
 struct Commissioned {
   /// The findings on one joint. An empty optional means not determined.
   struct Joint {
@@ -64,12 +65,10 @@ struct Commissioned {
 /// Commissions an arm with a sequence of short trials:
 ///
 /// 1. A moment without torque. It is so short that gravity cannot accelerate a joint beyond a tenth
-/// of its speed limit.
-/// 2. If the arm falls: a moment with gravity's torque, which checks the scale of torque.
-/// 3. A run for each joint in turn, then a run of all joints: slow sines about the start under a
-/// soft law. The law sends gravity's torque only if the arm fell.
-/// 4. If gravity is determined: another run of all joints, in which a tenth of the torques is not
-/// sent.
+/// of its speed limit. 2. If the arm falls: a moment with gravity's torque, which checks the scale
+/// of torque. 3. A run for each joint in turn, then a run of all joints: slow sines about the start
+/// under a law with low gains. The law sends gravity's torque only if the arm fell. 4. If gravity
+/// is determined: another run of all joints, in which a tenth of the torques is not sent.
 ///
 /// The function explains the sent torques with the URDF's mechanics under all combinations of
 /// signs, gravity and delay. It accepts the combination with the least residual if the margin to

@@ -167,7 +167,7 @@ class Findings {
 
   const Scenario& scenario_;
   Vector speed_;                                           ///< speed that no joint may exceed
-  Vector turned_by_ = Vector::Ones(scenario_.num_joints);  ///< signs that the fall determined
+  Vector turned_by_ = Vector::Ones(scenario_.num_joints);  ///< signs found by letting the arm fall
   Commissioned result_;
 };
 

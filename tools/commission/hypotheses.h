@@ -7,7 +7,7 @@
 #include "commission/commission.h"
 #include "robot/model.h"
 
-/// Hypotheses on signs, gravity and delay that explain how an arm moved.
+/// Hypotheses on joint signs, gravity compensation and delay, which explain an arm's motion.
 namespace tachless::commission {
 
 /// Returns positions with the joints turned about `offset` where `signs` is -1. This converts
@@ -55,12 +55,13 @@ struct Fall {
   Vector acceleration;           ///< measured [rad/s^2; m/s^2]
   int onset = 0;                 ///< tick from which the motion is seen
 };
+/// Judges the beginning of a motion without torque.
 Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double period_s);
 
 /// Returns the acting torque over the sent torque, from a trial with gravity's torque. In this
-/// trial the acceleration `falling` lasts until the torque acts. A result is not a number for
-/// joints with hardly any gravity torque or whose fall gravity does not explain. A negative result
-/// means that torque and positions have opposite signs.
+/// trial the acceleration `falling` lasts until the torque acts. The result of a joint is NaN if
+/// gravity hardly loads the joint, or if gravity does not explain the joint's motion. A negative
+/// result means that torque and positions have opposite signs.
 /// @param arm with the signs that the fall determined
 Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset, const Trial& trial,
                      double period_s);

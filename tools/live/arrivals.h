@@ -7,7 +7,7 @@
 
 namespace tachless::live {
 
-/// Statistics of the times between messages, after Welford.
+/// Statistics of the times between messages, by Welford's algorithm.
 class Arrivals {
  public:
   void add(std::int64_t interval_ns) {

@@ -27,27 +27,29 @@ struct MessageField {
 
 /// Facts about a message that are known without its run.
 struct Glance {
-  std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
+  std::string_view type;  ///< "tachless.tick_t"; empty: unknown type, and nothing else is known
   messages::Rejection rejection = messages::Rejection::none;
   messages::Stamp stamp;       ///< when not rejected
-  bool tagged = false;         ///< by the holder of a key, or so it seems
+  bool tagged = false;         ///< has a tag of a key, which is not verified
   bool once_per_tick = false;  ///< the type is sent for every tick of a run
 };
 
-/// Reads every type of ours without knowing the run. The message announces its numbers of joints,
-/// motors and signals. They count only if the message has exactly that size, and every further
-/// check of the wire agrees. A tag at the end (core/bus/authenticated.h) is noticed. It is not
-/// verified: that needs the key.
+/// Reads a message of any tachless type without knowing the run. The message states its numbers of
+/// joints, motors and signals. These numbers are accepted only if the message has exactly the
+/// resulting size and passes every other check of the wire format. A tag at the end
+/// (core/bus/authenticated.h) is noticed. The tag is not verified, because verification needs the
+/// key.
 /// @param fields if not null, gets all fields after utime, run and tick, unless rejected
 Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
 
-/// Counts of everything received on a bus, per channel and per sender. It neither receives nor
-/// prints. Its memory is bounded, whatever the traffic.
+/// Counts of everything received on a bus, per channel and per sender. The class neither receives
+/// nor prints. Its memory is bounded for any traffic.
 class BusMonitor {
  public:
   static constexpr std::size_t max_channels = 500;
   static constexpr std::size_t max_senders = 200;
 
+  /// Counts a received datagram.
   void take(const bus::Datagram& datagram);
 
   /// Sets the counts of messages that the transport has lost or skipped so far.
@@ -61,8 +63,8 @@ class BusMonitor {
   /// 0: no limit. The last line counts what does not fit.
   [[nodiscard]] std::vector<std::string> table(std::size_t rows = 0) const;
 
-  /// Returns the counts, for programs. `undecodable` counts messages of our types that could not be
-  /// decoded, and messages of another type on a channel that carries one of ours.
+  /// Returns the counts, for programs. `undecodable` counts messages of tachless types that could
+  /// not be decoded, and messages of another type on a channel that carries a tachless type.
   [[nodiscard]] nlohmann::ordered_json to_json() const;
 
  private:
@@ -78,7 +80,7 @@ class BusMonitor {
     }
   };
   struct Channel {
-    std::string_view type;  ///< newest of ours; empty: none yet
+    std::string_view type;  ///< newest tachless type; empty: none yet
     std::uint64_t messages = 0, bytes = 0;
     std::uint64_t tagged = 0;    ///< messages with the tag of a key
     std::uint64_t not_ours = 0;  ///< messages of unknown types
@@ -91,8 +93,8 @@ class BusMonitor {
     messages::Stamp newest_stamp;
     std::vector<std::byte> newest;  ///< message that could be decoded
 
-    /// Returns the number of messages of our types that could not be decoded. Messages of another
-    /// type on a channel that carries one of ours count too.
+    /// Returns the number of messages of tachless types that could not be decoded. Messages of
+    /// another type on a channel that carries a tachless type count too.
     [[nodiscard]] std::uint64_t undecodable() const;
   };
   struct Sender {

@@ -9,7 +9,7 @@
 
 namespace tachless::live {
 
-/// A robot's run as its messages on the bus show it, for a page that draws it while it goes on.
+/// A robot's run as its messages on the bus show it, for a page that draws the run while it lasts.
 /// It keeps each signal's lowest and highest value since the last stretch. It does not verify the
 /// messages. Its memory does not grow with the run.
 class LiveRun {

@@ -15,24 +15,25 @@
 
 namespace tachless::live {
 
-/// Serves the pages of running robots to browsers on this computer. It listens on the loopback
+/// Server of the pages of running robots, for browsers on this computer. It listens on the loopback
 /// interface alone and answers GET alone. It refuses other host names, which stops DNS rebinding. A
-/// request cannot change anything:
+/// stretch is one line of JSON with the newest values (live_run.h). A request cannot change
+/// anything:
 ///   /?robot=ARM          the page; without `robot`: the page of the only robot, or a list
 ///   /events?robot=ARM    server-sent events of the robot, from the oldest kept stretch on
-/// One thread does everything in `serve`. Connections, headers, time and memory are bounded.
+/// All work is done in `serve`, by one thread. Connections, headers, time and memory are bounded.
 class LiveServer {
  public:
   static constexpr std::size_t most_robots = 16;
   static constexpr std::size_t most_streams = 16;
   static constexpr std::size_t most_connections = most_streams + 8;
   static constexpr std::size_t longest_request = 8192;  ///< bytes of the request line and headers
-  static constexpr std::chrono::seconds longest_answering{10};  ///< until the answer is taken
-  static constexpr std::size_t kept_stretches = 2400;           ///< a minute of 40 a second
-  static constexpr std::size_t kept_bytes = 48'000'000;         ///< of the stretches of all robots
+  static constexpr std::chrono::seconds longest_answering{10};  ///< longest time to send an answer
+  static constexpr std::size_t kept_stretches = 2400;  ///< one minute with 40 stretches per second
+  static constexpr std::size_t kept_bytes = 48'000'000;  ///< of the stretches of all robots
 
   /// Listens on `port`; 0 takes any free port.
-  /// @param longest_asking until a request must be whole
+  /// @param longest_asking longest time in which a request has to arrive completely
   /// @throw base::Failure(bad_usage) if the port is not available
   explicit LiveServer(int port, std::chrono::milliseconds longest_asking = std::chrono::seconds(1));
 
@@ -40,10 +41,10 @@ class LiveServer {
   /// Returns the listening socket.
   [[nodiscard]] int descriptor() const { return listening_.get(); }
 
-  /// Replaces a robot's page at the begin of a run and forgets its stretches. Robots beyond
-  /// `most_robots` are left out.
+  /// Replaces a robot's page at the beginning of a run and deletes the robot's stretches. Robots
+  /// beyond `most_robots` are left out.
   void begin(const std::string& robot, std::string page);
-  /// Adds a stretch of that run, one line of JSON. The oldest stretches make place for it.
+  /// Adds a stretch of that run, one line of JSON. The oldest stretches are deleted if necessary.
   void add(const std::string& robot, std::string stretch);
 
   /// Serves browsers until `until`.

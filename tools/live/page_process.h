@@ -13,13 +13,14 @@ namespace tachless::live {
 using RobotVisuals = std::map<std::string, report::Visuals>;
 
 /// The live pages of all robots on a bus, served by a child process of the least priority. The
-/// child has limits on memory and files, so a browser or a flood cannot harm this
-/// process. It dies with this process.
+/// child has limits on memory and files, so a browser or a flood cannot harm this process. The
+/// child ends with this process.
 class PageProcess {
  public:
   /// Starts the child. Call this before the process starts threads and before it reads a key: the
   /// child copies the memory of this process.
-  /// @param visuals of robots by name  @param port 0: any free port
+  /// @param visuals visuals of robots by name
+  /// @param port 0: any free port
   /// @throw base::Failure(bad_usage) if the port or the bus is not available
   PageProcess(const bus::LcmUrl& url, const RobotVisuals& visuals, int port = 0);
   PageProcess(const PageProcess&) = delete;

@@ -7,11 +7,12 @@
 
 namespace tachless::live {
 
-/// Count of the consecutive numbers that have not been seen, where numbers repeat and come out of
-/// order. Memory does not grow.
+/// Count of missing sequence numbers. Numbers may repeat and arrive out of order. Memory does not
+/// grow.
 class SequenceGaps {
  public:
-  /// How far a number may be behind the newest; a number further behind starts the count over.
+  /// Largest distance of a number behind the newest one. A number further behind starts the count
+  /// again.
   static constexpr std::int64_t window = 1024;
 
   void see(std::int64_t number) {
@@ -41,8 +42,8 @@ class SequenceGaps {
   /// Forgets the numbers seen and keeps the counts: the next number is a first one.
   void start_over() { any_ = false; }
 
-  /// Returns the count of numbers between the first and the newest that have not been seen, of all
-  /// beginnings.
+  /// Returns the count of numbers between the first and the newest that have not been seen, summed
+  /// over all starts of the count.
   [[nodiscard]] std::uint64_t missing() const { return missing_; }
   [[nodiscard]] std::uint64_t repeated() const { return repeated_; }
   /// Returns how often the numbers jumped back by more than the window.
@@ -58,7 +59,7 @@ class SequenceGaps {
   void begin_at(std::int64_t number) {
     any_ = true;
     newest_ = number;
-    seen_.set();  // what came before the first is not missed
+    seen_.set();  // numbers before the first are not missing
   }
 
   std::bitset<window> seen_;  // of the newest `window` numbers

@@ -23,13 +23,14 @@ void drain(bus::UdpTransport& transport, const std::function<void(const bus::Dat
 void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
             base::Clock::time_point end, const std::atomic<bool>& interrupted);
 
-/// Gives to the monitor the messages that come and the transport's losses, and ends the monitor's
+/// Passes the messages that come and the transport's losses to the monitor. Then ends the monitor's
 /// interval, which began at `begin`.
 void listen(bus::UdpTransport& transport, BusMonitor& monitor, base::Clock::time_point begin,
             base::Clock::time_point end, const std::atomic<bool>& interrupted);
 
-/// Shows a monitor's table on stdout again and again. A terminal shows it in place and cut to its
-/// size. Elsewhere the tables follow each other. Keys are read on a terminal.
+/// Repeated display of a monitor's table on stdout. On a terminal a table replaces the table before
+/// and is cut to the terminal's size. Elsewhere the tables follow each other. Keys are read on a
+/// terminal.
 class TableScreen {
  public:
   TableScreen();  ///< hides the cursor until destruction
@@ -45,7 +46,7 @@ class TableScreen {
  private:
   bool terminal_;
   std::size_t height_ = 0;
-  std::optional<termios> keyboard_;  ///< its settings before: keys come one by one, unseen
+  std::optional<termios> keyboard_;  ///< earlier settings; now keys come one by one, without echo
 };
 
 }  // namespace tachless::live

@@ -32,8 +32,8 @@ struct Label {
 /// Returns a label of words alone.
 Label words(std::string text, std::string unit = "");
 
-/// Returns a label with a symbol of a joint and the joint's name; of a long name only the end.
-/// Joint numbers count from 0.
+/// Returns a label with a symbol of a joint and the joint's name. A long name is shortened to its
+/// end. Joint numbers count from 0.
 Label of_joint(std::string symbol, std::size_t joint, std::string_view name = {},
                std::string unit = "");
 
@@ -41,6 +41,7 @@ Html html_of(const Label& label);
 
 enum class Marker { none, dot, ring, cross, square };
 
+/// A curve of a chart, with its style.
 struct Curve {
   Label label;  ///< label in the key; empty: no entry
   std::vector<study::Point> points;
@@ -85,15 +86,15 @@ struct Chart {
   Label x_label = words("time", "s");
   Label y_label = {};
   std::optional<std::pair<double, double>> x_range = {};
-  /// An infinite end is replaced by the curves'.
+  /// An infinite end is replaced by the end of the curves' range.
   std::optional<std::pair<double, double>> y_range = {};
   bool logarithmic_x = false;
   bool logarithmic_y = false;
-  bool over_time = true;
+  bool over_time = true;  ///< the abscissa is the time of a run
   std::vector<Curve> curves = {};
   std::vector<double> levels = {};  ///< horizontal lines, drawn on a page only, as marks are
   std::vector<Mark> marks = {};
-  bool named_rows = false;  ///< no numbers at the ordinate: the curves are broad rows
+  bool named_rows = false;  ///< the ordinate has no numbers; each curve is a broad row
   std::vector<Cell> cells = {};
   std::optional<ColourScale> scale = {};  ///< scale beside the chart
   std::string note = {};                  ///< text in the upper right corner

@@ -14,9 +14,9 @@ namespace tachless::report {
 class Html {
  public:
   Html() = default;
-  /// Makes HTML text or an attribute value from `text`. Text from a log can contain any bytes.
-  /// Bytes that are not UTF-8 become the replacement character. Control characters other than line
-  /// end and tab become it too.
+  /// Makes HTML text or an attribute value from `text`. Text from a log can contain any bytes. The
+  /// replacement character takes the place of bytes that are not UTF-8, and of control characters
+  /// other than line end and tab.
   explicit Html(std::string_view text);
   /// Returns `markup` as HTML, without escaping. Never use it for text from outside the program.
   static Html from_markup(std::string markup);
@@ -46,9 +46,11 @@ Html html(fmt::format_string<Inserted<Values>...> pattern, const Values&... valu
   return Html::from_markup(fmt::format(pattern, inserted(values)...));
 }
 
+/// Returns the parts with `separator` between them.
 Html joined(const std::vector<Html>& parts, const Html& separator);
 
-/// Returns the concatenated results of `to_html` for all elements: cells of a row, rows of a table.
+/// Returns the concatenated results of `to_html` for all elements, for example the cells of a row
+/// or the rows of a table.
 template <class Range, class ToHtml>
 Html each(const Range& range, const ToHtml& to_html) {
   Html all;
@@ -56,7 +58,8 @@ Html each(const Range& range, const ToHtml& to_html) {
   return all;
 }
 
-/// Returns a number that fmt printed with a minus sign and powers of ten as people write them.
+/// Returns as HTML a number that fmt printed, with a typographic minus sign and a power of ten in
+/// place of "e".
 Html number(std::string_view printed);
 
 /// Remedy in the message when a study's file cannot be written.

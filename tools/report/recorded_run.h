@@ -49,7 +49,7 @@ struct RecordedRun : logger::RunDescription {
   study::Tracking tracking;
   study::Verdict verdict;
   std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors, at rest
-  std::vector<LoggedSignal> signals;        ///< of the law, but for position errors
+  std::vector<LoggedSignal> signals;        ///< of the law, except position errors
 
   study::Envelope lyapunov;
   std::string lyapunov_formula;  ///< empty: the law has none here

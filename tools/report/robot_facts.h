@@ -26,7 +26,7 @@ struct RobotFacts {
   double condition_number = 0;
   std::vector<std::string> warnings;  ///< the model's warnings, and joints outside their range
   Vector rotor_inertia;               ///< [kg m2]; `inertia` has it for rigid joints alone
-  /// Numbers and their source: a key and a place in a file. Empty for a bare URDF.
+  /// Names of numbers and their sources: a key, and a place in a file. Empty for a URDF alone.
   std::vector<std::pair<std::string, std::string>> sources;
 };
 

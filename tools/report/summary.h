@@ -26,7 +26,7 @@ struct RunFacts {
   std::int64_t log_gaps = 0;
   std::optional<std::string> fault;
   std::optional<bool> robot_stopped;      ///< by its driver's `stop`; empty: no driver was started
-  std::int64_t dropped_output_bytes = 0;  ///< of the processes, which wrote faster than was read
+  std::int64_t dropped_output_bytes = 0;  ///< output written faster than it was read
   std::int64_t hidden_output_lines = 0;
 };
 

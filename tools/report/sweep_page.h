@@ -11,10 +11,10 @@
 /// The results of a sweep as figures with curves or maps, and as a page. No loop is run here.
 namespace tachless::report {
 
-/// Returns whether a sweep is shown by curves over its first axis, one curve per law. This is so
-/// for a grid of one axis. It is so for a grid whose other axes are lists ("KEY=a,b") with at most
-/// four combinations; each combination gets a column of diagrams. Other sweeps are shown by a map
-/// for each law over the first two axes.
+/// Returns whether a sweep is shown by curves over its first axis, one curve per law. Curves show a
+/// grid of one axis. They also show a grid whose other axes are lists ("KEY=a,b") with at most four
+/// combinations; each combination gets a column of diagrams. Other sweeps are shown by a map for
+/// each law over the first two axes.
 bool shown_by_curves(const study::SweepPlan& plan);
 
 /// Returns the measures that are shown of a sweep, as indices into `measure_columns`; empty:

@@ -17,7 +17,7 @@ std::string base64(std::string_view bytes);
 
 /// Reads the meshes of a URDF that the user has named. Never call it for a URDF from a bus or a
 /// log, because a stranger chose the names in it. Names are relative to the directory, file:// or
-/// package://. Packages are searched in the directories above. Leaves out other kinds of files,
+/// package://. Packages are searched in the parent directories. Leaves out other kinds of files,
 /// links that lead out of the folder or package, and meshes beyond 16 MB or 500,000 faces in total.
 Visuals read_visuals(std::string urdf, const std::filesystem::path& directory);
 

@@ -107,7 +107,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
       for (Eigen::Index i = 0; i < gains.lambda.size(); ++i) {
         const double lambda = gains.lambda[i], ld = gains.observer_ld;
         const double a = ld + 2 * lambda, b = ld * lambda;
-        // The poles are two real ones, s^2 + a s + b = 0.
+        // Both poles, the roots of s^2 + a s + b = 0, are real.
         const double root = std::sqrt(ld * ld + 4 * lambda * lambda);
         const double fast = -(a + root) / 2, slow = b / fast;
         // f(A) = (f(slow) (A - fast) - f(fast) (A - slow)) / (slow - fast), A = [-a -1; b 0].

@@ -20,8 +20,8 @@ struct ComputedTorqueGains {
 ///
 ///   tau = M(q) (vdot_ref - Kd edot - Kp e) + C(q, v) v + g(q).
 ///
-/// With `feedforward_lead_s`, vdot_ref is taken that much ahead; all other values belong to the
-/// measured instant.
+/// With `feedforward_lead_s`, vdot_ref is evaluated at that time ahead; all other values belong to
+/// the measured instant.
 class ComputedTorque : public RigidLaw<ComputedTorqueGains>, public FullState {
  public:
   static constexpr std::string_view name = "computed_torque";

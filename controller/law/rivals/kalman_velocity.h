@@ -93,7 +93,7 @@ class KalmanChain {
     return {from.q + time_s * (from.v + time_s / 2 * from.a), from.v + time_s * from.a, from.a};
   }
 
-  /// Returns F of x(t + 1) = F x(t).
+  /// Returns F of x(t + 1) = F x(t), with time in periods.
   [[nodiscard]] Small transition() const {
     Small F = Small::Identity(order_, order_);
     F(0, 1) = 1;
@@ -146,7 +146,8 @@ class KalmanChain {
 
   int order_;
   double period_s_;
-  /// of each joint, in units of the period and of the measurement's standard deviation
+  /// Filter gains of each joint, in units of the period and of the measurement's standard
+  /// deviation.
   std::vector<Small> gains_;
 };
 

@@ -54,9 +54,9 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
     return {next, {tau}, {signals.size(), {e, next.nu}}};
   }
 
-  /// With U the potential energy, e1 = q - q_ref and e2 the motor's error: 1/2 v' M_l v + 1/2
-  /// thetadot' J thetadot + 1/2 e' [K, -K; -K, K + Kp] e + U(q) - U(q_ref) - g(q_ref)' e1 + 1/2 nu'
-  /// Kd B^-1 nu.
+  /// Lyapunov function with the potential energy U, e1 = q - q_ref and the motor's error e2: 1/2 v'
+  /// M_l v + 1/2 thetadot' J thetadot + 1/2 e' [K, -K; -K, K + Kp] e + U(q) - U(q_ref) - g(q_ref)'
+  /// e1 + 1/2 nu' Kd B^-1 nu.
   static constexpr std::string_view lyapunov_formula =
       "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + ½ ν′Kd B⁻¹ν";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,

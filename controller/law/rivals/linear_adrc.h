@@ -19,14 +19,16 @@ struct LinearAdrcGains {
       gain("inertia", &LinearAdrcGains::inertia, "kg m2", "Inertia of the joint, 1/b_0")};
 };
 
-/// Linear active disturbance rejection from link positions alone, joint by joint, in bandwidths
-/// (`source`), on the error e = q - q_ref beside the feed-forward of the other laws:
+/// Linear active disturbance rejection from link positions alone, for each joint, parametrised by
+/// bandwidths (`source`). It acts on the error e = q - q_ref, beside the feed-forward of the other
+/// laws:
 ///
 ///   tau = ID(q, v_ref, vdot_ref) + m u,   u = -w_c^2 z1 - 2 w_c z2 - z3,
 ///   z1dot = z2 + 3 w_o (e - z1),  z2dot = z3 + u + 3 w_o^2 (e - z1),  z3dot = w_o^3 (e - z1).
 ///
-/// z3 estimates everything that accelerates e beside u: coupling, payload, friction. Its source has
-/// no model of the robot but m; without the feed-forward z3 would have to follow gravity too.
+/// z3 estimates everything that accelerates e beside u: coupling, payload, friction. The law in
+/// `source` has no model of the robot but m. Without the feed-forward z3 would have to follow
+/// gravity too.
 class LinearAdrc : public RigidLaw<LinearAdrcGains> {
  public:
   static constexpr std::string_view name = "linear_adrc";
@@ -52,7 +54,8 @@ class LinearAdrc : public RigidLaw<LinearAdrcGains> {
   };
   using LawOf::LawOf;
 
-  /// Computes gains with the observer at a third of the filter's pole, which makes its lag alike.
+  /// Computes gains with the observer at a third of the filter's pole, so that observer and filter
+  /// have the same lag.
   static Gains tuned(const Tuning& t) { return {t.each(t.w), t.each(t.filter / 3), t.inertia}; }
 
   /// Returns the memory before the first step, after which z is (e, 0, 0).
@@ -72,7 +75,8 @@ class LinearAdrc : public RigidLaw<LinearAdrcGains> {
     const Vector tau = feedforward + gains_.inertia.cwiseProduct(next.u);
     const Vector z2 = next.z2, z3 = gains_.inertia.cwiseProduct(next.z3);
     if (const Vector& limit = settings_.torque_limit; limit.size() > 0) {
-      // The observer is told what the drive gives: a saturated drive does not wind z3 up.
+      // The observer gets the torque that the drive gives, so a saturated drive does not wind z3
+      // up.
       const Vector given = tau.cwiseMax(-limit).cwiseMin(limit);
       next.u += (given - tau).cwiseQuotient(gains_.inertia);
     }

@@ -36,7 +36,7 @@ class PdGravity : public RigidLaw<PdGains>, public FullState {
     return {{}, {tau}, {signals.size(), {e}}};
   }
 
-  /// Vdot = -v' Kd v.
+  /// Lyapunov function V with Vdot = -v' Kd v.
   static constexpr std::string_view lyapunov_formula = "½ v′M v + ½ e′Kp e";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {

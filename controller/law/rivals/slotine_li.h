@@ -52,7 +52,7 @@ class SlotineLi : public RigidLaw<SlotineLiGains>, public FullState {
     return {{}, {tau}, {signals.size(), {e, edot}}};
   }
 
-  /// Vdot = -edot' Ks edot - e' Lambda Ks Lambda e.
+  /// Lyapunov function V with Vdot = -edot' Ks edot - e' Lambda Ks Lambda e.
   static constexpr std::string_view lyapunov_formula = "½ s′M s + e′Λ Ks e,  s = ė + Λ e";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {

@@ -95,7 +95,7 @@ class SlotineLiFlexible : public FlexibleLaw<SlotineLiFlexibleGains>, public Ful
     return r.q + torque.cwiseQuotient(robot_.stiffness);
   }
 
-  /// Vdot = -s1' Ks1 s1 - s2' Ks2 s2 - (e1 - e2)' Lambda K (e1 - e2).
+  /// Lyapunov function V with Vdot = -s1' Ks1 s1 - s2' Ks2 s2 - (e1 - e2)' Lambda K (e1 - e2).
   static constexpr std::string_view lyapunov_formula =
       "½ s₁′M s₁ + ½ s₂′J s₂ + ½ (e₁ − e₂)′K (e₁ − e₂),  s = ė + Λ e";
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,

@@ -23,7 +23,8 @@ struct ZhangDawsonGains {
 ///   y = p + k e,   pdot = -(1 - y^2)(y + tanh e) + k (tanh e - y),   y(0) = 0,
 ///   tau = ID(q_ref, v_ref, vdot_ref) - k y / (1 - y^2) - tanh e.
 ///
-/// The law is not defined for |y| >= 1: its torque is infinite there, which ends the run.
+/// The law is not defined for |y| >= 1. The torque is infinite there, and an infinite torque ends
+/// the run.
 ///
 /// With `feedforward_lead_s`, the first term uses v_ref and vdot_ref at that time ahead; q_ref is
 /// not taken ahead.

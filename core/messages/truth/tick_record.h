@@ -16,6 +16,7 @@
 /// holds the truth.
 namespace tachless::messages {
 
+/// Messages of one tick; nothing: the message is missing.
 struct TickRecord {
   std::int64_t tick = 0;
   std::optional<Tick> clock;

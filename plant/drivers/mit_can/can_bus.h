@@ -27,7 +27,7 @@ class CanBus {
  public:
   /// Opens the bus.
   /// @param name "can0", or "unix:PATH" for a socket of type SOCK_SEQPACKET
-  /// @param fd frames of CAN-FD with the fast bit rate for their data
+  /// @param fd true: frames are CAN-FD frames with the fast bit rate for their data
   /// @throw base::Failure(bad_usage) naming the bus and the remedy
   CanBus(std::string name, bool fd);
 

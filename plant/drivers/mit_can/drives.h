@@ -8,13 +8,14 @@
 
 #include "plant/drivers/mit_can/can_bus.h"
 
-/// Drives with the "MIT mode": a frame brings position, velocity, two gains and a torque, and the
-/// drive answers with position, velocity and torque. Pure functions between values and frames.
+/// Drives with the "MIT mode": a frame carries position, velocity, two gains and a torque, and the
+/// drive answers with position, velocity and torque. The functions are pure and convert between
+/// values and frames.
 ///
 /// Sources of the layouts and ranges: enactic/openarm_can (dm_motor_control.cpp,
 /// dm_motor_constants.hpp) for Damiao; RobStride/Python_Sample (bus.py, table.py, protocol.py) for
-/// RobStride; project-sternbergia/cybergear_m5 (cybergear_driver.cpp) for CyberGear. No code is
-/// theirs.
+/// RobStride; project-sternbergia/cybergear_m5 (cybergear_driver.cpp) for CyberGear. No code was
+/// copied from these sources.
 namespace tachless::mit_can {
 
 enum class Family {
@@ -52,9 +53,9 @@ constexpr std::array<std::string_view, 19> names(Model /*type*/) {
 
 /// Ends of a drive's ranges. A frame holds each number as a share of its range.
 struct Ranges {
-  double q = 0;     ///< [rad], both ways
-  double v = 0;     ///< [rad/s], both ways
-  double tau = 0;   ///< [N m], both ways
+  double q = 0;     ///< [rad], from -q to q
+  double v = 0;     ///< [rad/s], from -v to v
+  double tau = 0;   ///< [N m], from -tau to tau
   double kp = 500;  ///< [N m/rad], from 0
   double kd = 5;    ///< [N m s/rad], from 0
 };
@@ -67,10 +68,11 @@ Ranges ranges_of(Model model);
 struct Drive {
   Family family = Family::damiao;
   int id = 0;
-  int reply_id = 0;  ///< of its answers; RobStride: the host's
+  int reply_id = 0;  ///< identifier of its answers; RobStride: of the host
   Ranges ranges;
 };
 
+/// Set point of one command, in the units of `Ranges`.
 struct Setpoint {
   double q = 0, v = 0, kp = 0, kd = 0, tau = 0;
 };
@@ -80,7 +82,7 @@ struct Answer {
   double q = 0, v = 0, tau = 0;
   bool enabled = false;
   int fault = 0;           ///< the drive's own code; 0: none
-  double temperature = 0;  ///< hottest that it tells [degrees Celsius]
+  double temperature = 0;  ///< highest that the drive reports [degrees Celsius]
 };
 
 Frame enable(const Drive& drive);
@@ -88,15 +90,15 @@ Frame disable(const Drive& drive);
 Frame clear_fault(const Drive& drive);
 /// Returns the command of one tick. Values beyond a range become its end.
 Frame command(const Drive& drive, const Setpoint& setpoint);
-/// Returns a question for the position that changes nothing. Only Damiao also answers it with
-/// `Answer::enabled` and fault.
+/// Returns a request for the position, which changes nothing. Only Damiao's answer also has
+/// `Answer::enabled` and the fault.
 Frame ask(const Drive& drive);
-/// Returns the drive's answer in `frame`; nothing if the frame is another's.
+/// Returns the drive's answer in `frame`; nothing if the frame is not from this drive.
 std::optional<Answer> answer_in(const Drive& drive, const Frame& frame);
 /// Returns the answer of a drive as a frame, for an emulated drive.
 Frame answer_frame(const Drive& drive, const Answer& answer);
-/// Returns the set point in a frame of `command`; nothing if it is none of this drive's. For an
-/// emulated drive.
+/// Returns the set point in a frame of `command`; nothing if the frame is not for this drive.
+/// Emulated drives use it.
 std::optional<Setpoint> setpoint_in(const Drive& drive, const Frame& frame);
 
 /// Returns a drive's fault in words.
@@ -110,8 +112,9 @@ std::uint32_t watchdog_bits(double seconds);
 inline constexpr std::uint32_t mit_mode_damiao = 1, mit_mode_robstride = 0;
 Frame read_register(const Drive& drive, Register which);
 Frame write_register(const Drive& drive, Register which, std::uint32_t bits);
-/// Returns the register's bits in the frame; nothing if it is no answer about this register. Once a
-/// Damiao drive is enabled, its answers of both kinds look alike: ask before.
+/// Returns the register's bits in the frame; nothing if the frame is no answer about this register.
+/// Read registers before a Damiao drive is enabled, because its answers to commands and to register
+/// requests then look alike.
 std::optional<std::uint32_t> register_in(const Drive& drive, Register which, const Frame& frame);
 
 }  // namespace tachless::mit_can

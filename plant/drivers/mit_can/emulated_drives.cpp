@@ -52,7 +52,8 @@ EmulatedDrives::EmulatedDrives(const scenario::Scenario& scenario, const Trouble
   path_ = settings_.bus.substr(prefix.size());
   path_.copy(at.sun_path, path_.size());
   if (static_cast<int>(settings_.motors.size()) != model_.num_joints) {
-    throw scenario.complaint("plant.driver.motors", "another number than the robot's joints");
+    throw scenario.complaint("plant.driver.motors", "{} motors; allowed: {}, one per joint",
+                             settings_.motors.size(), model_.num_joints);
   }
   for (const MotorSettings& motor : settings_.motors) motors_.emplace_back().drive = motor.drive();
   ::unlink(path_.c_str());

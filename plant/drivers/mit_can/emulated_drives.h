@@ -19,12 +19,12 @@ namespace tachless::mit_can {
 
 /// Troubles of an emulated bus.
 struct Trouble {
-  double lost_share = 0;  ///< of all frames, both ways
+  double lost_share = 0;  ///< share of all frames, in both directions, that is lost
   std::uint64_t seed = 1;
   int motor = -1;                 ///< index of the motor with a trouble of its own; -1: none
-  std::int64_t after = 0;         ///< commands that it takes before
-  bool silent = false;            ///< it answers no more
-  int fault = 0;                  ///< it stops with this code
+  std::int64_t after = 0;         ///< commands that the motor takes before its trouble
+  bool silent = false;            ///< the motor stops answering
+  int fault = 0;                  ///< fault code with which the motor stops; 0: none
   bool bus_closes = false;        ///< the bus ends
   double torque_range_scale = 1;  ///< of the motor's register, against the scenario
 };
@@ -48,7 +48,8 @@ class EmulatedDrives {
   // Read these once `serve` has returned.
   [[nodiscard]] std::int64_t frames() const { return frames_; }
   [[nodiscard]] std::int64_t lost() const { return lost_; }
-  [[nodiscard]] int watchdogs() const { return watchdogs_; }  ///< that have stopped a drive
+  /// Returns the number of watchdogs that have stopped a drive.
+  [[nodiscard]] int watchdogs() const { return watchdogs_; }
   [[nodiscard]] bool any_enabled() const;
   [[nodiscard]] const Vector& positions() const { return q_; }  ///< in the URDF's axes [rad]
 

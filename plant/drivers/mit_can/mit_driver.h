@@ -18,7 +18,7 @@ namespace tachless::mit_can {
 struct MotorSettings {
   Model model = Model::damiao;
   int id = 0;
-  int reply_id = 0;  ///< 0: by the family
+  int reply_id = 0;  ///< 0: the default of the family
   std::optional<double> position_max_rad, velocity_max_rad_per_s, torque_max_Nm;
 
   static constexpr std::tuple keys{

@@ -152,7 +152,7 @@ TEST(LawAnswers, AreRefusedWhereNoLinearLawAnswersSo) {
   EXPECT_THAT(
       refusal(asked(law, [](const VectorXd& tau, Index,
                             const VectorXd& e) { return VectorXd(tau + 400 * e.cwiseAbs()); })),
-      HasSubstr("that to -1e-05 is not the opposite of that to 1e-05"));
+      HasSubstr("the answer to -1e-05 is not the opposite of the answer to 1e-05"));
   EXPECT_THAT(refusal(asked(law,
                             [](const VectorXd& tau, Index, const VectorXd& e) {
                               const double both = std::abs(e[0] + e[1]) > std::abs(e[0] - e[1]);

@@ -297,7 +297,7 @@ struct Spy {
     const fs::path home = fs::canonical(*java, error).parent_path().parent_path();
     if (!error && !fs::exists(home / "lib/libawt_xawt.so", error)) {
       refuse(fmt::format(
-          "{} is one without windows (in {}); as root, type: apt-get install default-jre",
+          "{} is a java without windows (in {}); as root, type: apt-get install default-jre",
           java->string(), home.string()));
     }
     return *java;

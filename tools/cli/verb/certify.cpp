@@ -87,7 +87,8 @@ struct Certify {
     }
     if (period_s > 0) {
       throw base::bad_usage(
-          "--period: of a MuJoCo model; for a scenario type --set loop.period_s={}", period_s);
+          "--period: only for a MuJoCo model; for a scenario type --set loop.period_s={}",
+          period_s);
     }
     require_writable(witness, force);
     std::vector<std::string> all_overrides = of_program(input, overrides, law_program);

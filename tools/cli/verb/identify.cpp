@@ -181,8 +181,9 @@ struct Identify {
     }
     const scenario::Scenario& scenario = recordings.front().scenario;
     if (!output.empty() && scenario.believed_model) {
-      throw base::bad_usage("{}: has controller.urdf, which --write cannot carry over",
-                            recordings.front().source);
+      throw base::bad_usage(
+          "{}: has controller.urdf, which --write cannot carry over; leave --write out",
+          recordings.front().source);
     }
     Screen screen(quiet);
     const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia",
