@@ -52,8 +52,10 @@ struct Certify {
         ->check(above_zero);
     command.add_option(
         "--witness", witness,
-        "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
-        "the sampled loop of one or two joints");
+        "Also writes data from which check_witness.py proves a region of the sampled loop of one "
+        "or "
+        "two joints: share/tachless/witness/check_witness.py where tachless is installed, "
+        "tools/cli/witness in the tree");
     auto* const error = command.add_option(
         "--witness-error", errors,
         "Error [rad] of one joint alone, from rest, that the region has to contain: one number, "
