@@ -358,7 +358,7 @@ std::string remarks(const Identified& found) {
 
 std::string text(const Identified& found, const std::string& name) {
   std::string text =
-      fmt::format("{}: 95 % intervals, condition {:.3g}{}\n", name, found.condition,
+      fmt::format("{}: 95 % intervals, condition number {:.3g}{}\n", name, found.condition,
                   found.simulated ? "" : "; by least squares, as no controller is known");
   for (const Identified::Parameter& each : found.parameters) {
     const bool in_load = each.entry.kind == Kind::load && each.doubt.empty();

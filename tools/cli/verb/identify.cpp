@@ -118,7 +118,8 @@ struct Excite {
  private:
   [[nodiscard]] std::string text(const identify::Excitation& found) const {
     std::string text = fmt::format(
-        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n"
+        "{}: condition number {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m "
+        "(N)\n"
         "  predicted 95 % intervals, with torque noise of {:g} % of the limit\n",
         output.string(), found.condition, fmt::join(found.reach, ", "),
         fmt::join(found.speed, ", "), fmt::join(found.torque, ", "), 100 * identify::noise_share);
