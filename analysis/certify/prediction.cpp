@@ -25,7 +25,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
-constexpr int motion_pieces = 96;
+constexpr int motion_pieces = 96;  // six from one posture of the reference to the next
 constexpr int posture_evaluations = 16;
 
 /// The posture of the motion with the largest f, searched from number `k` of those evenly over it.
