@@ -1,4 +1,4 @@
-// The campaign with the four programs on the real bus: 20 rounds, or TACHLESS_CAMPAIGN_ROUNDS. The
+// The campaign with the four programs on the real bus: 10 rounds, or TACHLESS_CAMPAIGN_ROUNDS. The
 // rounds run one after the other, because the packet loss affects the whole network.
 #include "tests/campaign/programs.h"
 
@@ -27,7 +27,7 @@ TEST(TheCampaign, BreaksNoInvariantWithTheRealPrograms) {
       [&](std::uint64_t seed) {
         return play_with_programs(on_the_real_bus(plan_of(seed)), directory / "round");
       },
-      20, 1);
+      10, 1);
 }
 
 /// A run of 20,000 ticks. No process gives up, because a flood can delay announcements on a busy

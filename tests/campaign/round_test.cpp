@@ -1,4 +1,4 @@
-// The campaign in one process: 200 rounds, or TACHLESS_CAMPAIGN_ROUNDS.
+// The campaign in one process: 100 rounds, or TACHLESS_CAMPAIGN_ROUNDS.
 #include "tests/campaign/campaign.h"
 
 namespace tachless::campaign {
@@ -6,7 +6,7 @@ namespace {
 
 TEST(TheCampaign, BreaksNoInvariant) {
   // A round mostly waits: for its threads to join, for its end, or for a silent member.
-  Campaign::run([](std::uint64_t seed) { return play(plan_of(seed)); }, 200, 8);
+  Campaign::run([](std::uint64_t seed) { return play(plan_of(seed)); }, 100, 8);
 }
 
 }  // namespace
