@@ -428,7 +428,10 @@ std::optional<StabilityCertificate> stability_certificate(const scenario::Scenar
     tell("certified region: fastest rate");
     result.proved = loop.proved();
     result.fastest = loop.best(Goal::rate);
-    result.start = {result.proved || effort == linear::Effort::full, false, result.proved, {}};
+    result.start = {.decided = result.proved || effort == linear::Effort::full,
+                    .certified = false,
+                    .proved = result.proved,
+                    .torque_share = {}};
     add(result.start, result.fastest);
     if (!result.constant && (result.proved || effort == linear::Effort::full)) {
       tell("certified region: largest region");
@@ -448,6 +451,7 @@ std::optional<StabilityCertificate> stability_certificate(const scenario::Scenar
   }
   if (result.constant) {
     result.start = loop.held_start();
+    result.V0 = loop.V0({});
     if (!result.start.certified) {
       result.start.proved = result.proved;
       add(result.start, result.fastest);
@@ -471,8 +475,7 @@ std::optional<CertifiedRun> certified_run(const scenario::Scenario& scenario) {
   const auto all = stability_certificate(scenario, linear::Effort::quick, why_not);
   if (!all) return {};
   if (all->constant) {
-    const double V0 = ErrorLoop(scenario).V0({});
-    return CertifiedRun{{}, V0, infinity, 0, true, all->provisos, all->start};
+    return CertifiedRun{{}, all->V0, infinity, 0, true, all->provisos, all->start};
   }
   std::optional<CertifiedRun> best;
   for (const auto& found : {all->fastest, all->largest}) {

@@ -89,6 +89,7 @@ struct StabilityCertificate {
   /// certified. At a constant reference the ball has no limit, so there is no largest region.
   std::optional<CertifiedRegion> fastest, largest;
   CertifiedStart start;
+  double V0 = 0;  ///< V at the start with both weights 0, at a constant reference [J]
   /// Reasons why the certificate does not describe this very scenario: payload, friction, drives.
   std::vector<std::string> provisos;
 };
