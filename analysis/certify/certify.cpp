@@ -404,7 +404,7 @@ std::vector<Group> groups(const Certificate& certificate) {
   return all;
 }
 
-/// Returns the largest share of a torque or speed limit that the reference asks for: "57 % of the
+/// Returns the largest share of a torque or speed limit that the reference needs: "57 % of the
 /// torque limit (elbow)". If no joint has a limit, returns the largest value: "345 N m (elbow, no
 /// limit)".
 std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
@@ -506,7 +506,7 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);
   const robot::JointLabels labels = robot::joint_labels(*scenario.model);
   const auto largest = [&](bool speed) { return largest_text(all.feasibility, speed, labels); };
-  std::string reference = fmt::format("asks for {}, {}", largest(false), largest(true));
+  std::string reference = fmt::format("needs {}, {}", largest(false), largest(true));
   if (const auto& problems = all.feasibility.impossible; !problems.empty()) {
     reference = fmt::format("{}", fmt::join(problems, "; "));
   }

@@ -475,18 +475,17 @@ class Search {
 
   [[nodiscard]] std::string words(const Binding& binding) const {
     const double percent = 100 * binding.settling_share;
-    const auto saves = [percent](const std::string& what) {
-      return fmt::format("{} saves {:.{}f} % of the settling time", what, percent,
-                         percent < 1 ? 1 : 0);
+    const auto shortens = [percent](const std::string& what) {
+      return fmt::format("{} shortens settling by {:.{}f} %", what, percent, percent < 1 ? 1 : 0);
     };
     if (binding.kind == Binding::Kind::bound)
-      return saves("the bound on " + law_.name_of(binding.which) + ": a tenth beyond it");
+      return shortens("the bound on " + law_.name_of(binding.which) + ": one a tenth wider");
     if (binding.kind == Binding::Kind::count) {
-      return saves("the torque of one encoder count on " + labels_.joint(binding.which) +
-                   ": a tenth more");
+      return shortens("the torque of one encoder count on " + labels_.joint(binding.which) +
+                      ": one a tenth larger");
     }
-    return saves(fmt::format(
-        "the modulus margin at q = {}: a tenth less of it",
+    return shortens(fmt::format(
+        "the modulus margin at q = {}: one a tenth smaller",
         certify::list_text(certify::found_posture(problem_.rests[binding.which].q_ref))));
   }
 
@@ -502,6 +501,7 @@ class Search {
       });
     };
     design.modulus_in_range = least_with(true).value;
+    design.asked_in_range = range_share * goal_.modulus;
     design.range_q = certify::found_posture(least_with(true).x);
     if (!plants_.empty()) {
       const Worst& least = least_with(false);

@@ -54,6 +54,7 @@ struct Design {
   std::vector<std::string> warnings;
   /// Least modulus margin over the range of the joints, and its posture.
   double modulus_in_range = 0;
+  double asked_in_range = 0;  ///< the modulus margin that the goal asks for there
   Vector range_q;
   /// Least modulus margin over the range with a plant of the uncertain set, and that plant.
   std::optional<double> uncertain_modulus;

@@ -94,8 +94,9 @@ std::string design_text(const design::Design& design, const scenario::Scenario& 
                    certify::settling_text(loop.modes.settling_mean_s)));
   line(fmt::format("margins: {}; modulus {} at q = {}", certify::margins_text(*loop.margins),
                    certify::modulus_text(*loop.margins), certify::list_text(loop.margin_q)));
-  line(fmt::format("least modulus margin found in the joints' range: {:.2g} at q = {}",
-                   design.modulus_in_range, certify::list_text(design.range_q)));
+  line(fmt::format(
+      "least modulus margin found in the joints' range: {:.2g} (asked: {:.2g}) at q = {}",
+      design.modulus_in_range, design.asked_in_range, certify::list_text(design.range_q)));
   if (design.uncertain_modulus) {
     line(fmt::format("least modulus margin found with an uncertain plant: {:.2g} ({}) at q = {}",
                      *design.uncertain_modulus, design.uncertain_plant,
