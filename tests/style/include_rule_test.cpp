@@ -47,6 +47,7 @@ const std::map<std::string, Names> users = {
     {"CLI/", {"core/session", "tools/cli"}},
     {"SimTKsimbody.h", {"plant/simbody_multibody.cpp"}},
     {"coin/", {"analysis/numerics"}},
+    {"franka/", {"plant/drivers/franka"}},
     {"lcm/", {}},
     {"mujoco/", {"plant/mujoco/module.cpp"}},
     {"nlopt.h", {"analysis/numerics/postures.cpp"}},
