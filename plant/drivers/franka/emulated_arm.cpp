@@ -113,7 +113,16 @@ void EmulatedArm::serve(const std::stop_token& ends) {
     while (is_awaiting() && Clock::now() < last) attend(last);
     tick = std::max(end, Clock::now());
   }
-  if (dead_) listener_ = base::FileDescriptor();
+  if (!dead_) return;
+  listener_ = base::FileDescriptor();
+  while (speed() > 0) brake();
+}
+
+bool EmulatedArm::has_client() const {
+  char byte = 0;
+  if (client_.get() < 0) return false;
+  const auto size = ::recv(client_.get(), &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  return size > 0 || (size < 0 && errno == EAGAIN);
 }
 
 bool EmulatedArm::is_awaiting() const {

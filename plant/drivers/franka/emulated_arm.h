@@ -83,7 +83,7 @@ class EmulatedArm {
   // Read these once `serve` has returned.
   [[nodiscard]] Mode mode() const { return state_.mode; }
   [[nodiscard]] int motions() const { return motions_; }
-  [[nodiscard]] bool has_client() const { return client_.get() >= 0; }
+  [[nodiscard]] bool has_client() const;
   [[nodiscard]] double largest_change_Nm() const { return largest_change_; }
   [[nodiscard]] std::int64_t lost_commands() const { return lost_; }
   [[nodiscard]] int longest_loss() const { return longest_loss_; }  ///< commands in a row

@@ -128,6 +128,7 @@ RobotState Robot::readOnce() {
     const auto got = ::recvfrom(udp_.get(), bytes.data(), bytes.size(), any ? MSG_DONTWAIT : 0,
                                 reinterpret_cast<sockaddr*>(&server_), &size);
     if (got < 0 && any) break;
+    if (got < 0 && errno == EINTR) continue;
     if (got < 0) throw NetworkException("UDP receive: Timeout");
     const fci::State state = fci::decode(bytes);
     if (state.id > state_.id && state.id > newest.id) newest = state;
