@@ -1,4 +1,5 @@
-// The members of franka::Model to which the rest of libfranka refers, for a build without Pinocchio.
+// The members of franka::Model to which the rest of libfranka refers, for a build without
+// Pinocchio.
 #include <franka/model.h>
 
 #include <memory>

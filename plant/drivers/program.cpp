@@ -65,8 +65,7 @@ int driver_main(const DriverProgram& program, int argc, const char* const* argv)
   }
 }
 
-DriverVerb emulate_verb(const std::string& program, const std::string& scenario,
-                        ServeRobot serve) {
+DriverVerb emulate_verb(const std::string& program, const std::string& scenario, ServeRobot serve) {
   const std::string example = fmt::format("{} emulate {}", program, scenario);
   const auto run = [example, serve = std::move(serve)](const std::vector<std::string>& arguments) {
     if (arguments.empty() || arguments[0].starts_with('-')) {

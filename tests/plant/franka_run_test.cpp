@@ -32,7 +32,7 @@ std::string driver_program() {
 
 struct Case {
   std::string name{};
-  int code = 0;       ///< of the driver's program
+  int code = 0;         ///< of the driver's program
   std::string words{};  ///< in its messages
   Trouble trouble{};
   std::vector<std::string> settings{};
@@ -47,9 +47,9 @@ class FrankaRun : public testing::Test {
  protected:
   /// Starts arm and programs. No busy machine shall end a run by commands that it misses.
   void start(const Case& a) {
-    std::vector<std::string> settings = {"plant.driver.address=127.0.0.1", "loop.command_delay=1",
-                                         "loop.max_missed=400",          "loop.max_missed_share=1",
-                                         "loop.duration_s=0.8",          "plant.following_error_rad=3"};
+    std::vector<std::string> settings = {
+        "plant.driver.address=127.0.0.1", "loop.command_delay=1", "loop.max_missed=400",
+        "loop.max_missed_share=1",        "loop.duration_s=0.8",  "plant.following_error_rad=3"};
     settings.insert(settings.end(), a.settings.begin(), a.settings.end());
     arm_ = std::make_unique<EmulatedArm>(scenario::load_scenario(fr3, settings), Pace::patient,
                                          a.trouble);
@@ -103,49 +103,106 @@ Incident torque_on(std::size_t joint, double torque_Nm) {
 }
 
 const std::vector<Case> refusals = {
-    {"no_such_host", 2, "plant.driver.address", {}, {"plant.driver.address=no.such.host.invalid"},
-     Mode::idle, false},
-    {"interface_not_activated", 2, "activate FCI in Desk", {},
-     {"plant.driver.address=127.0.0.2"}, Mode::idle, false},
-    {"other_version", 2, "version 9 of its interface", {.version = 9}, {}, Mode::idle, false},
-    {"in_a_reflex", 2, "--set plant.driver.recover=true", begins(Mode::reflex), {}, Mode::reflex,
+    {"no_such_host",
+     2,
+     "plant.driver.address",
+     {},
+     {"plant.driver.address=no.such.host.invalid"},
+     Mode::idle,
      false},
-    {"user_stop_pressed", 2, "its user stop is pressed: release it", begins(Mode::user_stopped), {},
-     Mode::user_stopped, false},
+    {"interface_not_activated",
+     2,
+     "activate FCI in Desk",
+     {},
+     {"plant.driver.address=127.0.0.2"},
+     Mode::idle,
+     false},
+    {"other_version", 2, "version 9 of its interface", {.version = 9}, {}, Mode::idle, false},
+    {"in_a_reflex",
+     2,
+     "--set plant.driver.recover=true",
+     begins(Mode::reflex),
+     {},
+     Mode::reflex,
+     false},
+    {"user_stop_pressed",
+     2,
+     "its user stop is pressed: release it",
+     begins(Mode::user_stopped),
+     {},
+     Mode::user_stopped,
+     false},
     {"guided", 2, "it is guided by hand", begins(Mode::guiding), {}, Mode::guiding, false},
     {"brakes_closed", 2, "open them in Desk", begins(Mode::other), {}, Mode::other, false},
-    {"beside_the_start", 2, "0 for joint 1 (joint1), which is at 0.05", {.offset_rad = 0.05}, {},
-     Mode::idle, false}};
+    {"beside_the_start",
+     2,
+     "0 for joint 1 (joint1), which is at 0.05",
+     {.offset_rad = 0.05},
+     {},
+     Mode::idle,
+     false}};
 INSTANTIATE_TEST_SUITE_P(BeforeTheMotion, FrankaTrouble, testing::ValuesIn(refusals),
                          testing::PrintToStringParamName());
 
 const std::vector<Case> stops = {
     {"collision", 5, "joint_reflex", {.incidents = {torque_on(1, 40)}}, {}, Mode::reflex},
-    {"user_stop", 5, "its user stop was pressed", at_300_ms(Event::user_stop), {},
+    {"user_stop",
+     5,
+     "its user stop was pressed",
+     at_300_ms(Event::user_stop),
+     {},
      Mode::user_stopped},
-    {"commands_lost_25", 5, "communication_constraints_violation",
-     at_300_ms(Event::lose_commands, 25), {}, Mode::reflex},
-    {"states_lost_25", 5, "communication_constraints_violation", at_300_ms(Event::lose_states, 25),
-     {}, Mode::reflex},
-    {"push_and_commands_lost", 5, "from its reference",
+    {"commands_lost_25",
+     5,
+     "communication_constraints_violation",
+     at_300_ms(Event::lose_commands, 25),
+     {},
+     Mode::reflex},
+    {"states_lost_25",
+     5,
+     "communication_constraints_violation",
+     at_300_ms(Event::lose_states, 25),
+     {},
+     Mode::reflex},
+    {"push_and_commands_lost",
+     5,
+     "from its reference",
      {.incidents = {torque_on(1, 15), {.at_ms = 310, .event = Event::lose_commands, .count = 15}}},
      {"plant.following_error_rad=0.05", "loop.duration_s=1.5"}},
     {"too_fast", 5, "joint_velocity_violation", {.incidents = {torque_on(6, 9)}}, {}, Mode::reflex},
-    {"connection_closed", 5, "the connection to the arm at 127.0.0.1 is lost",
-     at_300_ms(Event::close), {}, Mode::reflex},
-    {"arm_dies", 5, "but the robot stops by itself", at_300_ms(Event::die), {}, Mode::reflex},
-    {"arm_freezes", 5, "the connection to the arm at 127.0.0.1 is lost", at_300_ms(Event::freeze),
-     {}, Mode::reflex},
-    {"reflex_without_an_answer", 5, "joint_reflex", at_300_ms(Event::mute_reflex), {},
+    {"connection_closed",
+     5,
+     "the connection to the arm at 127.0.0.1 is lost",
+     at_300_ms(Event::close),
+     {},
      Mode::reflex},
-    {"friction_left_over", 5, "joint 7 (joint7)", {.friction_Nm = 0.3},
+    {"arm_dies", 5, "but the robot stops by itself", at_300_ms(Event::die), {}, Mode::reflex},
+    {"arm_freezes",
+     5,
+     "the connection to the arm at 127.0.0.1 is lost",
+     at_300_ms(Event::freeze),
+     {},
+     Mode::reflex},
+    {"reflex_without_an_answer",
+     5,
+     "joint_reflex",
+     at_300_ms(Event::mute_reflex),
+     {},
+     Mode::reflex},
+    {"friction_left_over",
+     5,
+     "joint 7 (joint7)",
+     {.friction_Nm = 0.3},
      {"plant.following_error_rad=0.05", "loop.duration_s=2"}}};
 INSTANTIATE_TEST_SUITE_P(InMotion, FrankaTrouble, testing::ValuesIn(stops),
                          testing::PrintToStringParamName());
 
 const std::vector<Case> runs = {
-    {"recovery_from_a_reflex", 0, "the arm was in a reflex and has recovered",
-     begins(Mode::reflex), {"plant.driver.recover=true"}},
+    {"recovery_from_a_reflex",
+     0,
+     "the arm was in a reflex and has recovered",
+     begins(Mode::reflex),
+     {"plant.driver.recover=true"}},
     {"commands_lost_15", 0, "", at_300_ms(Event::lose_commands, 15)},
     {"states_lost_15", 0, "", at_300_ms(Event::lose_states, 15)},
     {"commands_lost_5_percent", 0, "", {.lost_share = 0.05}},

@@ -30,8 +30,8 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 scenario::Scenario fr3(std::vector<std::string> settings = {}) {
-  settings.insert(settings.begin(),
-                  {"plant.driver.address=127.0.0.1", "loop.max_missed=100", "loop.command_delay=1"});
+  settings.insert(settings.begin(), {"plant.driver.address=127.0.0.1", "loop.max_missed=100",
+                                     "loop.command_delay=1"});
   return scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/fr3.yaml", settings);
 }
 
@@ -141,8 +141,8 @@ TEST(FrankaDriver, RefusesAnArmOfAnotherNumberOfJoints) {
 }
 
 TEST(FrankaDriver, TellsTheArmItsThresholdsAndItsLoad) {
-  const auto s =
-      fr3({"plant.driver.load={mass_kg: 0.75}", "plant.driver.collision_torque_Nm=[1,2,3,4,5,6,7]"});
+  const auto s = fr3(
+      {"plant.driver.load={mass_kg: 0.75}", "plant.driver.collision_torque_Nm=[1,2,3,4,5,6,7]"});
   Served served(s);
   {
     FrankaDriver driver(s);
@@ -175,8 +175,8 @@ TEST(FrankaDriver, WarnsOfLimitsThatAreWiderThanTheArms) {
     ASSERT_NE(urdf.find(what), std::string::npos) << what;
     urdf.replace(urdf.find(what), what.size(), by);
   };
-  replace("1.7837", "1.5");   // of joint 2; the lower limit comes first
-  replace("4.18", "3.5");     // of joint 6
+  replace("1.7837", "1.5");  // of joint 2; the lower limit comes first
+  replace("4.18", "3.5");    // of joint 6
   Served served(s, {.urdf = urdf});
   base::start_logging("test", base::Verbosity::normal);
   testing::internal::CaptureStderr();
@@ -241,11 +241,10 @@ TEST(FrankaDriver, KeepsThePriorityOfItsThread) {
 /// ends the process.
 TEST(FrankaDriver, EndsAfterAReflexWhereTheArmRejectsALateStop) {
   const auto s = fr3();
-  Served served(s, {.refuses_late_stop = true,
-                    .incidents = {{.at_ms = 20,
-                                   .event = Event::external_torque,
-                                   .joint = 1,
-                                   .torque_Nm = 40}}});
+  Served served(
+      s,
+      {.refuses_late_stop = true,
+       .incidents = {{.at_ms = 20, .event = Event::external_torque, .joint = 1, .torque_Nm = 40}}});
   {
     FrankaDriver driver(s);
     driver.start();
@@ -260,7 +259,7 @@ TEST(FrankaDriver, EndsAfterAReflexWhereTheArmRejectsALateStop) {
   EXPECT_EQ(served.ended().mode(), Mode::reflex);
 }
 
-/// What the law sent and how the arm followed, by ticks.
+/// Torques of the law by ticks, and how well the arm followed.
 struct Course {
   std::map<std::int64_t, Vector> torques;
   double largest_error = 0;
@@ -284,8 +283,8 @@ Course run(const scenario::Scenario& s, Trouble trouble) {
       const auto reference = trajectory.at(static_cast<double>(k) * s.loop.period_s);
       const auto outcome = law->step(k, robot.measure(k), reference);
       course.torques[k] = outcome.command.tau;
-      course.largest_error = std::max(
-          course.largest_error, (robot.state().q - reference.q_ref).cwiseAbs().maxCoeff());
+      course.largest_error =
+          std::max(course.largest_error, (robot.state().q - reference.q_ref).cwiseAbs().maxCoeff());
       robot.accept(outcome.command);
       robot.advance(k);
       robot.end_tick();

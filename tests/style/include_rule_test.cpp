@@ -58,6 +58,7 @@ const std::map<std::string, Names> users = {
     {"tachless_truth/", {"core/messages/truth"}},
     {"tinyxml.h", {"core/robot"}},
     {"unsupported/", {"analysis/numerics/decompositions.cpp"}},
+    {"ur_client_library/", {"plant/drivers/ur"}},
     {"urdf_model/", {"core/robot/urdf_xml.cpp"}},
     {"yaml-cpp/", {"core/scenario/yaml_tree.cpp"}}};
 

@@ -30,12 +30,12 @@ constexpr int steps_a_tick = 10;
 constexpr double step_s = 1e-4;
 constexpr double friction_slope = 100;  // [s/rad]
 
-constexpr Joints sensor_range = {87, 87, 87, 87, 12, 12, 12};       // [N m]
-constexpr Joints deceleration = {6, 2.585, 3.5, 4, 17, 5.5, 17};    // [rad/s2]
+constexpr Joints sensor_range = {87, 87, 87, 87, 12, 12, 12};            // [N m]
+constexpr Joints deceleration = {6, 2.585, 3.5, 4, 17, 5.5, 17};         // [rad/s2]
 constexpr Joints speed_offset = {0.3, 0.2, 0.2, 0.3, 0.35, 0.35, 0.35};  // [rad/s]
-constexpr double most_change = 1;   // [N m] in a tick
-constexpr int most_lost = 20;       // commands in a row
-constexpr double end_effector = 0.7126;  // of the hand [kg]
+constexpr double most_change = 1;                                        // [N m] in a tick
+constexpr int most_lost = 20;                                            // commands in a row
+constexpr double end_effector = 0.7126;                                  // of the hand [kg]
 
 sockaddr_in local_address(std::uint16_t port) {
   sockaddr_in address{};

@@ -86,7 +86,7 @@ class EmulatedArm {
   [[nodiscard]] bool has_client() const;
   [[nodiscard]] double largest_change_Nm() const { return largest_change_; }
   [[nodiscard]] std::int64_t lost_commands() const { return lost_; }
-  [[nodiscard]] int longest_loss() const { return longest_loss_; }  ///< commands in a row
+  [[nodiscard]] int longest_loss() const { return longest_loss_; }         ///< commands in a row
   [[nodiscard]] double speed() const { return v_.cwiseAbs().maxCoeff(); }  ///< [rad/s]
   [[nodiscard]] double load_kg() const { return state_.load_kg; }
   [[nodiscard]] const Joints& thresholds_Nm() const { return thresholds_; }

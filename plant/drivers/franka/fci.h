@@ -63,10 +63,10 @@ std::string_view name_of(Error error);
 struct State {
   std::uint64_t id = 0;  ///< number of the arm's millisecond
   double end_effector_kg = 0, load_kg = 0;
-  Joints tau_J{};    ///< measured, with gravity [N m]
-  Joints tau_J_d{};  ///< torque that the arm took, without gravity [N m]
-  Joints q{}, dq{};  ///< [rad; rad/s]
-  Joints external{};  ///< filtered external torque [N m]
+  Joints tau_J{};           ///< measured, with gravity [N m]
+  Joints tau_J_d{};         ///< torque that the arm took, without gravity [N m]
+  Joints q{}, dq{};         ///< [rad; rad/s]
+  Joints external{};        ///< filtered external torque [N m]
   bool controlled = false;  ///< a client's torques act
   std::array<bool, num_errors> errors{}, reflex_reason{};
   Mode mode = Mode::idle;

@@ -88,8 +88,10 @@ std::shared_ptr<franka::Robot> connected(const std::string& address) {
 }
 
 /// Keeps a control and its robot until the process ends, and does not destroy them then either.
-void keep(std::shared_ptr<franka::Robot> robot, std::unique_ptr<franka::ActiveControlBase> control) {
-  using Kept = std::pair<std::shared_ptr<franka::Robot>, std::unique_ptr<franka::ActiveControlBase>>;
+void keep(std::shared_ptr<franka::Robot> robot,
+          std::unique_ptr<franka::ActiveControlBase> control) {
+  using Kept =
+      std::pair<std::shared_ptr<franka::Robot>, std::unique_ptr<franka::ActiveControlBase>>;
   static auto& kept = *new std::vector<Kept>;
   kept.emplace_back(std::move(robot), std::move(control));
 }

@@ -80,9 +80,9 @@ std::string told_urdf(const std::string& address);
 ///
 /// Four habits of libfranka are avoided. The destructor of its control throws what the arm rejects,
 /// and so ends the process: it is never called. A read by that control, and StopMove, wait for an
-/// answer without an end: states are read by the robot, and StopMove is sent by a thread of its own.
-/// States pile up while nobody reads: an old one is passed over. Connecting sets the priority 99:
-/// the thread's own is restored.
+/// answer without an end: states are read by the robot, and StopMove is sent by a thread of its
+/// own. States pile up while nobody reads: an old one is passed over. Connecting sets the priority
+/// 99: the thread's own is restored.
 class FrankaDriver final : public plant::ClockDriver {
  public:
   /// Connects, recovers if plant.driver.recover is set, and compares the joints' limits with those

@@ -204,9 +204,8 @@ std::unique_ptr<ActiveControlBase> Robot::startTorqueControl() {
   constexpr std::uint32_t external_controller = 2, no_generator = 4;
   const std::array<double, 6> deviations{};
   const std::array<double, 7> velocities{};
-  const Answer answer =
-      ask(fci::Request::move,
-          packed(external_controller, no_generator, deviations, false, velocities));
+  const Answer answer = ask(
+      fci::Request::move, packed(external_controller, no_generator, deviations, false, velocities));
   if (answer.status != static_cast<std::uint8_t>(fci::MoveStatus::started)) {
     throw ControlException("Move command rejected: command not possible in the current mode");
   }

@@ -35,10 +35,10 @@ enum class RobotMode {
 struct Errors {
   std::array<bool, 41> all{};
   bool joint_position_limits_violation = false, self_collision_avoidance_violation = false,
-       joint_velocity_violation = false, cartesian_velocity_violation = false,
-       joint_reflex = false, cartesian_reflex = false,
-       communication_constraints_violation = false, controller_torque_discontinuity = false,
-       power_limit_violation = false, tau_j_range_violation = false;
+       joint_velocity_violation = false, cartesian_velocity_violation = false, joint_reflex = false,
+       cartesian_reflex = false, communication_constraints_violation = false,
+       controller_torque_discontinuity = false, power_limit_violation = false,
+       tau_j_range_violation = false;
   explicit operator std::string() const;
 };
 
