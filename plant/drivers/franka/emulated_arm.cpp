@@ -103,7 +103,8 @@ EmulatedArm::EmulatedArm(const scenario::Scenario& scenario, Pace pace, Trouble 
 }
 
 void EmulatedArm::serve(const std::stop_token& ends) {
-  for (Time tick = Clock::now(); !ends.stop_requested() && !dead_;) {
+  const auto brakes = [this] { return state_.mode != Mode::move && speed() > 0; };
+  for (Time tick = Clock::now(); (!ends.stop_requested() || brakes()) && !dead_;) {
     begin_tick(tick);
     const Time end = tick + tick_length;
     while (Clock::now() < end) attend(end);
