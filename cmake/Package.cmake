@@ -39,7 +39,7 @@ foreach(driver IN LISTS drivers)
   list(APPEND driver_components ${component})
   tachless_package(${component} ${driver})
   install(FILES ${files}/drivers/${driver}.1.gz DESTINATION share/man/man1
-    COMPONENT ${component} EXCLUDE_FROM_ALL OPTIONAL)
+    COMPONENT ${component} OPTIONAL)
   string(TOUPPER ${component} upper)
   set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${driver})
   set(CPACK_DEBIAN_${upper}_PACKAGE_SECTION science)
