@@ -133,6 +133,7 @@ struct LiveRun::Run {
     truth = true;
     note_positions(stamp, is.q, is.theta);
     note("τ", stamp, is.tau);
+    note("disturbance", stamp, is.disturbance);
     for (std::size_t i = 0; i < static_cast<std::size_t>(is.tau.size()); ++i) {
       saturated[i] = saturated[i] || is.saturated[i];
     }
@@ -141,6 +142,21 @@ struct LiveRun::Run {
       note_event(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
     }
     fault = is.fault;
+  }
+
+  /// Notes the force, and the geoms when they begin to touch after a while without contact.
+  void on(const messages::Stamp& stamp, const messages::truth::Contact& contact,
+          std::int64_t /*ns*/) {
+    constexpr double apart_s = 0.1;  // touches closer together are one
+    Curves& force = curves["contact"];
+    force.resize(1);
+    force[0].add(seconds(stamp), contact.force);
+    if (contact.geoms.empty()) return;
+    if (!touched_s || seconds(stamp) - *touched_s > apart_s) {
+      note_event(fmt::format("contact from {:.4g} s ({})", seconds(stamp),
+                             base::printable(contact.geoms)));
+    }
+    touched_s = seconds(stamp);
   }
 
   void on(const messages::Stamp& stamp, const messages::Participant& participant,
@@ -177,13 +193,14 @@ struct LiveRun::Run {
   logger::RunDescription described;
   std::tuple<messages::Port<messages::Tick>, messages::Port<messages::ReferencePoint>,
              messages::Port<messages::TorqueCommand>, messages::Port<messages::LawSignals>,
-             messages::Port<messages::truth::PlantTruth>, messages::Port<messages::Participant>,
-             messages::Port<messages::AnyMeasurement>>
+             messages::Port<messages::truth::PlantTruth>, messages::Port<messages::truth::Contact>,
+             messages::Port<messages::Participant>, messages::Port<messages::AnyMeasurement>>
       ports{port<messages::Tick>(),
             port<messages::ReferencePoint>(),
             port<messages::TorqueCommand>(),
             port<messages::LawSignals>(),
             port<messages::truth::PlantTruth>(),
+            port<messages::truth::Contact>(),
             port<messages::Participant>(),
             messages::Port<messages::AnyMeasurement>{
                 messages::channel(described.info.robot, described.info.measurement),
@@ -192,6 +209,7 @@ struct LiveRun::Run {
   std::map<std::string, Curves> curves;
   std::array<std::pair<std::int64_t, Vector>, 16> references;  ///< ticks and positions, of late
   bool truth = false;                                          ///< there is TRUTH on the bus
+  std::optional<double> touched_s;                             ///< newest time with a contact
   double newest_s = 0;
   std::int64_t next_stretch = 0;  ///< its number
   Regularity ticks;

@@ -309,6 +309,7 @@ std::string live_page(const logger::RunDescription& of, const Visuals& visuals,
   for (LoggedSignal& signal : run.signals) {
     for (study::Envelope& joint : signal.joints) joint.add(0, 1);
   }
+  if (logger::has_slot(run.scenario, logger::Slot::contact)) run.contact_force.add(0, 1);
   run.decay.resize(run.joints.name.size());
   Overlay all(runs);
   all.live = true;

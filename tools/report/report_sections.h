@@ -60,7 +60,7 @@ struct Overlay {
                             const std::string& signal, Label label = {}, double width = 1.2) const;
 };
 
-/// Returns the sections: tracking, error, torque, torque of the model, controller signals, Lyapunov
+/// Returns the sections: tracking, error, torque, contact (with plant.mujoco), torque of the model, controller signals, Lyapunov
 /// function, timing, events.
 std::vector<ReportSection> report_sections(const Overlay& all);
 
