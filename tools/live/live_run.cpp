@@ -12,6 +12,7 @@
 #include "base/text.h"
 #include "bus/authenticated.h"
 #include "live/arrivals.h"
+#include "logger/tick_messages.h"
 #include "messages/measurements.h"
 #include "messages/truth/tick_record.h"
 #include "messages/truth/truth_wire.h"
@@ -63,7 +64,8 @@ class Regularity {
 
 /// All that is known of one run.
 struct LiveRun::Run {
-  explicit Run(logger::RunDescription of) : described(std::move(of)) {
+  explicit Run(logger::RunDescription of)
+      : described(std::move(of)), disturbed(logger::has_disturbance(described.scenario)) {
     const auto declared = messages::parse_signals(described.info.signals);
     for (const auto& [name, unit] : *declared) {
       signals.emplace_back(name);
@@ -133,7 +135,7 @@ struct LiveRun::Run {
     truth = true;
     note_positions(stamp, is.q, is.theta);
     note("τ", stamp, is.tau);
-    note("disturbance", stamp, is.disturbance);
+    if (disturbed) note("disturbance", stamp, is.disturbance);
     for (std::size_t i = 0; i < static_cast<std::size_t>(is.tau.size()); ++i) {
       saturated[i] = saturated[i] || is.saturated[i];
     }
@@ -191,6 +193,7 @@ struct LiveRun::Run {
   }
 
   logger::RunDescription described;
+  bool disturbed;  ///< TRUTH has torques that no drive gives
   std::tuple<messages::Port<messages::Tick>, messages::Port<messages::ReferencePoint>,
              messages::Port<messages::TorqueCommand>, messages::Port<messages::LawSignals>,
              messages::Port<messages::truth::PlantTruth>, messages::Port<messages::truth::Contact>,
