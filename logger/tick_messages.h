@@ -38,10 +38,9 @@ class TickChannels {
       : robot_(scenario.robot.channel_prefix),
         layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
                                  static_cast<int>(messages::parse_signals(law.signals)->size()))) {
-    for_each_type(messages::TickMessages(),
-                  [&]<class Value>(std::type_identity<Value>) {
-                    if (has_slot(scenario, messages::slot_of<Value>())) use<Value>();
-                  });
+    for_each_type(messages::TickMessages(), [&]<class Value>(std::type_identity<Value>) {
+      if (has_slot(scenario, messages::slot_of<Value>())) use<Value>();
+    });
     messages::with_measurement(law.measurement, [&]<class M>(std::type_identity<M>) { use<M>(); });
   }
 

@@ -71,7 +71,7 @@ class PlantLoop {
   messages::Port<messages::Tick> tick_port_;
   messages::Port<messages::TorqueCommand> command_port_;
   messages::Port<messages::truth::PlantTruth> truth_port_;
-  std::optional<messages::Port<messages::truth::Contact>> contact_port_;  ///< with plant.mujoco
+  std::optional<messages::Port<messages::truth::Contact>> contact_port_;      ///< with plant.mujoco
   std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
 };
 

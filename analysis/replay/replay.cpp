@@ -271,16 +271,17 @@ nlohmann::ordered_json to_json(const Replay& replay) {
              {"difference_Nm", at->replayed - at->recorded},
              {"ulps", at->ulps}};
   }
-  return {{"compared_ticks", replay.compared},
-          {"different_ticks", replay.different},
-          {"last_compared_tick", replay.compared > 0 ? Json(replay.last_compared) : Json()},
-          {"complete", replay.complete()},
-          {"ticks_without_command", replay.without_command},
-          {"ticks_passed_over", replay.passed_over},
-          {"simulator", replay.simulator.empty() ? Json() : Json(base::printable(replay.simulator))},
-          {"stopped_by", replay.stopped_by.empty() ? Json() : Json(replay.stopped_by)},
-          {"first_difference", first},
-          {"joints", joints}};
+  return {
+      {"compared_ticks", replay.compared},
+      {"different_ticks", replay.different},
+      {"last_compared_tick", replay.compared > 0 ? Json(replay.last_compared) : Json()},
+      {"complete", replay.complete()},
+      {"ticks_without_command", replay.without_command},
+      {"ticks_passed_over", replay.passed_over},
+      {"simulator", replay.simulator.empty() ? Json() : Json(base::printable(replay.simulator))},
+      {"stopped_by", replay.stopped_by.empty() ? Json() : Json(replay.stopped_by)},
+      {"first_difference", first},
+      {"joints", joints}};
 }
 
 }  // namespace tachless::replay

@@ -7,20 +7,11 @@
 namespace tachless::messages {
 
 /// Kinds of message in the order of the canonical log. Only a run with plant.mujoco has `contact`.
-enum class Slot : int {
-  tick,
-  measurement,
-  reference,
-  command,
-  controller_state,
-  truth,
-  contact
-};
+enum class Slot : int { tick, measurement, reference, command, controller_state, truth, contact };
 inline constexpr int num_slots = 7;
 inline constexpr std::array<Slot, num_slots> all_slots = {
-    Slot::tick,    Slot::measurement,      Slot::reference,
-    Slot::command, Slot::controller_state, Slot::truth,
-    Slot::contact};
+    Slot::tick,  Slot::measurement, Slot::reference, Slot::command, Slot::controller_state,
+    Slot::truth, Slot::contact};
 
 constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
 

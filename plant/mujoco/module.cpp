@@ -239,8 +239,8 @@ class Mujoco final : public MujocoSimulator {
       if (force.norm() <= most.force) continue;
       most.force = force.norm();
       const auto [first, second] = geoms;
-      most.geoms = is_robot(first) ? name(first) + ", " + name(second)
-                                   : name(second) + ", " + name(first);
+      most.geoms =
+          is_robot(first) ? name(first) + ", " + name(second) : name(second) + ", " + name(first);
     }
     return most;
   }

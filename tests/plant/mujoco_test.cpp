@@ -64,8 +64,9 @@ TEST_F(MujocoPlant, UnderTheSameTorquesIsTheEmulatorToElevenDigits) {
   seven << 0, 0.3, 0, 1.2, 0, 1, 0.4;
   EXPECT_LT(of(seven_joints(), seven, 8, 800, "rk4"), 1e-11);
   const std::string euler = "euler, step_s: ";
-  EXPECT_NEAR(of(two_links, two, 3, 500, euler + "0.001") / of(two_links, two, 3, 500, euler + "0.0005"),
-              2, 0.02);
+  EXPECT_NEAR(
+      of(two_links, two, 3, 500, euler + "0.001") / of(two_links, two, 3, 500, euler + "0.0005"), 2,
+      0.02);
 }
 
 TEST_F(MujocoPlant, ByEulerHasAnErrorThatHalvesWithTheStep) {

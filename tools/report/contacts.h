@@ -19,7 +19,7 @@ struct Contacts {
     double force = 0;  ///< [N]
   };
 
-  std::string simulator;  ///< its name and version; empty: the log has no contacts
+  std::string simulator;   ///< its name and version; empty: the log has no contacts
   std::int64_t ticks = 0;  ///< with a contact
   Pair first;
   Pair largest;

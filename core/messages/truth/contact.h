@@ -17,12 +17,11 @@ struct Contact {
   using Value = Contact;
   static constexpr std::size_t longest_name = 256;
   static constexpr std::string_view type = "tachless_truth.contact_t", suffix = "CONTACT";
-  static constexpr auto fields =
-      std::tuple{text("simulator", longest_name, &Value::simulator),
-                 text("geoms", longest_name, &Value::geoms),
-                 Field<Value, double>{"force", "contact_force", "N", Kind::real, Count::one,
-                                      &Value::force,
-                                      "force between the two geoms that press most", 0}};
+  static constexpr auto fields = std::tuple{
+      text("simulator", longest_name, &Value::simulator),
+      text("geoms", longest_name, &Value::geoms),
+      Field<Value, double>{"force", "contact_force", "N", Kind::real, Count::one, &Value::force,
+                           "force between the two geoms that press most", 0}};
 };
 
 }  // namespace tachless::messages::truth

@@ -29,8 +29,8 @@ struct TickRecord {
 };
 
 /// Types of the messages in a TickRecord besides the measurement.
-using TickMessages = TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth,
-                              truth::Contact>;
+using TickMessages =
+    TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth, truth::Contact>;
 
 template <class... Value>
 TypeList<Value..., truth::PlantTruth, truth::Contact> with_truth(TypeList<Value...>);

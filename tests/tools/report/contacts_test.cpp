@@ -26,8 +26,7 @@ TEST(Contacts, AreToldFromTheFirstTouchOn) {
   EXPECT_EQ(contacts.text(), "");
   EXPECT_EQ(to_json(contacts)["first"], nullptr);
   contacts.add(tick("tip, wall", 370, {1}), 1.22);
-  EXPECT_EQ(contacts.text(),
-            "contact from 1.22 s (tip, wall), up to 370 N: joint 2 at its limit");
+  EXPECT_EQ(contacts.text(), "contact from 1.22 s (tip, wall), up to 370 N: joint 2 at its limit");
   contacts.add(tick("tip, wall", 520, {3, 5}), 1.5);
   contacts.add(tick("tip, wall", 426, {1}), 1.6);
   EXPECT_EQ(contacts.text(),
