@@ -98,6 +98,27 @@ TEST_F(MujocoPlant, HasItsContactsInTheLog) {
   EXPECT_TRUE(log.summary().gap_texts().empty());
 }
 
+// examples/mujoco/push_box.yaml
+TEST_F(MujocoPlant, PushesTheBoxOfTheExample) {
+  const auto scenario =
+      scenario::load_scenario(TACHLESS_SOURCE_DIR "/examples/mujoco/push_box.yaml");
+  double first_s = 0, largest = 0;
+  ArmState last;
+  in_process::run_in_process(scenario, [&](const TickRecord& record) {
+    last = record.truth;
+    if (!last.contact->geoms.empty()) EXPECT_EQ(last.contact->geoms, "paddle, box");
+    if (last.contact->force > 0 && first_s == 0) first_s = record.time_s;
+    largest = std::max(largest, last.contact->force);
+    return true;
+  });
+  // The paddle meets the box a third of the way on, where the motion is fast.
+  EXPECT_NEAR(first_s, 1, 0.3);
+  // Dry friction of half the box's weight has to be overcome.
+  EXPECT_GT(largest, 0.5 * 2 * 9.81 * 0.9);
+  EXPECT_LT(largest, 1000);
+  EXPECT_NEAR(last.q[0], 0.5, 0.01);
+}
+
 TEST_F(MujocoPlant, IsAskedForContactsFirstWhenItStopsByFollowingError) {
   write("scene.xml", arm_at_a_wall());
   EXPECT_THAT(

@@ -35,8 +35,7 @@ TEST(MujocoLoop, IsReplayedWithTheVersionOfMujoco) {
   ASSERT_EQ(threads.finish().complaints(), "");
   setenv("TACHLESS_MUJOCO", "/none/mujoco.so", 1);  // a replay needs no MuJoCo
   logger::RunLog log = logger::RunLog::open(threads.log_path());
-  const auto found =
-      replay::replay(log, log.scenario(), controller::scenario_law(log.scenario()));
+  const auto found = replay::replay(log, log.scenario(), controller::scenario_law(log.scenario()));
   EXPECT_EQ(replay::problem_text(found, log, robot::joint_labels(*scenario.model)), "");
   EXPECT_TRUE(found.simulator.starts_with("MuJoCo ")) << found.simulator;
   EXPECT_NE(replay::verified_text(found, log, 1).find(", plant MuJoCo "), std::string::npos);
