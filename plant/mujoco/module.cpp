@@ -232,7 +232,8 @@ class Mujoco final : public MujocoSimulator {
       mjtNum force[6], world[3];
       mj_contactForce(model_.get(), data_.get(), i, force);
       mju_rotVecMatT(world, force, each.frame);  // the rows of the frame are its axes
-      forces_[{each.geom1, each.geom2}] += Eigen::Vector3d(world[0], world[1], world[2]);
+      const auto sum = forces_.try_emplace({each.geom1, each.geom2}, Eigen::Vector3d::Zero()).first;
+      sum->second += Eigen::Vector3d(world[0], world[1], world[2]);
     }
     Contact most{version(), {}, 0};
     for (const auto& [geoms, force] : forces_) {

@@ -13,6 +13,7 @@ namespace tachless::plant {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 /// The arm with a wall that its tip meets.
@@ -106,7 +107,7 @@ TEST_F(MujocoPlant, PushesTheBoxOfTheExample) {
   ArmState last;
   in_process::run_in_process(scenario, [&](const TickRecord& record) {
     last = record.truth;
-    if (!last.contact->geoms.empty()) EXPECT_EQ(last.contact->geoms, "paddle, box");
+    EXPECT_THAT(last.contact->geoms, AnyOf("", "paddle, box"));
     if (last.contact->force > 0 && first_s == 0) first_s = record.time_s;
     largest = std::max(largest, last.contact->force);
     return true;
