@@ -23,7 +23,7 @@ TEST_F(MujocoPlant, ByRungeKuttaMovesAsTheEmulatorToTenDigits) {
 }
 
 /// Returns the largest difference of positions from those of this library's mechanics under the
-/// same torques: gravity's at the start, and sines of a tenth to three tenths of `amplitude`.
+/// same torques: gravity's at the start, and a sine that is `amplitude` [N m] at the first joint.
 double open_loop_error(const std::filesystem::path& file, const Vector& start, double amplitude,
                        int ticks, const std::string& integrator) {
   const auto scenario = scenario::load_scenario(
@@ -70,13 +70,6 @@ TEST_F(MujocoPlant, UnderTheSameTorquesIsTheEmulatorToElevenDigits) {
   EXPECT_NEAR(
       of(two_links, two, 3, 500, euler + "0.001") / of(two_links, two, 3, 500, euler + "0.0005"), 2,
       0.02);
-}
-
-TEST_F(MujocoPlant, ByEulerHasAnErrorThatHalvesWithTheStep) {
-  const std::string euler = "plant.mujoco.integrator=euler";
-  const double one = error({euler, "plant.mujoco.step_s=0.001"}),
-               half = error({euler, "plant.mujoco.step_s=0.0005"});
-  EXPECT_NEAR(one / half, 2, 0.02);
 }
 
 TEST_F(MujocoPlant, GivesTheSameBitsEachTime) {
