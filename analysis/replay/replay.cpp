@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "base/failure.h"
+#include "base/text.h"
 #include "scenario/gains.h"
 
 namespace tachless::replay {
