@@ -8,6 +8,8 @@ file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples/project ${PROJECT_BINARY_DIR}/${
 install(DIRECTORY scenarios examples/project DESTINATION ${shared} COMPONENT program)
 install(FILES ${PROJECT_BINARY_DIR}/${shared}/tachless_types.jar DESTINATION ${shared}
   COMPONENT program OPTIONAL)
+install(PROGRAMS tools/cli/witness/check_witness.py DESTINATION ${shared}/witness COMPONENT program)
+install(FILES tools/cli/witness/interval.py DESTINATION ${shared}/witness COMPONENT program)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
   COMPONENT program)

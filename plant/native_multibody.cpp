@@ -1,4 +1,3 @@
-
 #include "plant/multibody.h"
 #include "robot/dynamics.h"
 

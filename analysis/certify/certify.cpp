@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/json_text.h"
 #include "base/text.h"
 #include "lyapunov/law_loop.h"
 #include "reference/make_trajectory.h"
@@ -23,7 +24,7 @@ using Json = nlohmann::ordered_json;
 /// Returns null for a number that is not finite.
 Json json_of(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 Json json_of(const std::optional<double>& x) { return x ? json_of(*x) : Json(); }
-Json json_of(const Eigen::VectorXd& x) { return std::vector<double>(x.begin(), x.end()); }
+Json json_of(const Eigen::VectorXd& x) { return base::json_list(x); }
 
 /// A printed result. Text and JSON are made of these results, in their order.
 struct Entry {
@@ -517,17 +518,18 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
 
 }  // namespace
 
-Certificate certify(const scenario::Scenario& scenario, bool paper, const linear::OnProgress& tell,
-                    bool full, const linear::LawAnswers& answers) {
+Certificate certify(const scenario::Scenario& scenario, const CertifyOptions& options) {
+  const linear::OnProgress& tell = options.tell;
   Certificate result;
   result.feasibility = feasibility(scenario);
   result.start_range = start_range_of(scenario);
   const bool may_miss = scenario.loop.mode == scenario::Mode::realtime;
-  result.loop = analyse(scenario, full || may_miss ? linear::Effort::full : linear::Effort::margins,
-                        tell, answers);
+  result.loop =
+      analyse(scenario, options.full || may_miss ? linear::Effort::full : linear::Effort::margins,
+              tell, options.answers);
   if (scenario.gives("plant.drive.loop") && result.loop.margins) {
     tell("loop inside the drives");
-    result.drives = predict_drives(scenario, answers);
+    result.drives = predict_drives(scenario, options.answers);
   }
   result.no_stability = no_region(result.loop);
   if (result.no_stability.empty() && lyapunov::has_error_form(scenario.controller.law)) {
@@ -540,8 +542,9 @@ Certificate certify(const scenario::Scenario& scenario, bool paper, const linear
       result.global = {false, "feedforward_max clips the feed-forward at some posture", {}};
     }
   }
-  if (full) result.nonlinear = lyapunov::sampled_region(scenario, result.no_nonlinear, tell);
-  if (paper) {
+  if (options.full)
+    result.nonlinear = lyapunov::sampled_region(scenario, result.no_nonlinear, tell);
+  if (options.paper) {
     std::string why_not;
     result.paper = lyapunov::paper_conditions(scenario, why_not);
   }

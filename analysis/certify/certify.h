@@ -33,14 +33,16 @@ struct Certificate {
   std::optional<DrivePrediction> drives;             ///< with plant.drive.loop, of a stable loop
 };
 
+struct CertifyOptions {
+  bool full = false;   ///< adds the region of the sampled loop, and missed ticks also in lockstep
+  bool paper = false;  ///< adds the conditions that Loria and Ortega (1995) print
+  linear::LawAnswers answers = {};  ///< as for `analyse`
+  linear::OnProgress tell = linear::no_progress;
+};
+
 /// Analyses a scenario before it runs.
-/// @param paper adds the conditions that Loria and Ortega (1995) print
-/// @param full adds the region of the sampled loop, and missed ticks also in lockstep
-/// @param answers as for `analyse`
 /// @throw base::Failure(bad_usage) when law, robot or reference cannot be made of the scenario.
-Certificate certify(const scenario::Scenario& scenario, bool paper,
-                    const linear::OnProgress& tell = linear::no_progress, bool full = false,
-                    const linear::LawAnswers& answers = {});
+Certificate certify(const scenario::Scenario& scenario, const CertifyOptions& options = {});
 
 /// Returns the result of `lyapunov::certified_run`; nothing for a sampled loop for which
 /// `no_region` gives a reason.

@@ -20,6 +20,8 @@ namespace {
 
 using messages::ReferencePoint;
 
+// A loop is usually sampled 10 to 30 times in a period of its bandwidth (K. Åström, B. Wittenmark,
+// Computer-Controlled Systems).
 constexpr double fastest_cycles_per_tick = 0.1;
 
 /// How fast a reference moves.
@@ -118,6 +120,9 @@ void judge_feedforward(Feasibility& result, const scenario::Scenario& scenario,
   using controller::law::LoriaOrtegaBounded;
   if (scenario.controller.law != LoriaOrtegaBounded::name) return;
   constexpr int instants = 33, postures = 256;
+  // Shares of a torque limit: the feedback has the rest, a fifth at least. The bound that is
+  // proposed is above the torques at the sampled postures, since the largest torque may be
+  // between them.
   constexpr double most_share = 0.8, usual_share = 0.7, reserve = 1.02;
   const auto law = controller::make_law<LoriaOrtegaBounded>(scenario);
   const robot::Model model = controller::rigid_model(scenario);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "base/parallel.h"
@@ -24,7 +25,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
-constexpr int motion_pieces = 96;
+constexpr int motion_pieces = 96;  // six from one posture of the reference to the next
 constexpr int posture_evaluations = 16;
 
 /// The posture of the motion with the largest f, searched from number `k` of those evenly over it.
@@ -385,9 +386,10 @@ std::string no_region(const Prediction& prediction) {
 }
 
 std::string growth_text(const Prediction& prediction) {
-  const double time_s = prediction.settings.period_s / std::log(prediction.radius);
+  const double time_s =
+      std::numbers::ln2 * prediction.settings.period_s / std::log(prediction.radius);
   constexpr double longest = 3600;  // a pole on the unit circle, but for rounding
-  return time_s > 0 && time_s < longest ? "errors grow by e each " + period_text(time_s)
+  return time_s > 0 && time_s < longest ? "errors double in " + period_text(time_s)
                                         : std::string("errors do not decay");
 }
 

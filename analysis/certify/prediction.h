@@ -85,7 +85,7 @@ Vector stiffness(const scenario::Scenario& scenario);
 /// its errors grow over the motion. Empty: it may be shown.
 std::string no_region(const Prediction& prediction);
 
-/// Returns e.g. "errors grow by e each 12 ms", of an unstable loop.
+/// Returns e.g. "errors double in 12 ms", of an unstable loop.
 std::string growth_text(const Prediction& prediction);
 
 /// Returns e.g. "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable

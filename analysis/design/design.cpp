@@ -34,8 +34,15 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
+// These numbers decide how long a search takes and which good gains it ends at. Whether the gains
+// keep the margin is decided by `search_range` and the prediction of the result alone. Postures in
+// the joints' range: those looked through for a low modulus, those that a search begins with, and
+// those added at once. The pool shows what one posture in some hundred has; a loop more makes each
+// step longer.
 constexpr int pool_size = 400, first_postures = 16, most_added = 3;
+// Between two rounds: short descents from the worst postures of the pool.
 constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
+// Caps of the steps, which end by themselves when none promises more (gain_search.cpp).
 constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4, most_attempts = 8;
 // The least modulus over the joints' range: descents from the worst of fresh postures, until two
 // sets of descents agree.
@@ -295,7 +302,9 @@ class Search {
     for (const Rule& start : starts) {
       if (start.part_of_margin > 1 && !all.empty()) break;
       const auto gains_at = [&](double w) -> VectorXd {
-        return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping, true, start.held))
+        return law_
+            .theta_of(
+                law_.by_rule(w, start.filter_ratio, {.damping = start.damping, .held = start.held}))
             .cwiseMax(problem_.lower)
             .cwiseMin(problem_.upper);
       };

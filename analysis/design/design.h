@@ -67,7 +67,7 @@ struct Design {
 /// make a stable loop. Each number changes by a factor of 100 at most; a gain with equal numbers
 /// for all joints stays so. The goals about kp, bandwidth and start error do not apply.
 /// @throw base::Failure(check_said_no) when no gains suffice. The message names the reason: a
-/// torque limit below gravity, a motion that is too fast, or margins that no gains have
+/// torque limit below gravity, a motion that is too fast, or a margin that no gains keep
 Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
               const linear::OnProgress& tell = linear::no_progress,
               const linear::LawAnswers& answers = {});

@@ -157,11 +157,11 @@ std::string DesignProblem::name_of(std::size_t variable) const {
          robot::joint_labels(*scenario_.model).joint(variable % count);
 }
 
-Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, double held) const {
+Gains DesignProblem::by_rule(double w, double r, const RuleOptions& options) const {
   Tuning tuning = mean_;
-  tuning.inertia.array() *= (held_inertia_.array() / mean_.inertia.array()).pow(held);
+  tuning.inertia.array() *= (held_inertia_.array() / mean_.inertia.array()).pow(options.held);
   tuning.w = w;
-  tuning.damping = damping;
+  tuning.damping = options.damping;
   tuning.filter = std::min(r * w, rate());
   Gains all = law_.tuned(tuning);
   for (const controller::Parameter& each : law_.parameters) {
@@ -183,7 +183,8 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
     kp->second += w * friction;
   }
   // Only the product kd b counts, in the loop and in its certificate.
-  if (one_b && all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
+  if (options.one_b && all.contains("b") && all.contains("kd") &&
+      all["kd"].size() == all["b"].size()) {
     all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
     all["b"].setConstant(rate());
   }
@@ -409,7 +410,7 @@ void DesignProblem::set_bounds() {
 Design rule_of_thumb(const scenario::Scenario& scenario, double hz) {
   const DesignProblem law(scenario, {});
   Design design;
-  design.gains = law.rounded(law.by_rule(2 * std::numbers::pi * hz, 10, 1, false));
+  design.gains = law.rounded(law.by_rule(2 * std::numbers::pi * hz, 10, {.one_b = false}));
   return design;
 }
 

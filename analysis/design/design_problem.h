@@ -32,14 +32,19 @@ class DesignProblem {
   /// @throw base::Failure(check_said_no) for a law without gains
   void choose_variables();
 
+  struct RuleOptions {
+    double damping = 1;  ///< of the two poles
+    /// 0 takes each joint's inertia with the others free, 1 with the others held; values between
+    /// interpolate.
+    double held = 0;
+    /// True: kd b is split so that b = 1 / h. False: b = a, and v_ref + nu approximates the
+    /// velocity.
+    bool one_b = true;
+  };
   /// Returns the gains by the rule of thumb. Filters are r times as fast as the two poles and no
   /// faster than 1 / h.
-  /// @param held 0 takes each joint's inertia with the others free, 1 with the others held; values
-  /// between interpolate
-  /// @param one_b splits kd b so that b = 1 / h; otherwise b = a, and v_ref + nu approximates the
-  /// velocity
-  [[nodiscard]] Gains by_rule(double w, double r, double damping = 1, bool one_b = true,
-                              double held = 0) const;
+  [[nodiscard]] Gains by_rule(double w, double r, const RuleOptions& options) const;
+  [[nodiscard]] Gains by_rule(double w, double r) const { return by_rule(w, r, {}); }
   /// Returns the gains for the variables `theta`.
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   /// Rounds gains to four digits. Leaves the matrices of an external law, which do not vary,

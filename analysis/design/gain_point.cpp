@@ -19,7 +19,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Row = numerics::LinearProgramme::Row;
 
+// Instants from T to `window` T: every 2^k-th tick, T / 48 to T / 24 apart.
 constexpr int num_instants = 96;
+// Instants by which the settling time is judged: at most 1 % of it apart, since it is more than an
+// eighth of the examined interval.
+constexpr int num_instants_judged = 1500;
 // Fall of log |e| that is required during another T. It excludes a slow pole with an amplitude just
 // below 1 %.
 constexpr double fall = 1;
@@ -27,6 +31,14 @@ constexpr double fall = 1;
 // frequencies would have to fall as far before they count.
 constexpr double near_least = 0.15;
 constexpr double near_largest = 1.5;  // keeps rows of errors within exp(-1.5) of the largest
+// Loops whose largest error is within exp(-0.5) of the largest of all get rows of errors.
+constexpr double near_slowest = 0.5;
+// Decay over angle of a lightly damped mode: a damping ratio below 0.29. Its peak of 1.8 and more
+// may lie between the kept frequencies, which are a tenth apart at 1 kHz.
+constexpr double lightly_damped = 0.3;
+// Distance above the margin within which a frequency beside a minimum gets rows, too: ten times the
+// margin kept for dips. There the minimum may be after the step.
+constexpr double near_minimum = 0.03;
 
 std::vector<FeedbackAt> at_frequencies(const linear::Feedback& feedback, double period_s,
                                        const std::vector<double>& w) {
@@ -53,7 +65,7 @@ std::vector<FeedbackAt> with(std::vector<FeedbackAt> grid, const linear::Feedbac
 std::vector<double> resonances(const linear::RestLoop& loop, const linear::LinearLaw& law) {
   std::vector<double> w;
   for (const std::complex<double>& z : numerics::eigenvalues(loop.closed(law))) {
-    if (z.imag() > 0 && std::abs(std::log(std::abs(z))) < 0.3 * std::arg(z)) {
+    if (z.imag() > 0 && std::abs(std::log(std::abs(z))) < lightly_damped * std::arg(z)) {
       w.push_back(std::arg(z) / loop.period_s());
     }
   }
@@ -206,7 +218,8 @@ std::vector<double> GainPoint::settling_s(double end_s,
                                           const std::vector<std::size_t>& loops) const {
   return parallel_map(loops.size(), [&](std::size_t of) {
     const std::size_t i = loops[of];
-    const linear::Errors all = errors(problem_->loops[i], feedback(i).law, 0, end_s, 1500);
+    const linear::Errors all =
+        errors(problem_->loops[i], feedback(i).law, 0, end_s, num_instants_judged);
     double last = 0;
     for (Index k = 0; k < all.error.rows(); ++k) {
       if (!(all.error.row(k).cwiseAbs().maxCoeff() <= settled)) {
@@ -223,7 +236,7 @@ void GainPoint::add_margin_rows(std::size_t loop, std::vector<Row>& rows) const 
     const bool lowest =
         (k == 0 || all[k] <= all[k - 1]) && (k + 1 == all.size() || all[k] <= all[k + 1]);
     const double least = problem_->share[loop] * (problem_->margin + margin_kept);
-    if (all[k] > least + (lowest ? near_margin : 0.03)) continue;
+    if (all[k] > least + (lowest ? near_margin : near_minimum)) continue;
     const linear::RestLoop& at = problem_->loops[loop];
     const linear::Feedback& law = feedback(loop);
     const FeedbackAt& here = grid(loop)[k];
@@ -314,7 +327,7 @@ Linearised programme_at(const GainProblem& problem, const GainPoint& point, doub
   result.first_margin_row.push_back(lp.rows.size());
   const double largest = log_errors.maxCoeff();
   for (Index i = 0; i < log_errors.size(); ++i) {
-    if (log_errors[i] < largest - 0.5) continue;
+    if (log_errors[i] < largest - near_slowest) continue;
     point.add_error_rows(problem.settling[static_cast<std::size_t>(i)], T, largest, lp.rows);
   }
   lp.cost = VectorXd::Zero(n + 2);

@@ -24,13 +24,20 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// Motions drawn for all joints; then the best one with one joint at a time drawn anew, since a
+// motion that shows one joint well is kept for it.
 constexpr int draws = 20, redraws = 60;
-constexpr int harmonics = 6;
+constexpr int harmonics = 6;  // sines of a joint; two may have the same frequency
+// Frequencies are multiples of the base. The highest is a fifteenth of the cutoff of the
+// regression's low-pass (least_squares.cpp).
 constexpr double base_hz = 0.1, highest_hz = 1;
 constexpr double most_fall = 2;    ///< largest exponent with which amplitudes fall with frequency
 constexpr double row_s = 0.2;      ///< between waypoints, a fifth of the fastest period
 constexpr double ramp_s = 2;       ///< of the envelope at each end
 constexpr double sample_s = 0.01;  ///< step at which regression and limits are evaluated
+// Shares of the joints' ranges, and of speed and torque limits, that a motion takes. The rest is
+// for following errors and for friction that is not known yet. Speed where the URDF has no limit
+// [rad/s].
 constexpr double of_range = 0.9, of_limit = 0.8, usual_speed = 1;
 
 /// Returns the largest deflection from the start that each joint has on both sides.
@@ -222,7 +229,8 @@ class Designer {
   void consider(MatrixXd offset) {
     const VectorXd& start = scenario_.plant.initial.position_rad;
     Motion motion = motion_of(with(overrides_of(offset, start, scenario_.loop.period_s)));
-    for (int pass = 0; pass < 8; ++pass) {
+    constexpr int most_passes = 8;  // a motion that is still too fast is dropped
+    for (int pass = 0; pass < most_passes; ++pass) {
       const VectorXd factor = shrink(scenario_, motion);
       if (factor.minCoeff() >= 1) break;
       offset = offset * (0.99 * factor).cwiseMin(1).asDiagonal();

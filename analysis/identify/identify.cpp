@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/failure.h"
+#include "base/json_text.h"
 #include "identify/least_squares.h"
 #include "identify/units.h"
 #include "robot/urdf_xml.h"
@@ -357,7 +358,7 @@ std::string remarks(const Identified& found) {
 
 std::string text(const Identified& found, const std::string& name) {
   std::string text =
-      fmt::format("{}: 95 % intervals, condition {:.3g}{}\n", name, found.condition,
+      fmt::format("{}: 95 % intervals, condition number {:.3g}{}\n", name, found.condition,
                   found.simulated ? "" : "; by least squares, as no controller is known");
   for (const Identified::Parameter& each : found.parameters) {
     const bool in_load = each.entry.kind == Kind::load && each.doubt.empty();
@@ -402,13 +403,11 @@ std::string text(const Identified& found, const std::string& name) {
 }
 
 void to_json(nlohmann::ordered_json& json, const Identified& found) {
-  const auto list = [](const auto& vector) {
-    return std::vector<double>(vector.begin(), vector.end());
-  };
+  using base::json_list;
   const auto mass = [&](const robot::MassProperties& of) -> nlohmann::ordered_json {
     return {{"mass_kg", of.mass},
-            {"center_of_mass_m", list(of.p_Bcm)},
-            {"inertia_kgm2", list(inertial_of({of.mass, {0, 0, 0}, of.I_Bcm}).tail<6>())}};
+            {"center_of_mass_m", json_list(of.p_Bcm)},
+            {"inertia_kgm2", json_list(inertial_of({of.mass, {0, 0, 0}, of.I_Bcm}).tail<6>())}};
   };
   json = {{"method", found.simulated ? "output error" : "least squares"},
           {"condition", found.condition},

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <utility>
 
-#include "identify/inertia.h"
+#include "identify/physical_inertia.h"
 #include "numerics/decompositions.h"
 #include "robot/dynamics.h"
 
@@ -107,12 +107,12 @@ struct Models {
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
 /// Sets `slow` of the rows of joint j.
-void set_slow(Regression& of, Eigen::Index j) {
-  const Eigen::Index n = of.peak.size(), instants = of.torque.size() / n;
-  const auto speed = [&](Eigen::Index k) { return std::abs(of.speed[k * n + j]); };
+void set_slow(Regression& regression, Eigen::Index j) {
+  const Eigen::Index n = regression.peak.size(), instants = regression.torque.size() / n;
+  const auto speed = [&](Eigen::Index k) { return std::abs(regression.speed[k * n + j]); };
   double largest = 0;
   for (Eigen::Index k = 0; k < instants; ++k) largest = std::max(largest, speed(k));
-  const double step_s = instants > 1 ? of.time_s[n] - of.time_s[0] : 1;
+  const double step_s = instants > 1 ? regression.time_s[n] - regression.time_s[0] : 1;
   for (const double guard_s : guards_s) {
     const auto guard = static_cast<Eigen::Index>(std::ceil(guard_s / step_s - 1e-9));
     std::vector<bool> slow(static_cast<std::size_t>(instants), false);
@@ -123,7 +123,7 @@ void set_slow(Regression& of, Eigen::Index j) {
       std::fill(slow.begin() + from, slow.begin() + to, true);
     }
     for (Eigen::Index k = 0; k < instants; ++k) {
-      of.slow[static_cast<std::size_t>(k * n + j)] = slow[static_cast<std::size_t>(k)];
+      regression.slow[static_cast<std::size_t>(k * n + j)] = slow[static_cast<std::size_t>(k)];
     }
     const auto fast = std::ranges::count(slow, false);
     if (static_cast<double>(fast) >= least_share * static_cast<double>(instants)) return;
@@ -251,10 +251,10 @@ VectorXd Regression::residual(const VectorXd& values, const std::vector<bool>& w
   return sum.cwiseQuotient(count).cwiseSqrt();
 }
 
-double rows_alike(const Regression& of) {
-  const Eigen::Index n = of.peak.size();
-  if (of.time_s.size() <= n) return 1;
-  return std::max(1.0, 1 / (independent_hz * (of.time_s[n] - of.time_s[0])));
+double rows_alike(const Regression& regression) {
+  const Eigen::Index n = regression.peak.size();
+  if (regression.time_s.size() <= n) return 1;
+  return std::max(1.0, 1 / (independent_hz * (regression.time_s[n] - regression.time_s[0])));
 }
 
 Regression regression(const Recording& recording, const Parameters& parameters) {
@@ -311,12 +311,12 @@ struct Weighted {
 };
 
 /// Slow rows have weight 0 unless they are used of that joint.
-Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight,
+Weighted weighted(const std::vector<Regression>& regressions, const VectorXd& weight,
                   const std::vector<bool>& with_slow) {
   Eigen::Index rows = 0, row = 0;
-  for (const Regression& each : of) rows += each.torque.size();
-  Weighted all{MatrixXd(rows, of.front().columns.cols()), VectorXd(rows)};
-  for (const Regression& each : of) {
+  for (const Regression& each : regressions) rows += each.torque.size();
+  Weighted all{MatrixXd(rows, regressions.front().columns.cols()), VectorXd(rows)};
+  for (const Regression& each : regressions) {
     for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
       const double w = each.used(i, with_slow) ? weight[each.joint[i]] : 0;
       all.columns.row(row) = w * each.columns.row(i);
@@ -339,25 +339,25 @@ struct Widths {
   MatrixXd moves;
 };
 
-/// Returns the half widths of the 95 % intervals of `of` times the least-squares solution. They are
+/// Returns the half widths of the 95 % intervals of C times the least-squares solution. They are
 /// the solution's changes when each block of time is left out, so correlated residuals count
 /// correctly. Student's quantile has the degrees of freedom of that sum of squares for a white
 /// residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for linear regression with
 /// multi-stage samples, Survey Methodology 28(2), 2002).
-Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
+Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& C) {
   const Eigen::Index length = residual.size() / blocks, p = J.cols();
   const MatrixXd N = J.transpose() * J, inverse = numerics::inverse(N);
   // Normal matrices of the blocks; solutions of the other blocks.
   std::vector<MatrixXd> own, without;
-  MatrixXd moves(of.rows(), blocks);
+  MatrixXd moves(C.rows(), blocks);
   for (Eigen::Index b = 0; b < blocks; ++b) {
     const auto rows = J.middleRows(b * length, length);
     own.emplace_back(rows.transpose() * rows);
-    without.emplace_back(numerics::inverse(N - own.back()) * of.transpose());
+    without.emplace_back(numerics::inverse(N - own.back()) * C.transpose());
     moves.col(b) =
         without.back().transpose() * (rows.transpose() * residual.segment(b * length, length));
   }
-  VectorXd result(of.rows());
+  VectorXd result(C.rows());
   for (Eigen::Index i = 0; i < result.size(); ++i) {
     MatrixXd seen(p, blocks), covariance = MatrixXd::Zero(blocks, blocks);
     for (std::size_t b = 0; b < own.size(); ++b) {
@@ -374,18 +374,19 @@ Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& 
 }
 
 /// Computes which parameters are determined, alone or in sums, and how well.
-void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
+void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& result) {
   VectorXd norm = rows.columns.colwise().norm().transpose();
   norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
-  static_cast<Precision&>(of) = precision(
-      rows.columns, norm, rows.torque - rows.columns * of.values, at_bound(parameters, of.values));
-  of.sums.resize(static_cast<std::size_t>(norm.size()));
+  static_cast<Precision&>(result) =
+      precision(rows.columns, norm, rows.torque - rows.columns * result.values,
+                at_bound(parameters, result.values));
+  result.sums.resize(static_cast<std::size_t>(norm.size()));
   for (Eigen::Index i = 0; i < norm.size(); ++i) {
-    if (of.free(i, i) < 1e-6) continue;
-    of.half_width[i] = std::numeric_limits<double>::infinity();
-    std::string& with = of.sums[static_cast<std::size_t>(i)];
+    if (result.free(i, i) < 1e-6) continue;
+    result.half_width[i] = std::numeric_limits<double>::infinity();
+    std::string& with = result.sums[static_cast<std::size_t>(i)];
     for (Eigen::Index j = 0; j < norm.size(); ++j) {
-      if (j == i || std::abs(of.free(i, j)) < 0.2 * of.free(i, i)) continue;
+      if (j == i || std::abs(result.free(i, j)) < 0.2 * result.free(i, i)) continue;
       const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
       with += (with.empty() ? "" : ", ") + entry.name;
     }
@@ -416,9 +417,9 @@ struct Determined {
   }
 
   /// Returns the residual after least squares on the columns.
-  [[nodiscard]] VectorXd residual(const VectorXd& of) const {
+  [[nodiscard]] VectorXd residual(const VectorXd& y) const {
     const MatrixXd basis = scaled * vectors;
-    return of - basis * (basis.transpose() * of).cwiseQuotient(value);
+    return y - basis * (basis.transpose() * y).cwiseQuotient(value);
   }
 };
 
@@ -478,25 +479,25 @@ double Precision::half_width_of(const VectorXd& combination) const {
   return most * (combination.transpose() * moves).norm();
 }
 
-LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
+LeastSquares least_squares(const std::vector<Regression>& regressions, const Parameters& parameters,
                            const robot::Model& model, const std::vector<bool>& with_slow) {
-  const Eigen::Index n = of.front().peak.size();
+  const Eigen::Index n = regressions.front().peak.size();
   const std::vector<bool> slow =
       with_slow.empty() ? std::vector<bool>(static_cast<std::size_t>(n), false) : with_slow;
   LeastSquares result;
   VectorXd weight = VectorXd::Ones(n);
-  for (const Regression& each : of)
+  for (const Regression& each : regressions)
     weight = weight.cwiseMin(each.peak.cwiseMax(1e-9).cwiseInverse());
   for (int pass = 0; pass < passes; ++pass) {
-    const Weighted rows = weighted(of, weight, slow);
+    const Weighted rows = weighted(regressions, weight, slow);
     // Rows of one recording are as far apart as those of the others, if their loggers agree.
-    const double alike = rows_alike(of.front());
+    const double alike = rows_alike(regressions.front());
     result.values =
         possible_values(rows.columns.transpose() * rows.columns / alike,
                         rows.columns.transpose() * rows.torque / alike, parameters, model);
     if (pass + 1 == passes) set_intervals(rows, parameters, result);
     VectorXd residual = VectorXd::Zero(n);
-    for (const Regression& each : of) {
+    for (const Regression& each : regressions) {
       residual = residual.cwiseMax(each.residual(result.values, slow));
     }
     weight = residual.cwiseMax(1e-9).cwiseInverse();

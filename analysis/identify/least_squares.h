@@ -40,7 +40,7 @@ struct Regression {
 Regression regression(const Recording& recording, const Parameters& parameters);
 
 /// Returns the number of successive filtered rows that count as one independent row.
-double rows_alike(const Regression& of);
+double rows_alike(const Regression& regression);
 
 /// Filters each column with the low-pass of `regression`.
 /// @param h period of the rows [s]
@@ -76,9 +76,9 @@ Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
 std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& values);
 
 /// Weighted least squares: the weight of a joint is the reciprocal of its residual. Friction,
-/// rotors and payload are not negative, and links are physically possible (inertia.h). Slow rows
-/// bias the result, because filtered signs of the velocity are wrong there and a joint at rest may
-/// have any friction up to Coulomb's.
+/// rotors and payload are not negative, and links are physically possible (physical_inertia.h).
+/// Slow rows bias the result, because filtered signs of the velocity are wrong there and a joint at
+/// rest may have any friction up to Coulomb's.
 struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
   /// For each parameter: the other parameters of the sum in which alone it is determined; empty: it
@@ -86,7 +86,7 @@ struct LeastSquares : Precision {  ///< half widths are infinite where not deter
   std::vector<std::string> sums;
 };
 /// @param with_slow whether a joint's slow rows are used; empty: no joint's are
-LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
+LeastSquares least_squares(const std::vector<Regression>& regressions, const Parameters& parameters,
                            const robot::Model& model, const std::vector<bool>& with_slow = {});
 
 }  // namespace tachless::identify

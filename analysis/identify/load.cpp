@@ -12,6 +12,7 @@
 #include <numbers>
 #include <vector>
 
+#include "base/json_text.h"
 #include "numerics/decompositions.h"
 #include "robot/model.h"
 
@@ -151,31 +152,30 @@ std::string text(const Load& load) {
 }
 
 void to_json(nlohmann::ordered_json& json, const Load& load) {
-  const auto numbers = [](const auto& of) { return std::vector<double>(of.begin(), of.end()); };
   const Matrix3d I = written(load);
   const Principal principal(load.written_inertia());
   json = {{"link", load.frame},
           {"mass_kg", load.mass},
           {"mass_half_width", load.mass_half_width},
-          {"center_of_mass_m", numbers(load.centre)},
-          {"center_of_mass_half_width", numbers(load.centre_half_width)},
-          {"inertia_kgm2", numbers(load.inertia)},
-          {"inertia_half_width", numbers(load.inertia_half_width)},
+          {"center_of_mass_m", base::json_list(load.centre)},
+          {"center_of_mass_half_width", base::json_list(load.centre_half_width)},
+          {"inertia_kgm2", base::json_list(load.inertia)},
+          {"inertia_half_width", base::json_list(load.inertia_half_width)},
           {"inertia_shown", load.inertia_shown},
           {"urdf", urdf_link(load)},
           {"franka",
            {{"mass", load.mass},
-            {"F_x_Cload", numbers(load.centre)},
-            {"load_inertia", numbers(I.reshaped())}}},
+            {"F_x_Cload", base::json_list(load.centre)},
+            {"load_inertia", base::json_list(I.reshaped())}}},
           {"ur",
            {{"m", load.mass},
-            {"cog", numbers(load.centre)},
+            {"cog", base::json_list(load.centre)},
             {"inertia", {I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)}}}},
           {"kuka",
            {{"M", load.mass},
-            {"CM_mm", numbers((1000 * load.centre).eval())},
-            {"CM_ABC_deg", numbers(principal.angles)},
-            {"J", numbers(principal.moments)}}}};
+            {"CM_mm", base::json_list((1000 * load.centre).eval())},
+            {"CM_ABC_deg", base::json_list(principal.angles)},
+            {"J", base::json_list(principal.moments)}}}};
 }
 
 }  // namespace tachless::identify

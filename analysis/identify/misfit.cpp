@@ -34,17 +34,18 @@ struct JointRows {
   std::vector<bool> slow;
   double step_s = 1, peak = 0;
 
-  JointRows(const Regression& of, const VectorXd& left, Index joint) : peak(of.peak[joint]) {
-    const Index n = of.peak.size(), instants = of.torque.size() / n;
+  JointRows(const Regression& regression, const VectorXd& left, Index joint)
+      : peak(regression.peak[joint]) {
+    const Index n = regression.peak.size(), instants = regression.torque.size() / n;
     residual.resize(instants);
     speed.resize(instants);
     for (Index k = 0; k < instants; ++k) {
       const Index row = k * n + joint;
       residual[k] = left[row];
-      speed[k] = of.speed[row];
-      slow.push_back(of.slow[static_cast<std::size_t>(row)]);
+      speed[k] = regression.speed[row];
+      slow.push_back(regression.slow[static_cast<std::size_t>(row)]);
     }
-    if (instants > 1) step_s = of.time_s[n] - of.time_s[0];
+    if (instants > 1) step_s = regression.time_s[n] - regression.time_s[0];
   }
 };
 
@@ -109,12 +110,12 @@ std::vector<Misfit> worse(std::vector<Misfit> one, const std::vector<Misfit>& ot
   return one;
 }
 
-std::vector<Misfit> torque_misfits(const std::vector<Regression>& of, const Parameters& parameters,
-                                   const VectorXd& values) {
+std::vector<Misfit> torque_misfits(const std::vector<Regression>& regressions,
+                                   const Parameters& parameters, const VectorXd& values) {
   const bool friction =
       parameters.first(Kind::viscous) >= 0 && parameters.first(Kind::coulomb) >= 0;
   std::vector<Misfit> result;
-  for (const Regression& each : of) {
+  for (const Regression& each : regressions) {
     const VectorXd left = each.torque - each.columns * values;
     std::vector<Misfit> here;
     for (Index j = 0; j < each.peak.size(); ++j) {
@@ -135,25 +136,25 @@ std::vector<Misfit> position_misfits(const Recording& recording, const MatrixXd&
   for (Index j = 0; j < residual.cols(); ++j) {
     const VectorXd r = residual.col(j);
     const Index last = r.size() - 1;
-    Misfit& of = result[static_cast<std::size_t>(j)];
-    of.correlation = r.head(last).dot(r.tail(last)) / std::max(1e-300, r.squaredNorm());
+    Misfit& misfit = result[static_cast<std::size_t>(j)];
+    misfit.correlation = r.head(last).dot(r.tail(last)) / std::max(1e-300, r.squaredNorm());
     const double rms = r.norm() / std::sqrt(static_cast<double>(r.size()));
     const double motion = recording.q.col(j).maxCoeff() - recording.q.col(j).minCoeff();
-    of.found = of.correlation > position_correlation &&
-               rms > noise_margin * std::hypot(count[j] / std::sqrt(12.0), noise) &&
-               rms > least_position * motion;
+    misfit.found = misfit.correlation > position_correlation &&
+                   rms > noise_margin * std::hypot(count[j] / std::sqrt(12.0), noise) &&
+                   rms > least_position * motion;
   }
   return result;
 }
 
-TableAnswer table_answer(const std::vector<Regression>& of, const Parameters& parameters,
+TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model) {
-  TableAnswer result{least_squares(of, parameters, model), {}};
-  result.misfits = torque_misfits(of, parameters, result.values);
+  TableAnswer result{least_squares(regressions, parameters, model), {}};
+  result.misfits = torque_misfits(regressions, parameters, result.values);
   if (std::ranges::none_of(result.misfits, is_misfit)) return result;
   const std::vector<bool> with_slow(result.misfits.size(), true);
   const VectorXd fast = result.values;
-  static_cast<LeastSquares&>(result) = least_squares(of, parameters, model, with_slow);
+  static_cast<LeastSquares&>(result) = least_squares(regressions, parameters, model, with_slow);
   result.half_width += (result.values - fast).cwiseAbs();
   return result;
 }

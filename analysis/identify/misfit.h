@@ -20,14 +20,14 @@ struct Misfit {
 };
 
 /// Returns whether the model is wrong at a joint.
-inline bool is_misfit(const Misfit& of) { return of.found || of.slow_friction != 0; }
+inline bool is_misfit(const Misfit& misfit) { return misfit.found || misfit.slow_friction != 0; }
 
 /// Tests the torques that `values` leave unexplained in a table, in rows that are not slow, 50 ms
 /// apart. No arm of 120 with a right model had a correlation above 0.2. A residual below 0.2 % of
 /// the joint's peak is not called a misfit.
-/// @param of one regression per recording; the largest correlation counts
-std::vector<Misfit> torque_misfits(const std::vector<Regression>& of, const Parameters& parameters,
-                                   const Eigen::VectorXd& values);
+/// @param regressions one of each recording; the largest correlation counts
+std::vector<Misfit> torque_misfits(const std::vector<Regression>& regressions,
+                                   const Parameters& parameters, const Eigen::VectorXd& values);
 
 /// Tests the positions that a simulated loop leaves unexplained, one tick apart. A residual that
 /// the encoder's counts and noise explain is not called a misfit.
@@ -45,7 +45,7 @@ struct TableAnswer : LeastSquares {
 /// Identifies from torques alone. Rows that are not slow give the answer. If a test finds a misfit
 /// at any joint, the friction of the arm differs from the model. Slow rows then count too, and the
 /// intervals are wider by the difference between both answers.
-TableAnswer table_answer(const std::vector<Regression>& of, const Parameters& parameters,
+TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model);
 
 }  // namespace tachless::identify

@@ -12,7 +12,7 @@
 #include "base/failure.h"
 #include "base/parallel.h"
 #include "controller/registry.h"
-#include "identify/inertia.h"
+#include "identify/physical_inertia.h"
 #include "in_process/in_process_loop.h"
 
 namespace tachless::identify {

@@ -25,12 +25,12 @@ struct Fit {
 using Report = std::function<void(std::string_view what)>;
 
 /// Fits the parameters by Gauss-Newton on measured minus simulated positions. The weight of a joint
-/// is the reciprocal of its residual. The parameters stay physically possible (inertia.h). In the
-/// first passes the simulated law reads, besides the simulated positions, the part of the last
-/// residual above 50 Hz. This part is the recorded encoders' noise. That noise shakes the arm and
-/// lowers its dry friction. Derivatives are differences of simulations. The intervals hold for
-/// residuals of any autocorrelation (`precision`). Without convergence they are wider by the
-/// remaining step.
+/// is the reciprocal of its residual. The parameters stay physically possible
+/// (physical_inertia.h). In the first passes the simulated law reads, besides the simulated
+/// positions, the part of the last residual above 50 Hz. This part is the recorded encoders' noise.
+/// This noise shakes the arm and lowers its dry friction. Derivatives are differences of
+/// simulations. The intervals hold for residuals of any autocorrelation (`precision`). Without
+/// convergence they are wider by the remaining step.
 /// @throw base::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);

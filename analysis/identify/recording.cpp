@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <iterator>
 #include <utility>
-#include <vector>
 
 #include "base/failure.h"
 
@@ -65,9 +65,14 @@ void require_usable(const Recording& recording) {
       recording.source, range.maxCoeff(), needed);
 }
 
+Eigen::MatrixXd TickRows::matrix(Eigen::Index columns) const {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::Map<const Rows>(numbers_.data(), std::ssize(numbers_) / columns, columns);
+}
+
 Ticks read_ticks(logger::RunLog& log, bool to_stop) {
   const Eigen::Index n = log.scenario().num_joints;
-  std::vector<double> q, tau;
+  TickRows q, tau;
   Ticks result;
   logger::TickRecord record;
   while (log.next(record)) {
@@ -80,15 +85,13 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
           "{}: holds no positions of the joints (links); record a law that measures them",
           log.path().string());
     }
-    q.insert(q.end(), positions.begin(), positions.end());
-    tau.insert(tau.end(), truth.tau.begin(), truth.tau.end());
+    q.add(positions);
+    tau.add(truth.tau);
     result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
     result.missed += truth.fault == messages::truth::DriveFault::command_missed ? 1 : 0;
   }
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto ticks = static_cast<Eigen::Index>(q.size()) / n;
-  result.q = Eigen::Map<const Rows>(q.data(), ticks, n);
-  result.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
+  result.q = q.matrix(n);
+  result.tau = tau.matrix(n);
   return result;
 }
 

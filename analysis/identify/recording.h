@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "logger/run_log.h"
 #include "scenario/scenario.h"
@@ -35,6 +36,18 @@ struct Ticks {
   /// Ticks without a command; ticks with a torque at its limit.
   std::int64_t missed = 0, saturated = 0;
 };
+
+/// A matrix that grows by a row for each tick.
+class TickRows {
+ public:
+  void add(const Vector& row) { numbers_.insert(numbers_.end(), row.begin(), row.end()); }
+  /// Returns the rows so far, with so many columns.
+  [[nodiscard]] Eigen::MatrixXd matrix(Eigen::Index columns) const;
+
+ private:
+  std::vector<double> numbers_;
+};
+
 /// Reads positions and torques from a log.
 /// @param to_stop leave out the ticks from a protective stop on
 /// @throw base::Failure(bad_usage) when positions of the joints are not recorded

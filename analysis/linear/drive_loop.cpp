@@ -65,15 +65,8 @@ Lifted lifted(const SplitLoop& loop) {
     result.A.topRows(x) = flow * result.A.topRows(x);
     result.B.topRows(x) = flow * result.B.topRows(x);
   }
-  result.A.middleRows(x, s).setZero();
-  result.A.block(x, 0, s, x) = law.B * measured;
-  result.A.block(x, x, s, s) = law.A;
-  if (loop.delay > 0) {
-    result.A.bottomRows(loop.delay * n).setZero();
-    result.A.middleRows(way, n) = torque;
-    const Index older = (loop.delay - 1) * n;
-    result.A.block(way + n, way, older, older).setIdentity();
-  }
+  set_law_rows(law, measured, loop.delay, result.A);
+  if (loop.delay > 0) result.A.middleRows(way, n) = torque;
   return result;
 }
 

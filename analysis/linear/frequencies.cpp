@@ -10,7 +10,11 @@ using Eigen::VectorXcd;
 
 Eigen::VectorXd balance(Eigen::MatrixXd& map) {
   Eigen::VectorXd scale = Eigen::VectorXd::Ones(map.rows());
-  for (bool done = false; !done;) {
+  // Scaling an entry makes the norms that it belongs to smaller by a twentieth, and no norm that a
+  // cycle of the map has a part in becomes 0: a few passes do. The cap is for rounding alone.
+  constexpr int most_passes = 1000;
+  bool done = false;
+  for (int pass = 0; pass < most_passes && !done; ++pass) {
     done = true;
     for (Index i = 0; i < map.rows(); ++i) {
       const double own = std::abs(map(i, i));

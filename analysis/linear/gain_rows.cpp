@@ -95,6 +95,7 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   A_ = loop.A;
   B_ = loop.B;
   C_ = measured_rows(law.measured, n_, A_.rows());
+  displaced_ = displaced(plant, A_.rows());
   over_frequency_ = {numerics::complex_schur(A_), B_, C_};
   if (!keeps_responses) return;
   w_ = kept_frequencies(period_s);
@@ -108,15 +109,9 @@ MatrixXd RestLoop::closed(const LinearLaw& law) const {
   return map;
 }
 
-MatrixXd RestLoop::displaced(const LinearLaw& law) const {
-  const Index x = A_.rows(), m = law.A.rows();
-  MatrixXd state = MatrixXd::Zero(x + m, n_);
-  state.topRows(n_).setIdentity();
-  if (C_.cols() >= 4 * n_ && C_.rows() > 0 &&
-      std::ranges::find(law.measured, Part::theta) != law.measured.end()) {
-    state.middleRows(2 * n_, n_).setIdentity();
-  }
-  state.bottomRows(m) = first_memory(law, C_ * state.topRows(x));
+MatrixXd RestLoop::starts(const LinearLaw& law) const {
+  MatrixXd state(A_.rows() + law.A.rows(), n_);
+  state << displaced_, first_memory(law, C_ * displaced_);
   return state;
 }
 
@@ -193,7 +188,7 @@ Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, d
   const auto last = std::max(first + 1, std::llround(end_s / h));
   long long stride = 1;
   while ((last - first) / stride > most_instants) stride *= 2;
-  MatrixXd power = loop.closed(feedback), step = power, state = loop.displaced(feedback);
+  MatrixXd power = loop.closed(feedback), step = power, state = loop.starts(feedback);
   for (long long bit = 1, rest = first; bit <= std::max(first, stride); bit *= 2) {
     if (bit == stride) step = power;
     if (rest % 2 == 1) state = power * state;

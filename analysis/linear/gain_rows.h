@@ -48,9 +48,9 @@ class RestLoop {
 
   /// Returns the map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
-  /// Returns initial states for `closed`: a column for each joint displaced alone by 1. The joint's
-  /// rotor is displaced with it. The law's memory is the memory of a run that begins there.
-  [[nodiscard]] Eigen::MatrixXd displaced(const LinearLaw& feedback) const;
+  /// Returns initial states for `closed`: a column for each joint displaced alone by 1 with its
+  /// rotor. The law's memory is the memory of a run that begins there.
+  [[nodiscard]] Eigen::MatrixXd starts(const LinearLaw& feedback) const;
 
   /// Returns the least |1 + eigenvalue of L| at each of these frequencies. A value that is above
   /// `enough` for certain is replaced by a smaller number above `enough`.
@@ -75,6 +75,7 @@ class RestLoop {
   std::vector<double> w_;               ///< frequencies of the kept responses
   std::vector<Eigen::MatrixXcd> at_w_;  ///< the responses there
   Eigen::MatrixXd A_, B_, C_;           ///< from torque to measurement
+  Eigen::MatrixXd displaced_;           ///< states of A_
   FrequencyResponse over_frequency_;
 };
 

@@ -77,6 +77,14 @@ LinearPlant flexible_plant(const robot::Model& links, const messages::ReferenceP
   return plant;
 }
 
+MatrixXd displaced(const LinearPlant& plant, Index states) {
+  const Index n = plant.num_joints;
+  MatrixXd x = MatrixXd::Zero(states, n);
+  x.topRows(n).setIdentity();
+  if (plant.arm_states() >= 4 * n) x.middleRows(2 * n, n).setIdentity();
+  return x;
+}
+
 LinearLaw linearised(const controller::law::LawStep& law, const VectorXd& memory,
                      const VectorXd& measurement, std::vector<Part> measured, double step) {
   const Index m = memory.size(), y = measurement.size();
@@ -147,22 +155,28 @@ LinearPlant held(const LinearPlant& plant, double period_s) {
 
 MatrixXd CutLoop::closed(double gain) const { return A + gain * B * C; }
 
+void set_law_rows(const LinearLaw& law, const MatrixXd& measured, Index delay, MatrixXd& map) {
+  const Index x = measured.cols(), s = law.A.rows(), way = x + s;
+  map.bottomRows(map.rows() - x).setZero();
+  map.block(x, 0, s, x) = law.B * measured;
+  map.block(x, x, s, s) = law.A;
+  if (delay == 0) return;
+  const Index older = (map.rows() - way) / delay * (delay - 1);
+  map.bottomRows(older).middleCols(way, older).setIdentity();
+}
+
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay) {
   const LinearPlant step = held(plant, period_s);
   const MatrixXd measured = measured_rows(law.measured, plant.num_joints, plant.A.rows());
   const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols(), all = x + s + delay * n;
   CutLoop loop{MatrixXd::Zero(all, all), MatrixXd::Zero(all, n), MatrixXd::Zero(n, all)};
   loop.A.block(0, 0, x, x) = step.A;
-  loop.A.block(x, 0, s, x) = law.B * measured;
-  loop.A.block(x, x, s, s) = law.A;
+  set_law_rows(law, measured, delay, loop.A);
   if (delay == 0) {
     loop.B.topRows(x) = step.B;
   } else {
     loop.A.block(0, x + s + (delay - 1) * n, x, n) = step.B;
     loop.B.middleRows(x + s, n).setIdentity();
-  }
-  for (int i = 1; i < delay; ++i) {
-    loop.A.block(x + s + i * n, x + s + (i - 1) * n, n, n).setIdentity();
   }
   loop.C.leftCols(x) = law.D * measured;
   loop.C.middleCols(x, s) = law.C;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -17,13 +18,19 @@ namespace tachless::linear {
 
 using messages::Part;
 
+/// The number between two limits at which a search looks next.
+enum class Middle { arithmetic, geometric };
+
 /// Returns the limit up to which `is` holds between `inside`, where `is` holds, and `outside`. The
 /// limit is found by bisection, and `is` holds at it.
+/// @param middle geometric: each step halves the logarithm of the ratio of both ends
 template <class Inside>
-double edge(double inside, double outside, int halvings, const Inside& is) {
+double edge(double inside, double outside, int halvings, const Inside& is,
+            Middle middle = Middle::arithmetic) {
   for (; halvings > 0; --halvings) {
-    const double middle = (inside + outside) / 2;
-    (is(middle) ? inside : outside) = middle;
+    const double between =
+        middle == Middle::geometric ? std::sqrt(inside * outside) : (inside + outside) / 2;
+    (is(between) ? inside : outside) = between;
   }
   return inside;
 }
@@ -92,6 +99,10 @@ LinearPlant flexible_plant(const robot::Model& links, const messages::ReferenceP
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
                            const Eigen::VectorXd& friction = {});
 
+/// Returns states of a plant, one for each joint displaced alone by 1 with its rotor, at rest.
+/// @param states length of each; states behind the arm's are 0
+Eigen::MatrixXd displaced(const LinearPlant& plant, Eigen::Index states);
+
 /// A law memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the
 /// plant.
 struct LinearLaw {
@@ -122,6 +133,12 @@ LinearLaw linearised(const controller::law::LawStep& law, const Eigen::VectorXd&
 /// Returns the plant over one period with its torque held, exactly: x' = A x + B tau. A loop inside
 /// the drives gets the nearest whole number of ticks, and its ticks are stretched to fit.
 LinearPlant held(const LinearPlant& plant, double period_s);
+
+/// Sets the rows of a map of one period of (x, memory, commanded torques that do not act yet) below
+/// the rows of x. The row of the newest torque is 0.
+/// @param measured of the plant's states x, as of `measured_rows`
+void set_law_rows(const LinearLaw& law, const Eigen::MatrixXd& measured, Eigen::Index delay,
+                  Eigen::MatrixXd& map);
 
 /// One period of (x, memory, commanded torques that do not act yet) with the law's feedback terms
 /// cut. The torque computed at tick k acts from tick k + delay on. The compensation of gravity

@@ -57,31 +57,30 @@ class Response {
   VectorXcd poles_, peaks_;  ///< of the closed loop; poles of L
 };
 
-/// Returns states of the loop (plant, memory, torques under way), one for each joint displaced
-/// alone by 1 with its rotor. The law's memory is as a run begins there. No torque is under way.
-MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law) {
+/// Returns states of the loop (plant, memory, torques under way) that begin in `displaced`. The
+/// law's memory is as a run begins there. No torque is under way.
+MatrixXd starts(const SampledLoop& loop, const LinearLaw& law) {
   const Index n = loop.plant.num_joints, plant = loop.plant.A.rows(), memory = law.A.rows();
-  MatrixXd state = MatrixXd::Zero(plant + memory + loop.delay * n, n);
-  state.topRows(n).setIdentity();
-  if (loop.plant.arm_states() >= 4 * n) state.middleRows(2 * n, n).setIdentity();
+  MatrixXd state = displaced(loop.plant, plant + memory + loop.delay * n);
   state.middleRows(plant, memory) =
       first_memory(law, measured_rows(law.measured, n, plant) * state.topRows(plant));
   return state;
 }
 
-/// When the errors from each of `displaced` are last above 1 %, in steps of several periods where
+/// When the errors from each of `starts` are last above 1 %, in steps of several periods where
 /// it takes long.
 Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
                                double period_s, double decay_per_s) {
   constexpr double part = 0.01, most_steps = 2000;
   const Index n = loop.plant.num_joints;
   // Several slowest modes together need longer than one; more than threefold none has been seen.
+  // Each turn of the loop examines less than a quarter of the time before, down to single periods.
   double longest_s = -3 * std::log(part) / decay_per_s;
   while (true) {
     MatrixXd step = map;
     double step_s = period_s;
     for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-    MatrixXd state = displaced(loop, law);
+    MatrixXd state = starts(loop, law);
     Eigen::VectorXd settled_s = Eigen::VectorXd::Zero(n);
     for (double t = step_s; t <= longest_s; t += step_s) {
       state = step * state;

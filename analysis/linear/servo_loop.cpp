@@ -78,15 +78,8 @@ int first_joint(const MatrixXd& G, double h, const std::vector<int>& driven) {
   return driven[static_cast<std::size_t>(fastest)];
 }
 
-/// Returns the boundary between `good` and `bad` to seven digits, on the good side.
-template <class Holds>
-double bisected(double good, double bad, const Holds& holds) {
-  for (int k = 0; k < 24; ++k) {
-    const double middle = std::sqrt(good * bad);
-    (holds(middle) ? good : bad) = middle;
-  }
-  return good;
-}
+/// Halvings of a ratio of 2 that leave seven digits.
+constexpr int ratio_halvings = 24;
 
 }  // namespace
 
@@ -150,7 +143,7 @@ ServoLimit ServoLoop::limit(ServoStep kind) const {
       }
     }
     if (good > 0 && bad == longest_servo_step && stable(bad)) continue;
-    least.step_s = good > 0 ? bisected(good, bad, stable) : 0;
+    least.step_s = good > 0 ? edge(good, bad, ratio_halvings, stable, Middle::geometric) : 0;
     least.posture = postures_[k];
     const double beyond = std::max(least.step_s * 1.01, shortest_servo_step);
     least.joint = first_joint(rate(m, kind, beyond), beyond, driven_);
@@ -180,7 +173,8 @@ std::optional<double> ServoLoop::least_armature(ServoStep kind, double step_s) c
     enough *= 2;
     if (enough > most) return std::nullopt;
   }
-  return enough == least ? least : bisected(enough, enough / 2, stable);
+  return enough == least ? least
+                         : edge(enough, enough / 2, ratio_halvings, stable, Middle::geometric);
 }
 
 std::optional<double> ServoLoop::largest_kv_factor(ServoStep kind, double step_s) const {
@@ -191,7 +185,7 @@ std::optional<double> ServoLoop::largest_kv_factor(ServoStep kind, double step_s
     enough *= part;
     if (enough < least) return std::nullopt;
   }
-  return enough == 1 ? 1 : bisected(enough, enough / part, stable);
+  return enough == 1 ? 1 : edge(enough, enough / part, ratio_halvings, stable, Middle::geometric);
 }
 
 Vector ServoLoop::droop() const {

@@ -21,9 +21,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double widest_error = 6;  // [rad; m] of the sets that are looked at
+// Directions in which growth is looked for. More of them find the region smaller, or equal: a
+// candidate is compared by few, and the result takes as many as some seconds allow.
 constexpr int directions_of_candidate = 150, directions_of_result = 4000;
-constexpr int ascents = 16, ascent_steps = 30;
-constexpr double scale_ratio = 1.4;  // of the scales that are tried
+constexpr int ascents = 16, ascent_steps = 30;  // after these, from the worst of them
+constexpr double scale_ratio = 1.4;             // of the scales that are tried: half an octave
 
 /// The one-tick map on the observable part of the state, in scaled coordinates y: x = lift y, y =
 /// project x. Each coordinate is about 1 at its largest after an error of one joint.

@@ -93,10 +93,11 @@ class ErrorLoop {
     region.feedback = (system().kp + system().kd * system().b.asDiagonal()).diagonal().cwiseSqrt();
     const Region of_1 = of_1_J(region, {});
     if ((of_1.e_reached.array() * std::sqrt(V0({})) >= range_.array()).any()) {
-      return {true, false, false, {}};
+      return {.decided = true, .certified = false, .proved = false, .torque_share = {}};
     }
-    if (!torque_limited()) return {true, true, true, {}};
-    return {true, true, true, torque_share(of_1, V0({})).maxCoeff()};
+    CertifiedStart held{.decided = true, .certified = true, .proved = true, .torque_share = {}};
+    if (torque_limited()) held.torque_share = torque_share(of_1, V0({})).maxCoeff();
+    return held;
   }
   /// Returns true if the certified results hold for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
@@ -107,14 +108,15 @@ class ErrorLoop {
   /// @param from as of `best_weights`
   std::optional<CertifiedRegion> best(Goal goal, std::optional<Weights> from = {}) {
     if (loop_.weights) return certified(*loop_.weights);
-    MatrixCondition coarse{{}, postures(24, false, 12), unit(), false, velocity_.scale};
+    // Without `refine` and bounds a condition costs little: the weights that the search finds are
+    // certified over the fine postures.
+    MatrixCondition coarse = condition({}, postures({.circle_points = 24, .samples = 12}));
     for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
       coarse.systems.push_back(loop_.systems[i]);
     }
-    MatrixCondition middle =
-        proved() ? MatrixCondition{fine().systems, fine().postures, unit(), false, velocity_.scale}
-                 : MatrixCondition{loop_.systems, postures(90, false, samples(128)), unit(), false,
-                                   velocity_.scale};
+    MatrixCondition middle = condition(
+        loop_.systems,
+        proved() ? fine().postures : postures({.circle_points = 90, .samples = samples(128)}));
     constexpr int rounds = 4;  // the posture that forbids what was found joins the search
     for (int k = 0; k < rounds; ++k) {
       const auto found = best_weights(coarse, middle, goal, from);
@@ -140,11 +142,14 @@ class ErrorLoop {
     };
     if (value(known) > value(result)) result = known;
     auto found = result;
-    VectorXd tube = VectorXd::Constant(circle_.size(), 0.3);
-    for (int round = 0; round < 6; ++round) {
+    // The width is found to 5 %. The errors at rest are then within about 5 % of the largest ones.
+    constexpr double first_width = 0.3, agrees = 0.05;  // [rad; m]; of the width's logarithm
+    constexpr int rounds = 6;
+    VectorXd tube = VectorXd::Constant(circle_.size(), first_width);
+    for (int round = 0; round < rounds; ++round) {
       if (found) {
         const double beyond = found->tube.size() > 0 ? found->beyond_tube : 1;
-        if (found->tube.size() > 0 && std::abs(std::log(beyond)) < 0.05) break;
+        if (found->tube.size() > 0 && std::abs(std::log(beyond)) < agrees) break;
         const VectorXd next =
             found->region.e_reached.head(tube.size()) * (std::max(1.0, beyond) / std::sqrt(beyond));
         tube = next.cwiseMin(circle_);
@@ -264,9 +269,25 @@ class ErrorLoop {
     return region;
   }
 
-  [[nodiscard]] numerics::Postures postures(int circle_points, bool bound_between,
-                                            int samples) const {
-    return numerics::Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
+  /// Numbers of postures; those of `numerics::PostureOptions` that differ between the conditions.
+  struct Density {
+    int circle_points = 0, samples = 0;
+    bool bound_between = false;
+  };
+  [[nodiscard]] numerics::Postures postures(const Density& density) const {
+    return numerics::Postures(model_, {.circle_points = density.circle_points,
+                                       .bound_between = density.bound_between,
+                                       .samples = density.samples,
+                                       .centres = centres_,
+                                       .reach = tube_});
+  }
+  [[nodiscard]] MatrixCondition condition(std::vector<ErrorSystem> systems,
+                                          numerics::Postures postures, bool refine = false) const {
+    return {.systems = std::move(systems),
+            .postures = std::move(postures),
+            .B_d = unit(),
+            .refine = refine,
+            .v_scale = velocity_.scale};
   }
 
   /// The region at a level of 1 J. Precondition: weights of 0, or an inertia that is the same at
@@ -366,8 +387,11 @@ class ErrorLoop {
   const MatrixCondition& fine() {
     if (!fine_) {
       const bool constant = loop_.systems.size() == 1;
-      fine_ = {loop_.systems, postures(constant ? 360 : 90, constant, samples(1024)), unit(),
-               constant, velocity_.scale};
+      fine_ = condition(loop_.systems,
+                        postures({.circle_points = constant ? 360 : 90,
+                                  .samples = samples(1024),
+                                  .bound_between = constant}),
+                        constant);
     }
     return *fine_;
   }

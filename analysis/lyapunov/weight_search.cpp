@@ -89,6 +89,21 @@ std::pair<double, VectorXd> Cut::quotient(Goal goal, const MatrixXd& v_ref,
   return {num / den, (of_num - num / den * of_den) / den};
 }
 
+// Steps are shares of each weight: a step of 1 would take a weight to 0, where its region is empty.
+constexpr double first_step = 0.3, largest_step = 0.6;
+// The least gain that a step has to promise: a tenth of the 2 % to which the result of the coarse
+// postures has to agree with the fine ones.
+constexpr double least_promise = 2e-3, fine_agrees = 1.02;
+// A quotient changes by about the share by which the weights change: a smaller step promises less.
+constexpr double smallest_step = 1e-3;
+constexpr int most_steps = 60;  // a cap
+// States within half of the least value are cuts, and cuts beyond six times the least are left out
+// of a linear programme. Others seldom bind after one step; if they do, the next cuts have them,
+// since these are of all postures.
+constexpr double near_least = 0.5, far_from_least = 5;
+// Finite bounds for the linear programme, of a quotient in units of its present size.
+constexpr double most_quotient = 1e3;
+
 class WeightSearch {
  public:
   WeightSearch(const MatrixCondition& coarse, Goal goal) : on_(coarse), goal_(goal) {}
@@ -107,18 +122,18 @@ class WeightSearch {
 
   VectorXd improved(VectorXd x) {
     cuts_.clear();
-    double best = merit(x), radius = 0.3;
+    double best = merit(x), radius = first_step;
     add_cuts(x);
-    for (int step = 0; step < 60 && std::isfinite(best) && radius > 1e-3 &&
+    for (int step = 0; step < most_steps && std::isfinite(best) && radius > smallest_step &&
                        !(goal_ == Goal::level && best >= enough());
          ++step) {
       const auto [d, promised] = programme(x, radius);
-      if (d.size() == 0 || promised - best < 2e-3 * std::abs(best)) break;
+      if (d.size() == 0 || promised - best < least_promise * std::abs(best)) break;
       const VectorXd next = x + x.cwiseProduct(d);
       const double found = merit(next);
       if (std::isfinite(found)) add_cuts(next);
       if (found > best + 0.1 * (promised - best)) {
-        radius = std::min(0.6, 1.6 * radius);
+        radius = std::min(largest_step, 1.6 * radius);
       } else {
         radius /= 2;
       }
@@ -142,7 +157,7 @@ class WeightSearch {
     });
     const double least = *std::ranges::min_element(value);
     for (std::size_t i = 0; i < value.size(); ++i) {
-      if (value[i] > least + 0.5 * std::abs(least)) continue;
+      if (value[i] > least + near_least * std::abs(least)) continue;
       for (Index k = 0; k < states[i].cols(); ++k) {
         cuts_.push_back(
             {&on_.systems[i / count], on_.postures.inertia[i % count], states[i].col(k)});
@@ -167,10 +182,10 @@ class WeightSearch {
                                  VectorXd::Constant(n + 1, radius),
                                  {}};
     lp.cost[n] = -1;
-    lp.lower[n] = -1e3;
-    lp.upper[n] = 1e3;
+    lp.lower[n] = -most_quotient;
+    lp.upper[n] = most_quotient;
     for (const auto& [value, gradient] : all) {
-      if (!(value < least + 5 * size)) continue;
+      if (!(value < least + far_from_least * size)) continue;
       numerics::LinearProgramme::Row row{VectorXd(n + 1), -value / size};
       row.gradient << gradient.cwiseProduct(x) / size, -1;
       lp.rows.push_back(std::move(row));
@@ -186,7 +201,9 @@ class WeightSearch {
 };
 
 /// The best point of a coarse grid of weights in fixed proportions. Mm's second block is positive
-/// only for eps_2 below a_i / b_i, and its third only for eps_1 below eps_2 b_i.
+/// only for eps_2 below a_i / b_i, and its third only for eps_1 below eps_2 b_i. The grid goes from
+/// half of these bounds down to 1e-6 of the first and 1e-5 of the second, in factors of three: two
+/// of the largest steps of the search that begins there.
 VectorXd start(const MatrixCondition& coarse, const WeightSearch& search) {
   const ErrorSystem& system = coarse.systems[0];
   const double a = system.a.minCoeff();
@@ -215,7 +232,7 @@ double merit(Goal goal, const Certified& c) {
 /// least.
 std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
                                   VectorXd x, std::optional<Certified> best) {
-  constexpr int rounds = 6;
+  constexpr int rounds = 6;  // a cap: a round adds the posture that forbids the last result
   WeightSearch search(coarse, goal);
   for (int round = 0; round < rounds; ++round) {
     if (best && std::isinf(search.merit(x))) x << best->weights.eps_1, best->weights.eps_2;
@@ -228,7 +245,7 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
       Certified found{weights, *region, slowest.value};
       const double kept = merit(goal, found);
       if (!best || kept > merit(goal, *best)) best = std::move(found);
-      if (promised < 1.02 * kept) break;
+      if (promised < fine_agrees * kept) break;
     }
     if (coarse.postures.kind != numerics::Postures::Kind::sampled) break;
     coarse.postures.add(slowest.q);

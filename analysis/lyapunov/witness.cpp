@@ -15,6 +15,7 @@
 
 #include "base/failure.h"
 #include "base/fnv.h"
+#include "base/json_text.h"
 #include "controller/registry.h"
 #include "linear/scenario_loop.h"
 #include "numerics/decompositions.h"
@@ -327,11 +328,11 @@ std::optional<MatrixXd> found(const Arm& arm, const Vector& errors, const Vector
 Json json_of(const MatrixXd& A) {
   Json rows = Json::array();
   for (Index i = 0; i < A.rows(); ++i) {
-    rows.push_back(std::vector<double>(A.row(i).begin(), A.row(i).end()));
+    rows.push_back(base::json_list(A.row(i)));
   }
   return rows;
 }
-Json json_of(const Vector& x) { return std::vector<double>(x.begin(), x.end()); }
+Json json_of(const Vector& x) { return base::json_list(x); }
 
 }  // namespace
 
@@ -343,7 +344,15 @@ std::string witness(const scenario::Scenario& scenario, const Vector& errors) {
   const Index n = arm.n();
   Vector limit = Vector::Constant(n, infinity), quantum = Vector::Zero(n);
   if (const auto& given = scenario.plant.drive.torque_limit_Nm) {
-    limit = *given - robot::gravity_torque(model, arm.q).cwiseAbs();
+    const Vector gravity = robot::gravity_torque(model, arm.q).cwiseAbs();
+    limit = *given - gravity;
+    for (Index i = 0; i < n; ++i) {
+      if (limit[i] > 0) continue;
+      throw base::bad_usage(
+          "{}: gravity alone takes {:.4g} of the {:.4g} N m that plant.drive.torque_limit_Nm gives "
+          "joint {}; allowed: a reference whose posture leaves some",
+          scenario.name, gravity[i], (*given)[i], i + 1);
+    }
   }
   if (const auto& bits = scenario.plant.encoder.resolution_bits) {
     for (Index i = 0; i < n; ++i) quantum[i] = (1 + 1e-9) * pi * std::exp2(-(*bits)[i]);

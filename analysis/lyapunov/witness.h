@@ -7,7 +7,7 @@
 namespace tachless::lyapunov {
 
 /// Returns, as JSON, the numbers by which the region of the sampled loop can be proved.
-/// tests/analysis/lyapunov/check_witness.py reads them and prints what they claim. They are numbers
+/// tools/cli/witness/check_witness.py reads them and prints what they claim. They are numbers
 /// of the scenario, L of V = |L' x|², and the decrease of V. P = L L' is chosen so that V falls for
 /// all maps of the loop in an ellipsoid of positions and rates. The maps have frozen inertia and
 /// Coriolis terms. The ellipsoid holds V <= 1. Only a region that the checker accepts is proved.

@@ -84,12 +84,16 @@ inline constexpr bool made_of_vectors<T> = std::apply(
 template <class Memory>
 concept MadeOfVectors = made_of_vectors<Memory>;
 
-/// A memory that either is made of vectors or declares why the step has no useful derivative.
+/// A memory that declares why the step has no useful derivative.
 template <class Memory>
-concept DeclaredMemory = MadeOfVectors<Memory>
-!= requires {
+concept MemoryWithoutDerivative = requires {
   { Memory::no_linearisation } -> std::convertible_to<std::string_view>;
 };
+
+/// A memory that is one of both, and not the other.
+template <class Memory>
+concept DeclaredMemory = (MadeOfVectors<Memory> && !MemoryWithoutDerivative<Memory>) ||
+                         (MemoryWithoutDerivative<Memory> && !MadeOfVectors<Memory>);
 
 /// Calls f(vector) for each vector of a memory, always in the same order. The law decides which of
 /// the vectors are empty.

@@ -33,15 +33,17 @@ bool link_as(const fs::path& name, const fs::path& other) {
 }
 
 /// Returns a random name beside `path` that no file has and that `take` has taken. Returns an empty
-/// one if `take` fails.
+/// one if `take` fails, also with EEXIST for name after name: 100 of 4 billion are not all taken.
 template <class Take>
 std::string new_name(const fs::path& path, Take take) {
   std::random_device random;
-  while (true) {
+  constexpr int most_names = 100;
+  for (int k = 0; k < most_names; ++k) {
     std::string name = fmt::format("{}.{:08x}.partial", path.string(), random());
     if (take(name)) return name;
     if (errno != EEXIST) return {};
   }
+  return {};
 }
 
 }  // namespace

@@ -11,7 +11,11 @@
 
 namespace tachless::base {
 
-inline unsigned all_cores() { return std::max(1U, std::thread::hardware_concurrency()); }
+/// Returns the number of cores, at least 1. The system is asked once: each question reads a file.
+inline unsigned all_cores() {
+  static const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  return cores;
+}
 
 /// Calls f(0) … f(count - 1) on all cores, in no particular order, and returns when all are done.
 /// Rethrows the first exception of f.

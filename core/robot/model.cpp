@@ -40,15 +40,16 @@ bool coincide(const Frame& a, const Frame& b, double tolerance_m) {
 std::vector<std::string> joints_without_inertia(const Model& model, Matrix M) {
   constexpr double rounding = 1e-12;
   std::vector<std::string> joints;
-  while (true) {
+  while (std::ssize(joints) <= M.rows()) {  // no joint fails twice
     Matrix factor = M;
     const int failed = factorise(factor, rounding);
-    if (failed < 0) return joints;
+    if (failed < 0) break;
     joints.push_back(model.joint_names[static_cast<std::size_t>(failed)]);
     M.row(failed).setZero();
     M.col(failed).setZero();
     M(failed, failed) = 1;
   }
+  return joints;
 }
 
 }  // namespace

@@ -146,10 +146,10 @@ void Membership::react(Reaction what, const messages::Stamp& stamp,
       joined_ = std::ranges::count(confirmed_, true) == messages::num_roles - 1;
       return;
     case Reaction::yield:
-      return fail(
-          {ExitCode::protocol_violated, "{} begins run {} with another {}; end that first, or {}",
-           session::describe(from), from.run, messages::name(own_role()), beside_it},
-          now, true);
+      return fail({ExitCode::protocol_violated,
+                   "{} has started run {} with a different {}; stop that run, or {}",
+                   session::describe(from), from.run, messages::name(own_role()), beside_it},
+                  now, true);
     case Reaction::contest:
       if (!precedes(stamp, from, now)) return;
       return fail({ExitCode::protocol_violated, "there is already {}; end it first, or {}",

@@ -21,16 +21,16 @@
 namespace tachless::cli {
 namespace {
 
-/// Returns true for a URDF, an .xacro or an MJCF.
-bool describes_robot(const std::filesystem::path& file) {
-  if (is_yaml(file)) return false;
-  const std::string text = base::given_text(file, base::max_text_bytes);
-  return robot::is_mjcf(text) || text.find("<robot") != std::string::npos;
+/// Returns the text of a URDF, an .xacro or an MJCF; nothing for a scenario.
+std::optional<std::string> robot_text(const std::filesystem::path& file) {
+  if (is_yaml(file)) return {};
+  std::string text = base::given_text(file, base::max_text_bytes);
+  if (!robot::is_mjcf(text) && text.find("<robot") == std::string::npos) return {};
+  return text;
 }
 
-/// Returns whether the file is an MJCF with something beside the robot.
-bool is_scene(const std::filesystem::path& file) {
-  const std::string text = base::given_text(file, base::max_text_bytes);
+/// Returns whether the text of a file is an MJCF with something beside the robot.
+bool is_scene(const std::filesystem::path& file, const std::string& text) {
   return robot::is_mjcf(text) &&
          robot::has_surroundings(text, file.string(), scenario::files_beside(file));
 }
@@ -38,8 +38,8 @@ bool is_scene(const std::filesystem::path& file) {
 }  // namespace
 
 DesignInput::DesignInput(Options options) : options_(std::move(options)) {
-  if (describes_robot(options_.file)) {
-    urdf_ = read_urdf();
+  if (const auto text = robot_text(options_.file)) {
+    urdf_ = read_urdf(*text);
     return;
   }
   if (!options_.from.empty()) {
@@ -52,7 +52,7 @@ DesignInput::DesignInput(Options options) : options_(std::move(options)) {
   }
 }
 
-DesignInput::Urdf DesignInput::read_urdf() const {
+DesignInput::Urdf DesignInput::read_urdf(const std::string& text) const {
   const std::string source = options_.file.string();
   for (const std::string& each : options_.overrides) {
     if (!each.starts_with("robot.urdf=")) continue;
@@ -78,7 +78,7 @@ DesignInput::Urdf DesignInput::read_urdf() const {
     of.from = options_.from.empty() ? scenario::start_posture(file, model) : from_posture(model);
     of.adds_gravity = file.adds_gravity;
     Urdf urdf{file.urdf, scenario::urdf_scenario(model, of), {}, false};
-    if (is_scene(options_.file)) {
+    if (is_scene(options_.file, text)) {
       urdf.in_mujoco = plant::has_mujoco_module();
       base::log_info(urdf.in_mujoco
                          ? "the model has more than the robot: MuJoCo moves it (plant.mujoco)"

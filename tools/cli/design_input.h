@@ -13,7 +13,7 @@
 namespace tachless::cli {
 
 /// Input file of `tachless design`, a scenario or a URDF alone, with the options about it. A URDF
-/// is read once.
+/// is parsed once.
 class DesignInput {
  public:
   struct Options {
@@ -49,7 +49,7 @@ class DesignInput {
     Vector typical_rotors;   ///< empty: not asked for
     bool in_mujoco = false;  ///< an MJCF with surroundings, and the module is there
   };
-  [[nodiscard]] Urdf read_urdf() const;
+  [[nodiscard]] Urdf read_urdf(const std::string& text) const;
   [[nodiscard]] Vector from_posture(const robot::Model& model) const;
   [[nodiscard]] bool overridden(std::string_view key) const;
 

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string_view>
 
+#include "base/json_text.h"
 #include "base/schema.h"
 #include "base/text.h"
 #include "certify/certify.h"
@@ -18,10 +19,9 @@
 namespace tachless::cli {
 namespace {
 
+using base::json_list;
 using design::Candidate;
 using design::Structure;
-
-std::vector<double> list(const Eigen::VectorXd& v) { return {v.begin(), v.end()}; }
 
 /// Returns one number of each joint, a column for each candidate that has gains.
 struct Quantity {
@@ -115,16 +115,16 @@ nlohmann::ordered_json design_json(const design::Design& design,
                                    const scenario::Scenario& scenario) {
   nlohmann::ordered_json json = {{"scenario", scenario.name},
                                  {"law", scenario.controller.law_text()}};
-  for (const auto& [gain, values] : design.gains) json["gains"][gain] = list(values);
+  for (const auto& [gain, values] : design.gains) json["gains"][gain] = json_list(values);
   json["overrides"] = design::overrides_of(design);
   json["sampled"] = to_json(design.loop);
   json["settling_mean_s"] = design.loop.modes.settling_mean_s;
-  json["stiffness"] = list(design.loop.stiffness);
+  json["stiffness"] = json_list(design.loop.stiffness);
   json["modulus_in_range"] = design.modulus_in_range;
-  json["range_q"] = list(design.range_q);
+  json["range_q"] = json_list(design.range_q);
   if (design.uncertain_modulus) {
     json["uncertain"] = {{"modulus", *design.uncertain_modulus},
-                         {"q", list(design.uncertain_q)},
+                         {"q", json_list(design.uncertain_q)},
                          {"plant", design.uncertain_plant}};
   }
   json["limited_by"] = design.binds;
@@ -167,9 +167,9 @@ nlohmann::ordered_json comparison_json(const design::Comparison& comparison) {
     if (each.design) {
       const certify::Prediction& loop = each.design->loop;
       row["settling_s"] = loop.modes.settling_s;
-      row["stiffness"] = list(loop.stiffness);
-      row["rest_error"] = list(loop.rest_error);
-      if (loop.count_Nm) row["count_torque_Nm"] = list(*loop.count_Nm);
+      row["stiffness"] = json_list(loop.stiffness);
+      row["rest_error"] = json_list(loop.rest_error);
+      if (loop.count_Nm) row["count_torque_Nm"] = json_list(*loop.count_Nm);
       row["modulus_in_range"] = each.design->modulus_in_range;
     } else {
       row["refusal"] = each.refusal;

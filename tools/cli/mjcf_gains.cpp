@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "base/file_text.h"
+#include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
 #include "cli/verb.h"
@@ -94,15 +95,14 @@ linear::ServoGains gains_of(const robot::MjcfServos& servos, const robot::Model&
   return gains;
 }
 
-Findings findings_of(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                     double step_s) {
+Findings findings_of(const std::filesystem::path& file, const std::string& text,
+                     const std::vector<std::string>& overrides, double step_s) {
   const scenario::RobotFile given = scenario::robot_file(file, overrides);
   for (const std::string& warning : given.warnings) base::log_warning(warning);
   Findings found;
   try {
     found.model = robot::model_from_urdf(given.urdf, file.string(), given.options);
-    found.servos = robot::read_mjcf_servos(base::given_text(file, base::max_text_bytes),
-                                           file.string(), scenario::files_beside(file));
+    found.servos = robot::read_mjcf_servos(text, file.string(), scenario::files_beside(file));
   } catch (const std::invalid_argument& problem) {
     throw base::bad_usage(problem.what());
   }
@@ -200,16 +200,12 @@ std::string text_of(const Findings& found, const std::string& file) {
           : fmt::format(
                 ", first {}",
                 robot::joint_labels(found.model).name[static_cast<std::size_t>(own.limit.joint)]);
-  return fmt::format("{}: {} position actuators, {} with a step of {:g} ms: {} (limit {}{})\n",
-                     file, found.servos.servos.size(), found.servos.integrator, 1e3 * found.step_s,
-                     own.stable ? "stable" : "UNSTABLE", text_of_step(own.limit.step_s), where) +
+  const std::size_t count = found.servos.servos.size();
+  return fmt::format("{}: {} position actuator{}, {} with a step of {:g} ms: {} (limit {}{})\n",
+                     file, count, count == 1 ? "" : "s", found.servos.integrator,
+                     1e3 * found.step_s, own.stable ? "stable" : "UNSTABLE",
+                     text_of_step(own.limit.step_s), where) +
          steps_text(found) + joints_text(found);
-}
-
-Json numbers(const Vector& of) {
-  Json list = Json::array();
-  for (const double each : of) list.push_back(std::isfinite(each) ? Json(each) : Json());
-  return list;
 }
 
 Json json_of(const Findings& found, const std::string& file) {
@@ -218,15 +214,15 @@ Json json_of(const Findings& found, const std::string& file) {
                {"step_s", found.step_s},
                {"stable", own_row(found).stable},
                {"joints", found.model.joint_names},
-               {"kp", numbers(found.gains.kp)},
-               {"kv", numbers(found.gains.kv)},
-               {"droop", numbers(found.droop)}};
+               {"kp", base::json_list(found.gains.kp)},
+               {"kv", base::json_list(found.gains.kv)},
+               {"droop", base::json_list(found.droop)}};
   for (const Row& row : found.rows) {
     Json each = {{"by", name_of(row.kind)},
                  {"largest_stable_step_s", nullptr},
                  {"stable", row.stable},
                  {"first_joint", nullptr},
-                 {"worst_posture", numbers(row.limit.posture)},
+                 {"worst_posture", base::json_list(row.limit.posture)},
                  {"least_armature", nullptr},
                  {"largest_kv_factor", nullptr}};
     if (std::isfinite(row.limit.step_s)) each["largest_stable_step_s"] = row.limit.step_s;
@@ -242,14 +238,16 @@ Json json_of(const Findings& found, const std::string& file) {
 
 }  // namespace
 
-bool is_mjcf_file(const std::filesystem::path& file) {
-  if (is_yaml(file) || !std::filesystem::is_regular_file(file)) return false;
-  return robot::is_mjcf(base::given_text(file, base::max_text_bytes));
+std::optional<std::string> mjcf_text(const std::filesystem::path& file) {
+  if (is_yaml(file) || !std::filesystem::is_regular_file(file)) return {};
+  std::string text = base::given_text(file, base::max_text_bytes);
+  if (!robot::is_mjcf(text)) return {};
+  return text;
 }
 
-ExitCode check_mjcf_gains(const std::filesystem::path& file,
+ExitCode check_mjcf_gains(const std::filesystem::path& file, const std::string& text,
                           const std::vector<std::string>& overrides, double step_s, bool json) {
-  const Findings found = findings_of(file, overrides, step_s);
+  const Findings found = findings_of(file, text, overrides, step_s);
   print(json, json_of(found, file.string()), text_of(found, file.string()));
   return own_row(found).stable ? ExitCode::done : ExitCode::check_said_no;
 }

@@ -18,7 +18,7 @@
 #include "cli/run.h"
 #include "cli/supervise.h"
 #include "controller/law_socket.h"
-#include "live/live_view.h"
+#include "live/page_process.h"
 #include "messages/wire.h"
 #include "plant/node.h"
 #include "session/options.h"
@@ -302,11 +302,11 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
         "--isolate, and check the bus with tachless doctor");
   }
   // The page's process copies the memory of this one. It starts before the key is read.
-  std::optional<live::LiveView> view;
+  std::optional<live::PageProcess> page;
   if (common.watch) {
     live::RobotVisuals visuals;
     for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
-    view.emplace(session::parse_lcm_url(common.lcm_url), visuals);
+    page.emplace(session::parse_lcm_url(common.lcm_url), visuals);
   }
   // The key is read last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
@@ -325,7 +325,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
-  if (view) view->show();
+  if (page) page->show();
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();

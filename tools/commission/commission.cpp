@@ -23,7 +23,8 @@ using base::Failure;
 constexpr double longest_fall_s = 0.03;
 constexpr int least_hold = 9;  ///< duration of a trial of gravity's torque [ticks]
 constexpr int least_fall = 5;  ///< ticks that must be seen after the longest delay
-/// Limit of the protective stop on the following error [rad; m]
+/// Limit of the protective stop on the following error [rad; m]: above `reach`, so that an arm that
+/// does not move is not stopped.
 constexpr double following = 0.03;
 constexpr double reach = 0.016;  ///< largest deflection of the references [rad; m]
 constexpr double joint_s = 3, all_s = 4;

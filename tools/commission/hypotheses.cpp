@@ -24,6 +24,19 @@ constexpr double moving = 0.2;  ///< share of the largest speed below which dry 
 constexpr double noisy = 0.06;
 /// Share of a joint's torque below which residuals count as equal.
 constexpr double trusted = 5e-3;
+/// Least shares of the expected fall, in squares: an arm with a fifth of it moved, and an arm with
+/// less than a twentieth did not fall.
+constexpr double moved_share = 0.04, no_fall_share = 0.0025;
+/// Least fall [rad; m] that tells anything: a count of 18 bits is 2.4e-5 rad.
+constexpr double smallest_fall = 2e-5;
+/// Share of a movement's squares that a fall has to explain.
+constexpr double explained_by_fall = 0.7;
+/// Share that rounding and friction leave unexplained even of the true signs, and factor of the
+/// best signs' unexplained share up to which others are possible.
+constexpr double always_unexplained = 0.0015, possible_factor = 4;
+/// Gravity's acceleration [rad/s^2; m/s^2] below which the scale of a joint's torque is not told,
+/// and the share by which its fall may differ from the expected one.
+constexpr double least_pull = 1.5, fall_agrees = 0.1;
 
 /// A sample of a trial.
 struct Instant {
@@ -234,14 +247,15 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
   const Vector stated = arm.fall(Vector::Ones(n));
   const VectorXd least = parabola(ticks, longest_delay - 1, h);  // seen after the longest delay
   const double expected = (least * weight.cwiseProduct(stated).transpose()).squaredNorm();
-  result.moved = moved > 0.04 * expected;
-  if (least[ticks - 1] * stated.cwiseAbs().maxCoeff() < 2e-5) return result;
-  if (result.moved && result.explained > 0.7) result.falls = true;
-  if (moved < 0.0025 * expected) result.falls = false;
+  result.moved = moved > moved_share * expected;
+  if (least[ticks - 1] * stated.cwiseAbs().maxCoeff() < smallest_fall) return result;
+  if (result.moved && result.explained > explained_by_fall) result.falls = true;
+  if (moved < no_fall_share * expected) result.falls = false;
   if (!result.falls.value_or(false)) return result;
   result.certain = result.signs;
   for (std::size_t k = 0; k < explained.size(); ++k) {
-    if (1 - explained[k] > 0.0015 + 4 * (1 - result.explained)) continue;
+    const double unexplained = always_unexplained + possible_factor * (1 - result.explained);
+    if (1 - explained[k] > unexplained) continue;
     result.possible.push_back(arm.signs()[k]);
     for (Eigen::Index i = 0; i < n; ++i) {
       if (arm.signs()[k][i] != result.signs[i]) result.certain[i] = 0;
@@ -271,7 +285,7 @@ Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset,
   for (Eigen::Index i = 0; i < n; ++i) {
     const double M = arm.inertial(as_stated, arm.start(), none, Vector::Unit(n, i))[i];
     const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // friction explains the rest
-    if (std::abs(pull[i]) < 1.5 * M || std::abs(as_gravity - 1) > 0.1)
+    if (std::abs(pull[i]) < least_pull * M || std::abs(as_gravity - 1) > fall_agrees)
       scale[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return scale;

@@ -43,7 +43,10 @@ std::vector<study::Point> log_envelope(const std::vector<study::Point>& magnitud
   return envelope;
 }
 
-constexpr std::size_t fewest = 6;
+constexpr std::size_t fewest = 6;         // a line has two numbers, so that four points check it
+constexpr std::size_t most_points = 300;  // 45,000 slopes between them
+// Least fall of the logarithm: by half. Largest scatter about the line, as a share of the fall.
+constexpr double least_drop = std::numbers::ln2, most_scatter = 0.2;
 
 /// Returns the number of points of the falling line.
 std::size_t length_of_fall(const std::vector<study::Point>& envelope) {
@@ -81,7 +84,7 @@ std::optional<Decay> fit_decay(const std::vector<study::Point>& magnitude) {
   fall.resize(length_of_fall(fall));
 
   std::vector<double> slopes;
-  const std::size_t stride = std::max<std::size_t>(1, fall.size() / 300);
+  const std::size_t stride = std::max<std::size_t>(1, fall.size() / most_points);
   for (std::size_t i = 0; i < fall.size(); i += stride) {
     for (std::size_t j = i + stride; j < fall.size(); j += stride) {
       if (fall[j].x > fall[i].x) {
@@ -101,7 +104,7 @@ std::optional<Decay> fit_decay(const std::vector<study::Point>& magnitude) {
   double squares = 0;
   for (const double value : offsets) squares += (value - offset) * (value - offset);
   const double rms = std::sqrt(squares / static_cast<double>(fall.size()));
-  if (!(drop >= std::numbers::ln2) || rms > 0.2 * drop) return {};
+  if (!(drop >= least_drop) || rms > most_scatter * drop) return {};
   return Decay{-slope, std::exp(offset), fall.front().x, fall.back().x};
 }
 

@@ -50,21 +50,18 @@ class Motion {
              record.truth->fault == messages::truth::DriveFault::protective_stop ||
              record.tick != static_cast<std::int64_t>(ticks_);
     if (ended_) return;
-    q_.insert(q_.end(), q.begin(), q.end());
-    tau_.insert(tau_.end(), record.truth->tau.begin(), record.truth->tau.end());
+    q_.add(q);
+    tau_.add(record.truth->tau);
     ++ticks_;
   }
 
   [[nodiscard]] std::vector<ModelTorque> torques(const scenario::Scenario& scenario) const {
-    const auto ticks = static_cast<Eigen::Index>(ticks_);
     const Eigen::Index n = scenario.num_joints;
     if (scenario.robot.flexible || scenario.plant.dry_run ||
-        static_cast<double>(ticks) * scenario.loop.period_s < shortest_motion_s) {
+        static_cast<double>(ticks_) * scenario.loop.period_s < shortest_motion_s) {
       return {};
     }
-    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    const identify::Recording recording{"", scenario, Eigen::Map<const Rows>(q_.data(), ticks, n),
-                                        Eigen::Map<const Rows>(tau_.data(), ticks, n)};
+    const identify::Recording recording{"", scenario, q_.matrix(n), tau_.matrix(n)};
     const identify::Regression found =
         identify::regression(recording, identify::Parameters(scenario, {}));
     std::vector<ModelTorque> result(static_cast<std::size_t>(n));
@@ -81,7 +78,7 @@ class Motion {
   }
 
  private:
-  std::vector<double> q_, tau_;
+  identify::TickRows q_, tau_;
   std::size_t ticks_ = 0;
   bool ended_ = false;
 };

@@ -64,7 +64,6 @@ nlohmann::json chart_of(const Chart& chart) {
           {"curves", curves}};
 }
 
-nlohmann::json numbers(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
 nlohmann::json rows(const Eigen::Matrix3d& R) {
   const Eigen::Matrix3d stored = R.transpose();  // Eigen stores columns
   return std::vector<double>(stored.data(), stored.data() + 9);
@@ -76,12 +75,15 @@ nlohmann::json rows(const Eigen::Matrix3d& R) {
 nlohmann::json ends_of(const robot::Model& model, int body) {
   nlohmann::json ends = nlohmann::json::array();
   for (const robot::Body& other : model.bodies) {
-    if (other.parent == body) ends.push_back(numbers(other.p_PB));
+    if (other.parent == body) ends.push_back(base::json_list<nlohmann::json>(other.p_PB));
   }
   for (const auto& [name, frame] : model.frames) {
-    if (frame.body == body && frame.leaf) ends.push_back(numbers(frame.p_BF));
+    if (frame.body == body && frame.leaf)
+      ends.push_back(base::json_list<nlohmann::json>(frame.p_BF));
   }
-  if (ends.empty()) ends.push_back(numbers(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
+  if (ends.empty())
+    ends.push_back(
+        base::json_list<nlohmann::json>(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
   return ends;
 }
 
@@ -93,8 +95,8 @@ nlohmann::json robot_of(const Overlay& all, const RecordedRun& run) {
     const robot::Body& body = model.bodies[static_cast<std::size_t>(k)];
     bodies.push_back({{"parent", body.parent},
                       {"R", rows(body.R_PB)},
-                      {"p", numbers(body.p_PB)},
-                      {"axis", numbers(body.axis_B)},
+                      {"p", base::json_list<nlohmann::json>(body.p_PB)},
+                      {"axis", base::json_list<nlohmann::json>(body.axis_B)},
                       {"prismatic", body.type == robot::JointType::prismatic},
                       {"joint", body.coordinate},
                       {"multiplier", body.multiplier},
@@ -103,10 +105,12 @@ nlohmann::json robot_of(const Overlay& all, const RecordedRun& run) {
   }
   for (const std::string& link : robot::farthest_leaves(model)) {
     const robot::Frame& frame = model.frames.at(link);
-    tools.push_back({{"body", frame.body}, {"p", numbers(frame.p_BF)}});
+    tools.push_back({{"body", frame.body}, {"p", base::json_list<nlohmann::json>(frame.p_BF)}});
   }
   for (const auto& [name, frame] : model.frames) {
-    links[name] = {{"body", frame.body}, {"R", rows(frame.R_BF)}, {"p", numbers(frame.p_BF)}};
+    links[name] = {{"body", frame.body},
+                   {"R", rows(frame.R_BF)},
+                   {"p", base::json_list<nlohmann::json>(frame.p_BF)}};
   }
   std::vector<std::size_t> joints(run.joints.name.size());
   for (std::size_t joint = 0; joint < all.joints.size(); ++joint) {

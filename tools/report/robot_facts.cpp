@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/failure.h"
+#include "base/json_text.h"
 #include "base/text.h"
 #include "numerics/decompositions.h"
 #include "robot/dynamics.h"
@@ -118,7 +119,6 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
   const auto limit = [](double value) {
     return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
   };
-  const auto list = [](const Vector& x) { return std::vector<double>(x.begin(), x.end()); };
   ordered_json joints = ordered_json::array();
   for (int j = 0; j < model.num_joints; ++j) {
     ordered_json& joint = joints.emplace_back();
@@ -127,15 +127,16 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
     joint["rotor_inertia"] = facts.rotor_inertia[j];
   }
   ordered_json inertia = ordered_json::array();
-  for (int i = 0; i < model.num_joints; ++i) inertia.push_back(list(facts.inertia.row(i)));
+  for (int i = 0; i < model.num_joints; ++i)
+    inertia.push_back(base::json_list(facts.inertia.row(i)));
   ordered_json sources = ordered_json::object();
   for (const auto& [what, source] : facts.sources) sources[what] = source;
   return {{"joints", joints},
           {"bodies", model.bodies.size()},
           {"mass_kg", facts.mass_kg},
-          {"position", list(facts.q)},
+          {"position", base::json_list(facts.q)},
           {"inertia_matrix", inertia},
-          {"gravity_torque", list(facts.gravity_torque)},
+          {"gravity_torque", base::json_list(facts.gravity_torque)},
           {"condition_number", limit(facts.condition_number)},
           {"sources", sources},
           {"warnings", facts.warnings}};

@@ -81,7 +81,7 @@ TEST(Region, OfALawWithAnIntegralHasNoRate) {
                                   "controller.gains={kp: [40000, 2400], kd: [1000, 60], a: [1000, "
                                   "1000], b: [1000, 1000], ki: [10000, 600], eps_1: 25, eps_2: "
                                   "0.125}"});
-  const Certificate found = certify(s, false);
+  const Certificate found = certify(s);
   ASSERT_TRUE(found.stability && found.stability->fastest);
   EXPECT_TRUE(to_json(found)["region"]["fastest"]["rate_per_s"].is_null());
   EXPECT_TRUE(to_json(found)["region"]["fastest"]["error_rate_per_s"].is_null());
@@ -90,9 +90,9 @@ TEST(Region, OfALawWithAnIntegralHasNoRate) {
 
 /// Both sliders end 0.5 m from the middle of a motion of 0.1 m. At 1 kHz the loop is unstable.
 TEST(Region, EndsWhereAPrismaticJointsRangeDoes) {
-  EXPECT_FALSE(certify(scenario_of("prismatic_region"), false).stability);
+  EXPECT_FALSE(certify(scenario_of("prismatic_region")).stability);
   const scenario::Scenario s = scenario_of("prismatic_region", {"loop.period_s=2e-4"});
-  const Certificate found = certify(s, false);
+  const Certificate found = certify(s);
   ASSERT_TRUE(found.stability);
   ASSERT_TRUE(found.stability->largest);
   for (const auto& region : {found.stability->fastest, found.stability->largest}) {
@@ -109,7 +109,7 @@ TEST(Region, EndsWhereAPrismaticJointsRangeDoes) {
 
 TEST(Region, IsNotPrintedUnderAnUnstableSampledLoop) {
   const scenario::Scenario s = shipped("practical_rigid", {"loop.period_s=8e-3"});
-  const Certificate found = certify(s, false);
+  const Certificate found = certify(s);
   ASSERT_FALSE(found.loop.stable);
   EXPECT_FALSE(found.stability);
   EXPECT_THAT(to_json(found)["region"]["none"].get<std::string>(), HasSubstr("unstable"));
@@ -124,7 +124,7 @@ TEST(Region, IsNotPrintedUnderAnUnstableSampledLoop) {
 /// An elbow without limits turns half a turn either way, not 57 rad.
 TEST(Region, IsPrintedNoFurtherThanTheJointsRange) {
   const scenario::Scenario s = shipped("practical_rigid");
-  const Certificate found = certify(s, false);
+  const Certificate found = certify(s);
   EXPECT_GT(found.stability->largest->region.e_at_rest[1], 50);
   EXPECT_THAT(page(found, s, false), HasSubstr("from rest anywhere in the joints' range"));
   EXPECT_DOUBLE_EQ(to_json(found)["region"]["largest"]["e_at_rest"][1].get<double>(), M_PI);
@@ -165,7 +165,7 @@ TEST(Margins, OfTheGainLookBothWays) {
 
 TEST(Certify, NamesAllThatIsImpossible) {
   const scenario::Scenario s = shipped("practical_rigid", {"plant.drive.torque_limit_Nm=[1, 0.1]"});
-  const Certificate found = certify(s, false);
+  const Certificate found = certify(s);
   ASSERT_GE(found.feasibility.impossible.size(), 2U);
   for (const std::string& problem : found.feasibility.impossible) {
     EXPECT_THAT(page(found, s, false), HasSubstr(problem));

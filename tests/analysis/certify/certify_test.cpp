@@ -23,7 +23,7 @@ using ::testing::Not;
 /// The figures were computed by an independent program.
 TEST(Certify, OfThePapersRigidScenario) {
   const scenario::Scenario scenario = linear::testing::shipped("paper_rigid");
-  const Certificate result = certify(scenario, true);
+  const Certificate result = certify(scenario, {.paper = true});
   const auto json = to_json(result);
   EXPECT_NEAR(json["paper"]["eq19"].get<double>(), 7.9205, 1e-3 * 7.9205);
   EXPECT_NEAR(json["paper"]["eq25"].get<double>(), 0.0026513, 1e-3 * 0.0026513);
@@ -38,8 +38,8 @@ TEST(Certify, OfThePapersRigidScenario) {
   const std::string text = page(result, scenario, true);
   EXPECT_THAT(text, HasSubstr("(25) eps > … / beta_3"));
   EXPECT_THAT(text, HasSubstr("Certified region (proved for all postures; continuous time"));
-  EXPECT_FALSE(to_json(certify(scenario, false)).contains("paper"));
-  const std::string brief = page(certify(scenario, false), scenario, false);
+  EXPECT_FALSE(to_json(certify(scenario)).contains("paper"));
+  const std::string brief = page(certify(scenario), scenario, false);
   EXPECT_EQ(std::ranges::count(brief, '\n'), 6) << brief;
   EXPECT_THAT(brief, HasSubstr("proved in continuous time: this start is in it"));
   EXPECT_THAT(brief, HasSubstr(" N m (shoulder, no limit), 1 rad/s (elbow, no limit)\n"));
@@ -52,7 +52,7 @@ TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"plant.initial.position_rad=[3, -3]",
                           "plant.initial.velocity_rad_per_s=[2000, 2000]", limits});
-  const Certificate result = certify(scenario, false);
+  const Certificate result = certify(scenario);
   ASSERT_TRUE(result.stability && result.stability->largest);
   EXPECT_FALSE(result.stability->largest->holds_initial_state());
   EXPECT_GT(result.stability->largest->V0, result.stability->largest->region.level);
@@ -71,7 +71,7 @@ TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
 /// Each choice of the weights has a bound that holds.
 TEST(Certify, TheStartHasTheLeastBoundOfTheTorque) {
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid", {limits});
-  const Certificate result = certify(scenario, false);
+  const Certificate result = certify(scenario);
   const auto region = to_json(result)["region"];
   const double share = region["start"]["torque_share"];
   EXPECT_EQ(share, std::min(region["fastest"]["torque_share"].get<double>(),
@@ -88,7 +88,7 @@ TEST(Certify, TheStartHasTheLeastBoundOfTheTorque) {
 TEST(Certify, SaysWhatTheRegionLeavesOut) {
   const scenario::Scenario scenario =
       linear::testing::shipped("practical_rigid", {"plant.payload.mass_kg=2"});
-  const Certificate result = certify(scenario, false);
+  const Certificate result = certify(scenario);
   for (const bool full : {false, true}) {
     EXPECT_THAT(page(result, scenario, full), HasSubstr("the payload of 2 kg is not in it"));
   }
@@ -99,7 +99,7 @@ TEST(Certify, AtAConstantReferenceEveryStartIsCertified) {
   const auto start = [](const char* position, const char* says) {
     const scenario::Scenario scenario = linear::testing::shipped(
         "regulation", {position, "plant.drive.torque_limit_Nm=[9000, 3000]"});
-    const Certificate result = certify(scenario, false);
+    const Certificate result = certify(scenario);
     EXPECT_THAT(page(result, scenario, false), HasSubstr(says));
     return to_json(result)["region"]["start"];
   };
@@ -127,8 +127,7 @@ TEST(Certify, KnowsTheSpeedOfAReferenceThatALongRunMeetsAtRest) {
 /// Each run of whole periods is sampled over one of them.
 TEST(Certify, TheTorqueOfAStartIsThatOfItsReferenceHoweverLongTheRun) {
   const auto share = [](const char* duration) {
-    const auto result =
-        certify(linear::testing::shipped("practical_rigid", {limits, duration}), false);
+    const auto result = certify(linear::testing::shipped("practical_rigid", {limits, duration}));
     return result.stability.value().start.torque_share.value();
   };
   // The same numbers, but for rounding: 63 s / 63 is a multiple of the period.
@@ -156,7 +155,7 @@ scenario::Scenario one_joint(const std::string& type) {
 
 TEST(Certify, ARegionWithoutEndHasABoundOfTheTorque) {
   const scenario::Scenario scenario = one_joint("revolute");
-  const Certificate result = certify(scenario, false);
+  const Certificate result = certify(scenario);
   const auto region = to_json(result)["region"];
   ASSERT_TRUE(region["largest"]["level"].is_null());  // infinite
   // kp e alone is 100 N m.
@@ -195,7 +194,7 @@ TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid",
       {"controller.law=slotine_li", "controller.gains={lambda: 20, ks: [500, 30]}"});
-  const Certificate result = certify(scenario, false);
+  const Certificate result = certify(scenario);
   EXPECT_FALSE(result.stability);
   EXPECT_THAT(page(result, scenario, true),
               HasSubstr("no stability certificate is available for slotine_li"));
@@ -206,7 +205,7 @@ TEST(Certify, NamesTheReasonWhereALawCannotBeLinearised) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "practical_rigid", {"controller.law=robust_differentiator",
                           "controller.gains={kp: [40000, 2400], kd: [1000, 60], lipschitz: 4000}"});
-  const Certificate result = certify(scenario, false);
+  const Certificate result = certify(scenario);
   EXPECT_THAT(page(result, scenario, true), HasSubstr("cannot be linearised (the differentiator"));
   EXPECT_THAT(to_json(result)["sampled"]["unknown"].get<std::string>(), HasSubstr("cube root"));
   EXPECT_TRUE(objections(result).empty());

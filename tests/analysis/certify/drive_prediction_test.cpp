@@ -22,7 +22,7 @@ scenario::Scenario with_drives() {
 }
 
 TEST(DrivePrediction, HasTheMarginsTheHostsDelayAndTheTorqueOfACount) {
-  const Certificate found = certify(with_drives(), false);
+  const Certificate found = certify(with_drives());
   EXPECT_TRUE(found.loop.stable);
   EXPECT_NEAR(found.loop.stiffness[0], 4010, 1e-3) << "of both loops together";
   ASSERT_TRUE(found.drives);
@@ -36,7 +36,7 @@ TEST(DrivePrediction, HasTheMarginsTheHostsDelayAndTheTorqueOfACount) {
 }
 
 TEST(DrivePrediction, IsNotThereWithoutTheKey) {
-  const Certificate found = certify(shipped("practical_rigid"), false);
+  const Certificate found = certify(shipped("practical_rigid"));
   EXPECT_FALSE(found.drives);
 }
 

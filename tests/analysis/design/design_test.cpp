@@ -128,8 +128,7 @@ TEST(Design, SaysOfItsLoopWhatCertifySays) {
   auto designed = certify::to_json(found.loop);
   designed.erase("text");
   EXPECT_TRUE(designed.contains("margins"));
-  EXPECT_EQ(designed,
-            certify::to_json(certify::certify(with_gains(scenario, found), false))["sampled"]);
+  EXPECT_EQ(designed, certify::to_json(certify::certify(with_gains(scenario, found)))["sampled"]);
 }
 
 /// Loop and certificate depend on the product kd b alone.

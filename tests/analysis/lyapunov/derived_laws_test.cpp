@@ -250,7 +250,7 @@ std::vector<std::string> operator+(std::vector<std::string> a, const std::vector
 
 TEST(IntegralLaw, IsCertifiedWithItsOwnWeightsAndSaysWhichTorquesItTakesUp) {
   const certify::Certificate found =
-      certify::certify(linear::testing::shipped("practical_rigid", with_integral), false);
+      certify::certify(linear::testing::shipped("practical_rigid", with_integral));
   ASSERT_TRUE(found.stability && found.stability->fastest);
   const CertifiedRegion& region = *found.stability->fastest;
   EXPECT_TRUE(found.stability->own_weights);
@@ -322,11 +322,9 @@ TEST(IntegralLaw, EndsOnTheGoalOfAMotionBeyondTheTorqueLimits) {
 }
 
 TEST(IntegralLaw, SaysHowMuchOfTheLevelTheIntegralMayCost) {
-  const certify::Certificate found = certify::certify(
-      linear::testing::shipped(
-          "practical_rigid",
-          with_integral + std::vector<std::string>{"controller.gains.d_max=[200, 20]"}),
-      false);
+  const certify::Certificate found = certify::certify(linear::testing::shipped(
+      "practical_rigid",
+      with_integral + std::vector<std::string>{"controller.gains.d_max=[200, 20]"}));
   const CertifiedRegion& region = *found.stability->fastest;
   const double cost = 2 * (200.0 * 200 / 10000 + 20.0 * 20 / 600);  // |z| is at most 2 d_max
   EXPECT_NEAR(*region.integral_share, cost / region.region.level, 1e-12);
@@ -376,7 +374,7 @@ TEST(Globally, IsSaidWhereTheReferenceRestsOrFrictionOutweighsTheCoriolisTerm) {
   EXPECT_FALSE(rests->g0);
   EXPECT_FALSE(found(with_integral + std::vector<std::string>{motion})) << "of this law unknown";
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid", {motion});
-  EXPECT_THAT(certify::page(certify::certify(scenario, false), scenario, false),
+  EXPECT_THAT(certify::page(certify::certify(scenario), scenario, false),
               ::testing::HasSubstr("globally          yes: the reference comes to rest"));
 }
 
@@ -504,7 +502,7 @@ const std::vector<std::string> bounded = {
 
 TEST(BoundedLaw, IsCertifiedWithinTheLevelWhereItsFeedbackIsLinear) {
   const auto certified = [](const std::vector<std::string>& more) {
-    return certify::certify(linear::testing::shipped("practical_rigid", bounded + more), false);
+    return certify::certify(linear::testing::shipped("practical_rigid", bounded + more));
   };
   const certify::Certificate found = certified({});
   ASSERT_TRUE(found.stability && found.stability->largest);

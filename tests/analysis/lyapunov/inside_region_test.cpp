@@ -524,7 +524,7 @@ std::vector<std::string> continuous(const std::string& law, std::vector<std::str
 }
 
 void expect_decay_of(const std::string& name, const scenario::Scenario& scenario) {
-  const certify::Certificate found = certify::certify(scenario, false);
+  const certify::Certificate found = certify::certify(scenario);
   if (!found.stability) {
     std::cout << name << ": no region, " << found.no_stability << '\n';
     return;

@@ -308,7 +308,7 @@ TEST(WeightedRegion, OfTheAdaptiveLawHasNoneWithWeightsThatTheBoxForbids) {
 TEST(WeightedRegion, IsPrintedByCertify) {
   const scenario::Scenario scenario =
       linear::testing::shipped("practical_adaptive", half_a_kilogram);
-  const certify::Certificate found = certify::certify(scenario, false);
+  const certify::Certificate found = certify::certify(scenario);
   const std::string page = certify::page(found, scenario, false);
   EXPECT_THAT(page, HasSubstr("at sampled postures, in continuous time: this start is in it"));
   EXPECT_THAT(page, HasSubstr("the unknown parameters take at most"));

@@ -8,6 +8,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools/cli/witness"))
 from check_witness import Loop, check, checksum, require_is_of
 from interval import Rejected
 

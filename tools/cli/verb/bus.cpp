@@ -32,7 +32,7 @@
 #include "cli/run.h"
 #include "cli/verb.h"
 #include "live/bus_monitor.h"
-#include "live/live_view.h"
+#include "live/page_process.h"
 #include "live/watch.h"
 #include "session/options.h"
 
@@ -244,11 +244,11 @@ struct Watch {
   /// @throw base::Failure(check_said_no) if the process that serves them has ended
   [[nodiscard]] ExitCode serve(const bus::LcmUrl& url, const std::atomic<bool>& interrupted) const {
     constexpr std::chrono::milliseconds turn{50};
-    live::LiveView view(url, {}, port);
-    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", view.url(), url.text())
+    live::PageProcess page(url, {}, port);
+    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", page.url(), url.text())
               << std::flush;
     for (const auto end = end_after(Clock::now()); !interrupted && Clock::now() < end;) {
-      if (!view.running()) {
+      if (!page.running()) {
         throw base::Failure(ExitCode::check_said_no,
                             "the live page has ended; type: tachless watch --web");
       }

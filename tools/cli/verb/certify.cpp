@@ -52,8 +52,10 @@ struct Certify {
         ->check(above_zero);
     command.add_option(
         "--witness", witness,
-        "Also writes data from which tests/analysis/lyapunov/check_witness.py proves a region of "
-        "the sampled loop of one or two joints");
+        "Also writes data from which check_witness.py proves a region of the sampled loop of one "
+        "or "
+        "two joints: share/tachless/witness/check_witness.py where tachless is installed, "
+        "tools/cli/witness in the tree");
     auto* const error = command.add_option(
         "--witness-error", errors,
         "Error [rad] of one joint alone, from rest, that the region has to contain: one number, "
@@ -77,13 +79,13 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
-    if (is_mjcf_file(input)) {
+    if (const auto model = mjcf_text(input)) {
       if (full || paper || !witness.empty() || !law_program.empty()) {
         throw base::bad_usage(
             "{}: a MuJoCo model; --full, --paper, --witness and --controller are of a scenario",
             input.string());
       }
-      return check_mjcf_gains(input, overrides, period_s, json);
+      return check_mjcf_gains(input, *model, overrides, period_s, json);
     }
     if (period_s > 0) {
       throw base::bad_usage(
@@ -102,10 +104,9 @@ struct Certify {
     }
     const linear::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
+    const auto show = [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); };
     const certify::Certificate result = certify::certify(
-        scenario, paper,
-        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); }, full,
-        answers);
+        scenario, {.full = full, .paper = paper, .answers = answers, .tell = show});
     screen.clear();
     nlohmann::ordered_json all = {{"scenario", scenario.name},
                                   {"law", scenario.controller.law_text()}};

@@ -103,7 +103,7 @@ struct Excite {
     changes.push_back("name=" + scenario_name(output));
     const scenario::Scenario moving = scenario::load_scenario(input, changes);
     const std::vector<std::string> objections =
-        certify::objections(certify::certify(moving, false, show));
+        certify::objections(certify::certify(moving, {.tell = show}));
     screen.clear();
     print_text(text(found));
     for (const std::string& objection : objections) {
@@ -118,7 +118,8 @@ struct Excite {
  private:
   [[nodiscard]] std::string text(const identify::Excitation& found) const {
     std::string text = fmt::format(
-        "{}: condition {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m (N)\n"
+        "{}: condition number {:.3g}; within [{:.2g}] rad (m), [{:.2g}] rad/s (m/s), [{:.3g}] N m "
+        "(N)\n"
         "  predicted 95 % intervals, with torque noise of {:g} % of the limit\n",
         output.string(), found.condition, fmt::join(found.reach, ", "),
         fmt::join(found.speed, ", "), fmt::join(found.torque, ", "), 100 * identify::noise_share);

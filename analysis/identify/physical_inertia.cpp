@@ -1,4 +1,4 @@
-#include "identify/inertia.h"
+#include "identify/physical_inertia.h"
 
 #include <Eigen/Cholesky>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "live/live_view.h"
+#include "live/page_process.h"
 
 #include <fmt/format.h>
 #include <sys/prctl.h>
@@ -119,7 +119,7 @@ void confine(pid_t parent, const LiveServer& server) {
 
 }  // namespace
 
-LiveView::LiveView(const bus::LcmUrl& url, const RobotVisuals& visuals, int port) {
+PageProcess::PageProcess(const bus::LcmUrl& url, const RobotVisuals& visuals, int port) {
   LiveServer server(port);
   url_ = server.url();
   try {
@@ -143,18 +143,18 @@ LiveView::LiveView(const bus::LcmUrl& url, const RobotVisuals& visuals, int port
   _exit(1);
 }
 
-LiveView::~LiveView() {
+PageProcess::~PageProcess() {
   if (child_ < 0) return;
   kill(child_, SIGKILL);
   while (waitpid(child_, nullptr, 0) < 0 && errno == EINTR) continue;
 }
 
-bool LiveView::running() {
+bool PageProcess::running() {
   if (child_ >= 0 && waitpid(child_, nullptr, WNOHANG) == child_) child_ = -1;
   return child_ >= 0;
 }
 
-void LiveView::show() const {
+void PageProcess::show() const {
   base::log_info("watch the run at {}", url_);
   const char* const display = std::getenv("DISPLAY");
   const auto opener = base::find_program("xdg-open");
