@@ -40,6 +40,7 @@ while(headers)
   unset(file)
 endwhile()
 install(DIRECTORY examples/simulate_and_read DESTINATION ${shared}/examples COMPONENT development)
+install(DIRECTORY examples/mujoco DESTINATION ${shared}/examples COMPONENT development)
 install(DIRECTORY examples/ros2_control DESTINATION ${shared}/examples COMPONENT development)
 foreach(example IN ITEMS use_law own_law own_driver own_simulator iiwa)  # each with its robot's URDF, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development

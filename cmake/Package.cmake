@@ -4,8 +4,10 @@
 # To add a component, write COMPONENT name at its install commands. Then add its name to CPACK_COMPONENTS_ALL
 # and its own CPACK_DEBIAN_<NAME>_… below tachless_package.
 set(files ${PROJECT_BINARY_DIR}/package_files)
+get_property(drivers GLOBAL PROPERTY TACHLESS_DRIVERS)
 add_custom_target(package_files
   COMMAND ${PROJECT_SOURCE_DIR}/cmake/package_files.sh ${PROJECT_BINARY_DIR}/bin ${files} ${PROJECT_VERSION}
+    ${drivers}
   DEPENDS programs VERBATIM)
 find_program(JAVAC javac)
 find_file(LCM_JAR lcm.jar PATHS /usr/share/java NO_DEFAULT_PATH)
@@ -31,13 +33,31 @@ if(TARGET mujoco_module)
   tachless_package(mujoco tachless-mujoco)
   set(mujoco mujoco)
 endif()
+# Each driver of an arm (tachless_driver) has a package of its own.
+foreach(driver IN LISTS drivers)
+  string(REPLACE "-" "_" component ${driver})
+  list(APPEND driver_components ${component})
+  tachless_package(${component} ${driver})
+  install(FILES ${files}/drivers/${driver}.1.gz DESTINATION share/man/man1
+    COMPONENT ${component} OPTIONAL)
+  string(TOUPPER ${component} upper)
+  set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${driver})
+  set(CPACK_DEBIAN_${upper}_PACKAGE_SECTION science)
+  set(CPACK_DEBIAN_${upper}_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION})")
+endforeach()
+set(CPACK_DEBIAN_TACHLESS_MIT_CAN_DESCRIPTION "drives with the MIT mode on a CAN bus for tachless
+The driver of an arm with Damiao, RobStride or CyberGear drives.")
+set(CPACK_DEBIAN_TACHLESS_FRANKA_DESCRIPTION "Franka arms for tachless
+The driver of a Franka Research 3, by libfranka.")
+set(CPACK_DEBIAN_TACHLESS_UR_DESCRIPTION "arms of Universal Robots for tachless
+The driver of an arm with direct_torque, by the maker's client library.")
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_CONTACT "The tachless authors <authors@tachless.invalid>")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/../package)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL program development ${python} ${mujoco})
+set(CPACK_COMPONENTS_ALL program development ${python} ${mujoco} ${driver_components})
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)

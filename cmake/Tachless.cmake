@@ -114,6 +114,15 @@ function(tachless_program name)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 endfunction()
 
+# tachless_driver(tachless-ur SOURCES … LIBS …): adds the program of an arm's driver, which has a package of its
+# own with a man page.
+function(tachless_driver name)
+  tachless_program(${name} ${ARGN})
+  set_property(GLOBAL APPEND PROPERTY TACHLESS_DRIVERS ${name})
+  string(REPLACE "-" "_" component ${name})
+  install(TARGETS ${name} DESTINATION bin COMPONENT ${component})
+endfunction()
+
 # Precompiles the headers for the test programs, which have other options.
 function(tachless_test_headers)
   add_library(test_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)

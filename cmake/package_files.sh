@@ -2,14 +2,15 @@
 # Writes the files of the Debian packages beside programs and libraries. These are man pages and completions,
 # made from the programs' help texts, and the changelog.
 set -euo pipefail
-usage="usage: package_files.sh PROGRAM_DIR OUT_DIR VERSION"
+usage="usage: package_files.sh PROGRAM_DIR OUT_DIR VERSION [DRIVER …]"
 programs=${1:?$usage} out=${2:?$usage} version=${3:?$usage}
+drivers=("${@:4}")
 tree=$(dirname "$(dirname "$(readlink -f "$0")")")
 man=$out/share/man/man1
 bash=$out/share/bash-completion/completions
 zsh=$out/share/zsh/vendor-completions
 rm -rf "$out"
-mkdir -p "$man" "$bash" "$zsh"
+mkdir -p "$man" "$bash" "$zsh" "$out/drivers"
 
 rows=$("$tree/cmake/completion.sh" "$programs/tachless")
 cat >"$bash/tachless" <<EOF
@@ -61,9 +62,13 @@ for verb in '' $("$programs/tachless" --help | sed -n '/^Subcommands:/,/^Example
   man_page "tachless${verb:+-$verb}" tachless ${verb:+"$verb"}
 done
 for program in plant reference controller logger; do man_page "tachless-$program" "tachless-$program"; done
+for driver in "${drivers[@]}"; do  # each in a package of its own
+  man_page "$driver" "$driver"
+  mv "$man/$driver.1" "$out/drivers"
+done
 rm "$ends"
 
 date=$(date -R -u -r "$tree/CHANGELOG.md")
 printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \
   "$version" "The tachless authors <authors@tachless.invalid>" "$date" >"$out/changelog"
-gzip -9n "$out/changelog" "$man"/*
+gzip -9n "$out/changelog" "$man"/* "$out/drivers"/*

@@ -126,6 +126,7 @@ class McapTable {
                         each.name, base::json_text(described));
       }
       const std::string& topic = log.summary().of(slot).channel;
+      if (topic.empty()) continue;
       channels_[index(slot)] =
           file_.add_channel(topic, fmt::format("tachless.{}", topic),
                             fmt::format(R"({{"type":"object","properties":{{{}}}}})", properties));

@@ -160,6 +160,7 @@ json run_json(RunLog& log) {
   const RunSummary& summary = log.summary();
   json pieces = json::array();
   for (const auto& piece : summary.pieces) {
+    if (piece.channel.empty()) continue;
     json missing = json::array();
     for (const auto& range : piece.missing.listed) missing.push_back({range.first, range.last});
     pieces.push_back({{"channel", piece.channel},

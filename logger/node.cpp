@@ -256,6 +256,7 @@ class LockstepRecorder final : public Recorder {
       const auto begin = Clock::now();
       utime_ = messages::stamp_of(window_->bytes(*tick, Slot::tick)).utime;
       for (const Slot slot : messages::all_slots) {
+        if (messages_->channel(slot).empty()) continue;
         append(utime_, messages_->channel(slot), window_->bytes(*tick, slot));
       }
       truth_digest_.add(window_->bytes(*tick, Slot::truth));
@@ -292,7 +293,7 @@ class RealtimeRecorder final : public Recorder {
       : Recorder(scenario, session, log_path),
         num_ticks_(scenario.loop.num_ticks),
         pace_(scenario.loop.period_s),
-        tally_(scenario.loop.num_ticks) {}
+        tally_(scenario.loop.num_ticks, has_slot(scenario, Slot::contact)) {}
 
  private:
   void on_message(Slot slot, const messages::Stamp& stamp, const bus::Datagram& datagram) override {

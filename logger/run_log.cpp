@@ -12,6 +12,7 @@
 #include "base/text.h"
 #include "base/tick_ring.h"
 #include "base/version.h"
+#include "logger/tick_messages.h"
 #include "messages/measurements.h"
 #include "messages/truth/truth_wire.h"
 
@@ -156,6 +157,7 @@ std::string RunSummary::stop_reason(std::int64_t num_ticks) const {
 std::vector<std::string> RunSummary::gap_texts() const {
   std::vector<std::string> texts;
   for (const auto& piece : pieces) {
+    if (piece.channel.empty()) continue;
     if (piece.absent()) {
       texts.push_back("no " + piece.channel);
     } else if (piece.missing.count != 0) {
@@ -245,6 +247,9 @@ class RunLog::Window {
   void make(Channel<Value>& channel) {
     if (messages::is_measurement<Value> && described_.info.measurement != Value::suffix) return;
     if (std::is_same_v<Value, messages::LogAck>) return;  // the message tells nothing of a run
+    if constexpr (messages::once_per_tick<Value>) {
+      if (!has_slot(described_.scenario, messages::slot_of<Value>())) return;
+    }
     channel.name = messages::channel<Value>(described_.info.robot);
     channel.codec.emplace(described_.layout);
     if constexpr (messages::once_per_tick<Value>) {

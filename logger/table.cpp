@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "logger/tick_messages.h"
 #include "messages/measurements.h"
 
 namespace tachless::logger {
@@ -45,6 +46,7 @@ void copy(const std::array<bool, max_joints>& flags, std::size_t count, double* 
 void copy(messages::truth::DriveFault fault, std::size_t /*count*/, double* to) {
   *to = static_cast<double>(fault);
 }
+void copy(double value, std::size_t /*count*/, double* to) { *to = value; }
 
 struct Builder {
   const robot::Model& model;
@@ -56,7 +58,7 @@ struct Builder {
   template <class Member, class Get>
   void add(const std::string& name, std::string_view unit, const std::string& description,
            Slot slot, Get get) {
-    constexpr bool per_joint = !std::is_enum_v<Member>;
+    constexpr bool per_joint = !std::is_enum_v<Member> && !std::is_same_v<Member, double>;
     const auto [revolute, prismatic] = column_units(unit);
     Quantity quantity{name, {}, description, slot, {}, {}};
     if (per_joint) quantity.joints = model.joint_names;
@@ -132,7 +134,7 @@ std::vector<Quantity> quantities_of(const scenario::Scenario& scenario,
                                     const messages::LawInfo& law) {
   const robot::Model& model = *scenario.model;
   Builder to{model, messages::layout(scenario.num_joints, scenario.robot.flexible.has_value()),
-             !scenario.plant.disturbances.empty()};
+             has_disturbance(scenario)};
   using Truth = messages::truth::PlantTruth;
   to.add_message<Truth>("", ", true", 0, Truth::num_states);
   to.add_message<messages::ReferencePoint>("", "");
@@ -149,6 +151,7 @@ std::vector<Quantity> quantities_of(const scenario::Scenario& scenario,
     to.add_message<M>("_measured", " as measured");
   });
   to.add_message<Truth>("", "", Truth::num_states);
+  if (has_slot(scenario, Slot::contact)) to.add_message<messages::truth::Contact>("", "");
   std::vector<std::string> names;
   for (const Quantity& each : to.quantities) names.push_back(each.name);
   const auto joints = joints_in_columns(names, model.joint_names);

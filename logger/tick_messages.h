@@ -17,8 +17,18 @@
 
 namespace tachless::logger {
 
-/// The channels of a run's six messages of a tick, by slot, and the check of a message. The class
-/// keeps no message.
+/// Returns whether a run of the scenario has that message in each tick.
+inline bool has_slot(const scenario::Scenario& scenario, messages::Slot slot) {
+  return slot != messages::Slot::contact || !scenario.plant.mujoco.model.empty();
+}
+
+/// Returns whether a robot of the scenario may have torques that no drive gives.
+inline bool has_disturbance(const scenario::Scenario& scenario) {
+  return !scenario.plant.disturbances.empty() || has_slot(scenario, messages::Slot::contact);
+}
+
+/// The channels of a run's messages of a tick, by slot, and the check of a message. The class keeps
+/// no message.
 class TickChannels {
  public:
   using Slot = messages::Slot;
@@ -28,14 +38,15 @@ class TickChannels {
       : robot_(scenario.robot.channel_prefix),
         layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
                                  static_cast<int>(messages::parse_signals(law.signals)->size()))) {
-    for_each_type(messages::TickMessages(),
-                  [&]<class Value>(std::type_identity<Value>) { use<Value>(); });
+    for_each_type(messages::TickMessages(), [&]<class Value>(std::type_identity<Value>) {
+      if (has_slot(scenario, messages::slot_of<Value>())) use<Value>();
+    });
     messages::with_measurement(law.measurement, [&]<class M>(std::type_identity<M>) { use<M>(); });
   }
 
   [[nodiscard]] const std::string& channel(Slot slot) const { return channels_[index(slot)]; }
 
-  /// Returns the lengths of the longest messages, by slot [bytes].
+  /// Returns the lengths of the longest messages, by slot [bytes]; 0 without a channel.
   [[nodiscard]] const std::array<std::size_t, messages::num_slots>& longest() const {
     return longest_;
   }

@@ -15,7 +15,7 @@ namespace tachless::logger {
 /// so the other messages are no gaps.
 constexpr bool is_due_while_stopped(messages::Slot slot) {
   return slot == messages::Slot::tick || slot == messages::Slot::measurement ||
-         slot == messages::Slot::truth;
+         slot == messages::Slot::truth || slot == messages::Slot::contact;
 }
 
 /// Ticks in a row: first to last, both included.

@@ -4,7 +4,8 @@
 
 namespace tachless::logger {
 
-TickTally::TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), expected_(num_ticks) {
+TickTally::TickTally(std::int64_t num_ticks, bool contact)
+    : num_ticks_(num_ticks), contact_(contact), expected_(num_ticks) {
   for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
 }
 
@@ -34,6 +35,7 @@ void TickTally::settle_before(std::int64_t end) {
     bool complete = true;
     for (const Slot slot : messages::all_slots) {
       if (entry.tick == settled_ && entry.has[index(slot)]) continue;
+      if (slot == Slot::contact && !contact_) continue;
       if (settled_ >= stopped_from_ && !is_due_while_stopped(slot)) continue;
       complete = false;
       if (settled_ <= expected_) missing_[index(slot)].add(settled_);

@@ -26,7 +26,8 @@ class TickTally {
   static constexpr std::int64_t window = 1024;
   using Missing = TickRanges<5>;
 
-  explicit TickTally(std::int64_t num_ticks);
+  /// @param contact whether each tick has a message in Slot::contact
+  explicit TickTally(std::int64_t num_ticks, bool contact = false);
 
   /// Returns whether the message is to be recorded (`fresh`), or why not.
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
@@ -60,6 +61,7 @@ class TickTally {
   void settle_before(std::int64_t end);
 
   std::int64_t num_ticks_;
+  bool contact_;
   base::TickRing<Entry> entries_{window};
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over

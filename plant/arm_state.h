@@ -1,10 +1,19 @@
 #pragma once
 
 #include <limits>
+#include <optional>
+#include <string>
 
 #include "base/quantities.h"
 
 namespace tachless::plant {
+
+/// Contact of a simulated robot: the two geoms that press most.
+struct Contact {
+  std::string simulator;  ///< its name and version
+  std::string geoms;      ///< "tip, wall", the robot's first; empty: no contact
+  double force = 0;       ///< between the two [N]
+};
 
 /// State of a robot at an instant.
 struct ArmState {
@@ -21,6 +30,8 @@ struct ArmState {
   /// True: the robot did not answer in time, and no other member is valid. The tick is a missed
   /// tick.
   bool missing = false;
+  /// Contact, of a simulator that knows contacts. Only the log uses it.
+  std::optional<Contact> contact{};
 };
 
 }  // namespace tachless::plant

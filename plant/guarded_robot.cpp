@@ -343,8 +343,13 @@ void GuardedRobot::watch_following(std::int64_t tick) {
   if (tick == 0) guard_.set_first_error(state_.q, q_ref);
   const Eigen::Index late = guard_.late_joint(state_.q, q_ref);
   if (late < 0) return;
+  const auto& contact = state_.contact;
+  const std::string touches =
+      contact && !contact->geoms.empty()
+          ? fmt::format("; contact ({}), {:.3g} N", base::printable(contact->geoms), contact->force)
+          : "";
   throw Failure(ExitCode::protective_stop,
-                guard_.following_text(late, std::abs(state_.q[late] - q_ref[late]), tick));
+                guard_.following_text(late, std::abs(state_.q[late] - q_ref[late]), tick, touches));
 }
 
 std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const {

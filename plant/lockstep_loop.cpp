@@ -20,7 +20,7 @@ using session::TickMaster;
 using session::Verdict;
 using Repeated = TickMaster::Repeat::What;
 
-enum Kind : int { tick_kind, measurement_kind, truth_kind };
+enum Kind : int { tick_kind, measurement_kind, truth_kind, contact_kind };
 
 TickMaster::Config tick_master_config(const scenario::Scenario& scenario) {
   TickMaster::Config config;
@@ -45,7 +45,8 @@ class LockstepLoop : PlantLoop {
     session_.join({}, {});
     prepare();
     sent_.emplace(std::array{tick_port_.codec.longest(), measurement_port_->codec.longest(),
-                             truth_port_.codec.longest()});
+                             truth_port_.codec.longest(),
+                             contact_port_ ? contact_port_->codec.longest() : 0});
     session_.note_started(Clock::now());
     session_.run_until([this] { return tick_master_.is_finished(); },
                        [this](Time now) {
@@ -88,9 +89,10 @@ class LockstepLoop : PlantLoop {
   void end_tick(const messages::TorqueCommand& command) {
     const std::int64_t k = tick_master_.next_tick();
     robot_.accept(command);
-    const Bytes truth = publish_truth(k, messages::truth::DriveFault::none);
-    sent_->put(k, truth_kind, truth);
-    truth_digest_.add(truth);
+    const Truth published = publish_truth(k, messages::truth::DriveFault::none);
+    sent_->put(k, truth_kind, published.truth);
+    if (contact_port_) sent_->put(k, contact_kind, published.contact);
+    truth_digest_.add(published.truth);
     session_.statistics().work_us.add(robot_.advance(k));
     robot_.end_tick();
     tick_master_.on_completed(Clock::now());
@@ -104,6 +106,10 @@ class LockstepLoop : PlantLoop {
       session_.publish(tick_port_.channel, sent_->bytes(k, tick_kind));
       session_.publish(measurement_port_->channel, sent_->bytes(k, measurement_kind));
       resends += 2;
+      if (repeat->what == Repeated::all && contact_port_) {
+        session_.publish(contact_port_->channel, sent_->bytes(k, contact_kind));
+        ++resends;
+      }
       if (repeat->what == Repeated::all) {
         session_.publish(truth_port_.channel, sent_->bytes(k, truth_kind));
         ++resends;

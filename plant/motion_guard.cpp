@@ -54,13 +54,15 @@ std::string MotionGuard::speed_text(Eigen::Index joint, double speed, std::int64
                      unit(joint), robot_file_);
 }
 
-std::string MotionGuard::following_text(Eigen::Index joint, double error, std::int64_t tick) const {
+std::string MotionGuard::following_text(Eigen::Index joint, double error, std::int64_t tick,
+                                        std::string_view contact) const {
   return fmt::format(
       "{} is {:.4g} {} from its reference at tick {}, at the start it was {:.4g} {} "
-      "(plant.following_error_rad: {:.4g}); soft gains with friction need more, but first see "
-      "joint_signs and whether the arm adds gravity itself (robot.compensates)",
+      "(plant.following_error_rad: {:.4g}){}; first see whether the arm touches something, then "
+      "joint_signs and whether the arm adds gravity itself (robot.compensates); soft gains with "
+      "friction need more",
       name(joint), error, unit(joint), tick, first_error_[joint], unit(joint),
-      following_error_[joint]);
+      following_error_[joint], contact);
 }
 
 std::string MotionGuard::name(Eigen::Index joint) const {

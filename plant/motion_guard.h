@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "base/quantities.h"
@@ -60,8 +61,9 @@ class MotionGuard {
 
   [[nodiscard]] std::string range_text(Eigen::Index joint, double q, std::int64_t tick) const;
   [[nodiscard]] std::string speed_text(Eigen::Index joint, double speed, std::int64_t tick) const;
-  [[nodiscard]] std::string following_text(Eigen::Index joint, double error,
-                                           std::int64_t tick) const;
+  /// @param contact text about a contact that is known, with its separator
+  [[nodiscard]] std::string following_text(Eigen::Index joint, double error, std::int64_t tick,
+                                           std::string_view contact = {}) const;
 
  private:
   [[nodiscard]] std::string name(Eigen::Index joint) const;

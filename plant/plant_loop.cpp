@@ -63,6 +63,9 @@ PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Session& sessi
   session_.statistics().plant().saturated_ticks.assign(num_joints, 0);
   session_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
   session_.statistics().plant().robot_is_clock = robot_.is_clock();
+  if (!scenario.plant.mujoco.model.empty()) {
+    contact_port_.emplace(messages::port<messages::truth::Contact>(prefix_, layout_));
+  }
 }
 
 void PlantLoop::prepare() {
@@ -96,7 +99,7 @@ PlantLoop::Request PlantLoop::publish_request(const messages::Stamp& tick_stamp)
   return request;
 }
 
-PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::DriveFault fault) {
+PlantLoop::Truth PlantLoop::publish_truth(std::int64_t tick, messages::truth::DriveFault fault) {
   const AppliedTorque& applied = robot_.applied();
   messages::truth::PlantTruth truth = truth_of(robot_.state(), applied);
   truth.fault = fault;
@@ -107,7 +110,12 @@ PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, messages::truth::Dr
   }
   if (!robot_.has_reading()) return {};
   if (!messages::all_finite(truth)) throw not_finite(tick);
-  return session_.publish(truth_port_, stamp(tick), truth);
+  Truth published;
+  if (contact_port_) {
+    published.contact = session_.publish(*contact_port_, stamp(tick), contact_of(robot_.state()));
+  }
+  published.truth = session_.publish(truth_port_, stamp(tick), truth);
+  return published;
 }
 
 void PlantLoop::note_completed(std::int64_t tick) {

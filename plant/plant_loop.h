@@ -47,11 +47,15 @@ class PlantLoop {
   /// a reading has TICK alone. The bytes are valid until the next call.
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Request publish_request(const messages::Stamp& tick_stamp);
-  /// Publishes the robot's state at the beginning of the tick and the torque over it. Call it once
-  /// per tick, because it counts saturation. A tick without a reading has no state and no TRUTH.
+  struct Truth {
+    Bytes truth, contact;  ///< empty: not published
+  };
+  /// Publishes the robot's state at the beginning of the tick and the torque over it. With
+  /// plant.mujoco it publishes the contact first. Call it once per tick, because it counts
+  /// saturation. A tick without a reading has no state and no TRUTH.
   /// @return the bytes, valid until the next call
   /// @throw base::Failure(protective_stop) when the state is not finite.
-  Bytes publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
+  Truth publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
   /// Announces and counts the tick as over.
   void note_completed(std::int64_t tick);
 
@@ -68,6 +72,7 @@ class PlantLoop {
   messages::Port<messages::Tick> tick_port_;
   messages::Port<messages::TorqueCommand> command_port_;
   messages::Port<messages::truth::PlantTruth> truth_port_;
+  std::optional<messages::Port<messages::truth::Contact>> contact_port_;      ///< with plant.mujoco
   std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
 };
 

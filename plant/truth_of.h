@@ -1,5 +1,6 @@
 #pragma once
 
+#include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 #include "plant/arm_state.h"
 #include "plant/drive.h"
@@ -13,6 +14,13 @@ inline messages::truth::PlantTruth truth_of(const ArmState& state, const Applied
                                     applied.saturated};
   if (truth.disturbance.size() == 0) truth.disturbance.setZero(state.q.size());
   return truth;
+}
+
+/// Returns the CONTACT of a tick.
+inline messages::truth::Contact contact_of(const ArmState& state) {
+  const Contact contact = state.contact.value_or(Contact());
+  constexpr std::size_t longest = messages::truth::Contact::longest_name;
+  return {contact.simulator.substr(0, longest), contact.geoms.substr(0, longest), contact.force};
 }
 
 }  // namespace tachless::plant

@@ -231,6 +231,7 @@ std::string uncounted(const plant::Spec& plant, const scenario::RobotSpec& robot
   add(!plant.encoder.eccentricity_rad.isZero(0), "plant.encoder.eccentricity_rad");
   add(robot.flexible && !robot.flexible->motor_coulomb_friction_Nm.isZero(0),
       "robot.joints.flexible.motor_coulomb_friction_Nm");
+  add(!plant.mujoco.model.empty(), "contacts (plant.mujoco): all numbers are of free motion");
   return base::joined(all);
 }
 

@@ -112,6 +112,7 @@ Eigen::Index Parameters::first(Kind kind) const {
 scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
                                      const Eigen::VectorXd& values) const {
   scenario::Scenario changed = scenario;
+  changed.plant.mujoco = {};
   plant::DriveSpec& drive = changed.plant.drive;
   drive.static_friction_Nm.reset();
   for (Eigen::Index i = 0; i < size(); ++i) {

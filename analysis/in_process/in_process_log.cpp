@@ -1,6 +1,7 @@
 #include "in_process/in_process_log.h"
 
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -25,6 +26,10 @@ void log_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw 
   auto command = messages::port<messages::TorqueCommand>(prefix, layout);
   auto signals = messages::port<messages::LawSignals>(prefix, layout);
   auto truth = messages::port<messages::truth::PlantTruth>(prefix, layout);
+  std::optional<messages::Port<messages::truth::Contact>> contact;
+  if (!scenario.plant.mujoco.model.empty()) {
+    contact.emplace(messages::port<messages::truth::Contact>(prefix, layout));
+  }
 
   const auto info = session::run_info(scenario, run, law_info);
   write({0, messages::channel<messages::RunInfo>(prefix), info});
@@ -39,6 +44,7 @@ void log_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw 
     put(command, record.command);
     put(signals, record.controller);
     put(truth, plant::truth_of(record.truth, record.applied));
+    if (contact) put(*contact, plant::contact_of(record.truth));
     return on_tick(record);
   });
 }

@@ -18,8 +18,8 @@ struct LogMessage {
 };
 
 /// Steps the loop in this process and passes each message of a lockstep run to `write`. The
-/// messages are RUN_INFO, then six messages per tick in their logged order. A lockstep run of the
-/// scenario logs the same bytes. The call writes no file.
+/// messages are RUN_INFO, then the messages of each tick in their logged order. A lockstep run of
+/// the scenario logs the same bytes. The call writes no file.
 /// @param on_tick receives the tick's record after the tick's messages; false ends the run
 /// @throw base::Failure as `run_in_process` does, and (bad_usage) when RUN_INFO is too long
 void log_in_process(const scenario::Scenario& scenario, controller::ScenarioLaw law,

@@ -132,6 +132,7 @@ void step_through(logger::RunLog& log, const scenario::Scenario& scenario, contr
   std::int64_t next = 0;
   while (result.stopped_by.empty() && log.next(record)) {
     if (own_gains && record.reference) record.reference->gains.clear();
+    if (record.contact) result.simulator = record.contact->simulator;
     if (realtime && !record.command && !record.controller_state) {
       ++comparison.pending_passed_over;
       continue;
@@ -235,9 +236,11 @@ std::string problem_text(const Replay& replay, const logger::RunLog& log,
 
 std::string verified_text(const Replay& replay, const logger::RunLog& log, double wall_s) {
   const double recorded_s = static_cast<double>(replay.compared) * log.info().period_s;
+  const std::string plant =
+      replay.simulator.empty() ? "" : ", plant " + base::printable(replay.simulator);
   std::string text =
-      fmt::format("{}: run {}, law {}\nthe same: {} commands, bit for bit", log.path().string(),
-                  log.run(), log.scenario().controller.law_text(), replay.compared);
+      fmt::format("{}: run {}, law {}{}\nthe same: {} commands, bit for bit", log.path().string(),
+                  log.run(), log.scenario().controller.law_text(), plant, replay.compared);
   if (replay.passed_over != 0) {
     text +=
         fmt::format("; {} ticks have none, the controller passed them over", replay.passed_over);
@@ -274,15 +277,17 @@ nlohmann::ordered_json to_json(const Replay& replay) {
              {"difference_Nm", at->replayed - at->recorded},
              {"ulps", at->ulps}};
   }
-  return {{"compared_ticks", replay.compared},
-          {"different_ticks", replay.different},
-          {"last_compared_tick", replay.compared > 0 ? Json(replay.last_compared) : Json()},
-          {"complete", replay.complete()},
-          {"ticks_without_command", replay.without_command},
-          {"ticks_passed_over", replay.passed_over},
-          {"stopped_by", replay.stopped_by.empty() ? Json() : Json(replay.stopped_by)},
-          {"first_difference", first},
-          {"joints", joints}};
+  return {
+      {"compared_ticks", replay.compared},
+      {"different_ticks", replay.different},
+      {"last_compared_tick", replay.compared > 0 ? Json(replay.last_compared) : Json()},
+      {"complete", replay.complete()},
+      {"ticks_without_command", replay.without_command},
+      {"ticks_passed_over", replay.passed_over},
+      {"simulator", replay.simulator.empty() ? Json() : Json(base::printable(replay.simulator))},
+      {"stopped_by", replay.stopped_by.empty() ? Json() : Json(replay.stopped_by)},
+      {"first_difference", first},
+      {"joints", joints}};
 }
 
 }  // namespace tachless::replay

@@ -47,6 +47,7 @@ struct Replay {
   /// Why nothing after `last_compared` could be computed; empty when the log was replayed to its
   /// end.
   std::string stopped_by;
+  std::string simulator;    ///< of the plant, with its version; empty: the emulator or a robot
   bool not_finite = false;  ///< the replay stopped because the law's torque is not finite
 
   /// Returns whether every recorded command was computed again, without a gap.
@@ -89,9 +90,9 @@ std::string verified_text(const Replay& replay, const logger::RunLog& log, doubl
 std::string damage_text(const logger::RunLog& log);
 
 /// Returns `{compared_ticks, different_ticks, last_compared_tick, complete, ticks_without_command,
-/// ticks_passed_over, stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm,
-/// difference_Nm, ulps}, joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm, replayed_peak_Nm}]}`.
-/// A value that does not exist is null. Joints count from 1.
+/// ticks_passed_over, simulator, stopped_by, first_difference {tick, joint, recorded_Nm,
+/// replayed_Nm, difference_Nm, ulps}, joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm,
+/// replayed_peak_Nm}]}`. A value that does not exist is null. Joints count from 1.
 nlohmann::ordered_json to_json(const Replay& replay);
 
 /// A replay with another law or other settings, and the files made of it.

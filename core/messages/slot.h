@@ -3,16 +3,15 @@
 #include <array>
 #include <cstddef>
 
-/// The six kinds of message of one tick, by name. core/messages/truth/tick_record.h holds their
-/// values.
+/// The kinds of message of one tick, by name. core/messages/truth/tick_record.h holds their values.
 namespace tachless::messages {
 
-/// Kinds of message in the order of the canonical log.
-enum class Slot : int { tick, measurement, reference, command, controller_state, truth };
-inline constexpr int num_slots = 6;
+/// Kinds of message in the order of the canonical log. Only a run with plant.mujoco has `contact`.
+enum class Slot : int { tick, measurement, reference, command, controller_state, truth, contact };
+inline constexpr int num_slots = 7;
 inline constexpr std::array<Slot, num_slots> all_slots = {
-    Slot::tick,    Slot::measurement,      Slot::reference,
-    Slot::command, Slot::controller_state, Slot::truth};
+    Slot::tick,  Slot::measurement, Slot::reference, Slot::command, Slot::controller_state,
+    Slot::truth, Slot::contact};
 
 constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
 

@@ -55,9 +55,9 @@ std::optional<LogWindow::Ack> LogWindow::take_ack() {
 }
 
 bool LogWindow::is_complete(std::int64_t tick) const {
-  int present = 0;
-  while (present < num_slots && ring_.has(tick, present)) ++present;
-  return present == num_slots;
+  return std::ranges::all_of(messages::all_slots, [&](Slot slot) {
+    return longest_[index(slot)] == 0 || ring_.has(tick, static_cast<int>(slot));
+  });
 }
 
 }  // namespace tachless::session

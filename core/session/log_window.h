@@ -14,7 +14,7 @@ namespace tachless::session {
 using messages::num_slots;
 using messages::Slot;
 
-/// The logger's side of the tick protocol. It collects the six messages of each tick in any order
+/// The logger's side of the tick protocol. It collects the messages of each tick in any order
 /// of arrival and gives complete ticks in order. It decides when to acknowledge, and which ticks to
 /// report as missing. It writes nothing.
 class LogWindow {
@@ -26,13 +26,14 @@ class LogWindow {
   /// Most ticks between two acknowledgements.
   static constexpr std::int64_t ack_interval = 16;
 
-  /// @param longest length of the longest message of each slot [bytes]
+  /// @param longest length of the longest message of each slot [bytes]; 0: the run has no such
+  /// message
   LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest)
-      : num_ticks_(num_ticks), ring_(longest) {}
+      : num_ticks_(num_ticks), longest_(longest), ring_(longest) {}
 
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
-  /// Returns the tick to be written next, if all its six messages have arrived.
+  /// Returns the tick to be written next, if all its messages have arrived.
   [[nodiscard]] std::optional<std::int64_t> complete_tick() const;
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, Slot slot) const;
   /// Notes that `complete_tick()` is in the log.
@@ -48,6 +49,7 @@ class LogWindow {
   [[nodiscard]] bool is_complete(std::int64_t tick) const;
 
   std::int64_t num_ticks_;
+  std::array<std::size_t, num_slots> longest_;
   MessageRing ring_;
   std::int64_t written_ = -1;  ///< last tick in the log without a gap
   std::int64_t newest_ = -1;   ///< newest tick with a received message other than the reference

@@ -40,6 +40,6 @@ class MujocoSimulator : public Simulator {
 /// The module's function. It throws std::runtime_error for a model that does not fit.
 using MakeMujocoSimulator = MujocoSimulator*(const MujocoRequest&);
 inline constexpr const char* mujoco_function =
-    "tachless_mujoco_1";  ///< changes with the types above
+    "tachless_mujoco_2";  ///< changes with the types above
 
 }  // namespace tachless::plant

@@ -5,9 +5,11 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "plant/mujoco/interface.h"
@@ -50,6 +52,7 @@ class Mujoco final : public MujocoSimulator {
     G_ = Matrix::Zero(model_->nv, request.num_joints);
     driven_.assign(static_cast<std::size_t>(request.num_joints), 0);
     for (const MujocoJoint& joint : request.joints) add(joint);
+    find_robot();
   }
 
   void reset(const ArmState& initial) override {
@@ -68,6 +71,7 @@ class Mujoco final : public MujocoSimulator {
       state.v[at] = data_->qvel[model_->jnt_dofadr[driven_[i]]];
     }
     state.disturbance = contact_torque();
+    state.contact = contact();
     return state;
   }
 
@@ -206,12 +210,57 @@ class Mujoco final : public MujocoSimulator {
     return in_coordinates(torque_.data());
   }
 
+  /// Finds the bodies that move with the scenario's joints.
+  void find_robot() {
+    robot_.assign(static_cast<std::size_t>(model_->nbody), false);
+    for (const auto& [joint, id] : joints_) robot_[index(model_->jnt_bodyid[id])] = true;
+    for (int body = 1; body < model_->nbody; ++body) {  // a parent is before its children
+      robot_[index(body)] = robot_[index(body)] || robot_[index(model_->body_parentid[body])];
+    }
+  }
+
+  [[nodiscard]] bool is_robot(int geom) const { return robot_[index(model_->geom_bodyid[geom])]; }
+
+  /// Returns the geom's name, or that of its body.
+  [[nodiscard]] std::string name(int geom) const {
+    const char* own = mj_id2name(model_.get(), mjOBJ_GEOM, geom);
+    if (own == nullptr) own = mj_id2name(model_.get(), mjOBJ_BODY, model_->geom_bodyid[geom]);
+    return own != nullptr ? own : "geom " + std::to_string(geom);
+  }
+
+  /// Returns the pair of geoms that presses the robot most, at the begin of the last step.
+  [[nodiscard]] Contact contact() {
+    forces_.clear();
+    for (int i = 0; i < data_->ncon; ++i) {
+      const mjContact& each = data_->contact[i];
+      if (each.exclude != 0 || !(is_robot(each.geom1) || is_robot(each.geom2))) continue;
+      mjtNum force[6], world[3];
+      mj_contactForce(model_.get(), data_.get(), i, force);
+      mju_rotVecMatT(world, force, each.frame);  // the rows of the frame are its axes
+      const auto sum = forces_.try_emplace({each.geom1, each.geom2}, Eigen::Vector3d::Zero()).first;
+      sum->second += Eigen::Vector3d(world[0], world[1], world[2]);
+    }
+    Contact most{version(), {}, 0};
+    for (const auto& [geoms, force] : forces_) {
+      if (force.norm() <= most.force) continue;
+      most.force = force.norm();
+      const auto [first, second] = geoms;
+      most.geoms =
+          is_robot(first) ? name(first) + ", " + name(second) : name(second) + ", " + name(first);
+    }
+    return most;
+  }
+
+  static std::size_t index(int number) { return static_cast<std::size_t>(number); }
+
   ModelPointer model_;
   std::unique_ptr<mjData, Delete> data_;
   Eigen::MatrixXd G_;        ///< velocities of the model's joints by those of the scenario's
   std::vector<int> driven_;  ///< joint of each coordinate
   std::vector<std::pair<MujocoJoint, int>> joints_;
   std::vector<mjtNum> force_, torque_;
+  std::vector<bool> robot_;  ///< by body: it moves with the scenario's joints
+  std::map<std::pair<int, int>, Eigen::Vector3d> forces_;  ///< by geoms [N]
   Vector braking_;
   double longest_step_s_ = 0, now_s_ = 0;
   int keyframe_ = -1;
@@ -219,7 +268,7 @@ class Mujoco final : public MujocoSimulator {
 
 }  // namespace
 
-extern "C" __attribute__((visibility("default"))) MujocoSimulator* tachless_mujoco_1(
+extern "C" __attribute__((visibility("default"))) MujocoSimulator* tachless_mujoco_2(
     const MujocoRequest& request) {
   return new Mujoco(request);
 }

@@ -3,13 +3,15 @@
 #include <type_traits>
 
 #include "messages/messages.h"
+#include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
 /// The numbered message types that the fuzzers know. The first byte of an input selects one.
 namespace tachless::fuzz {
 
 template <class... Value>
-messages::TypeList<Value..., messages::truth::PlantTruth> with_truth(messages::TypeList<Value...>);
+messages::TypeList<Value..., messages::truth::PlantTruth, messages::truth::Contact> with_truth(
+    messages::TypeList<Value...>);
 using Messages = decltype(with_truth(messages::Messages()));
 
 template <class Value>

@@ -72,6 +72,7 @@ std::vector<Message> sample_messages() {
     messages::truth::PlantTruth truth;
     truth.q = truth.v = truth.tau = truth.disturbance = x;
     add(all, truth, k);
+    add(all, messages::truth::Contact{"MuJoCo 2.2.2", "tip, wall", 5}, k);
   }
   messages::Participant participant;
   participant.instance = 5;

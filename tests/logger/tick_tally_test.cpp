@@ -28,6 +28,20 @@ TEST(TickTally, CountsWholeTicks) {
   EXPECT_EQ(tally.newest(), 4999);
 }
 
+TEST(TickTally, MissesTheContactOfARunThatHasIt) {
+  for (const bool contact : {false, true}) {
+    TickTally tally(10, contact);
+    for (std::int64_t k = 0; k < 10; ++k) {
+      for (const Slot slot : messages::all_slots) {
+        if (slot != Slot::contact) tally.on_message(slot, k, BytesOf(1));
+      }
+    }
+    tally.finish(9);
+    EXPECT_EQ(tally.num_complete(), contact ? 0 : 10);
+    EXPECT_EQ(tally.missing(Slot::contact).count, contact ? 10U : 0U);
+  }
+}
+
 TEST(TickTally, NamesWhatIsMissing) {
   TickTally tally(3000);
   for (std::int64_t k = 0; k < 3000; ++k) {

@@ -3,122 +3,73 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
-#include <fstream>
-#include <string>
-#include <vector>
 
 #include "certify/prediction.h"
-#include "controller/registry.h"
-#include "in_process/in_process_loop.h"
-#include "plant/mujoco/mujoco.h"
-#include "plant/plant_model.h"
-#include "scenario/scenario.h"
-#include "tests/support/temporary_directory.h"
+#include "identify/identify.h"
+#include "plant/arm.h"
+#include "tests/plant/mujoco_plant.h"
 
 namespace tachless::plant {
 namespace {
 
-using in_process::TickRecord;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-/// An arm of three joints with armature and damping; `more` is beside its bodies.
-std::string arm(const std::string& more = "", const std::string& mass = "2") {
-  return R"(<mujoco model="arm">
-  <compiler angle="radian" autolimits="true"/>
-  <option timestep="0.001"/>
-  <default><joint armature="0.05" damping="0.2"/></default>
-  <worldbody>)" +
-         more + R"(
-    <body name="base" pos="0 0 0.6">
-      <joint name="yaw" axis="0 0 1"/>
-      <inertial pos="0 0 0.05" mass="1" diaginertia="0.01 0.01 0.01"/>
-      <body name="upper" pos="0 0 0.1">
-        <joint name="shoulder" axis="0 1 0"/>
-        <inertial pos="0.01 0 0.15" mass=")" +
-         mass + R"(" diaginertia="0.02 0.02 0.005"/>
-        <body name="lower" pos="0 0 0.3">
-          <joint name="elbow" axis="0 1 0"/>
-          <inertial pos="0 0.01 0.1" mass="1" diaginertia="0.01 0.01 0.003"/>
-          <geom name="tip" type="sphere" size="0.03" pos="0 0 0.25"/>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>)";
-}
-
-constexpr const char* scenario_text = R"(name: mujoco
-robot: {name: arm, urdf: arm.xml, joints: rigid}
-plant: {initial: {position_rad: [0, 0.3, 0.5], torque: hold}}
-reference:
-  point_to_point: {from_rad: [0, 0.3, 0.5], to_rad: [0.4, 0.6, 0.9], start_s: 0.05, duration_s: 0.4}
-controller:
-  law: loria_ortega_rigid
-  gains: {kp: [200, 200, 80], kd: [20, 20, 8], a: [100, 100, 100], b: [100, 100, 100]}
-  filter: tustin
-  feedforward_lead: half_tick_plus_delay
-loop: {mode: lockstep, period_s: 0.001, duration_s: 0.5, command_delay: 1}
-)";
-
-class MujocoPlant : public testing::Test {
- protected:
-  MujocoPlant() {
-    setenv("TACHLESS_MUJOCO", TACHLESS_BINARY_DIR "/lib/tachless/mujoco.so", 1);
-    write("arm.xml", arm());
-    write("arm.yaml", scenario_text);
-  }
-  void write(const char* name, const std::string& text) const {
-    std::ofstream(directory_ / name) << text;
-  }
-  std::vector<TickRecord> records(const std::vector<std::string>& settings) const {
-    std::vector<TickRecord> all;
-    in_process::run_in_process(scenario::load_scenario(directory_ / "arm.yaml", settings),
-                               [&](const TickRecord& record) {
-                                 all.push_back(record);
-                                 return true;
-                               });
-    return all;
-  }
-  std::string refusal(const std::vector<std::string>& settings) const {
-    try {
-      records(settings);
-    } catch (const base::Failure& failure) {
-      return failure.what();
-    }
-    return "accepted";
-  }
-  /// Returns the largest difference of positions from those of this library's mechanics.
-  double error(const std::vector<std::string>& settings) const {
-    const auto ours = records({"plant.mechanics=native", "plant.integrator.accuracy=1e-13"});
-    std::vector<std::string> all = {"plant.mujoco.model=arm.xml"};
-    all.insert(all.end(), settings.begin(), settings.end());
-    const auto theirs = records(all);
-    double worst = 0;
-    for (std::size_t k = 0; k < ours.size(); ++k) {
-      worst = std::max(worst, (ours[k].truth.q - theirs[k].truth.q).cwiseAbs().maxCoeff());
-    }
-    return worst;
-  }
-
-  TemporaryDirectory directory_;
-};
 
 TEST_F(MujocoPlant, ByRungeKuttaMovesAsTheEmulatorToTenDigits) {
   EXPECT_LT(error({"plant.mujoco.integrator=rk4"}), 1e-10);
 }
 
-TEST_F(MujocoPlant, ByEulerHasAnErrorThatHalvesWithTheStep) {
-  const std::string euler = "plant.mujoco.integrator=euler";
-  const double one = error({euler, "plant.mujoco.step_s=0.001"}),
-               half = error({euler, "plant.mujoco.step_s=0.0005"});
-  EXPECT_NEAR(one / half, 2, 0.02);
+/// Returns the largest difference of positions from those of this library's mechanics under the
+/// same torques: gravity's at the start, and a sine that is `amplitude` [N m] at the first joint.
+double open_loop_error(const std::filesystem::path& file, const Vector& start, double amplitude,
+                       int ticks, const std::string& integrator) {
+  const auto scenario = scenario::load_scenario(
+      file, {"plant.mujoco={model: arm.xml, integrator: " + integrator + "}",
+             "plant.mechanics=native", "plant.integrator.accuracy=1e-13"});
+  const robot::Model model = plant_model(scenario);
+  const auto theirs = mujoco_simulator(scenario, model);
+  const ArmState state{start, Vector::Zero(start.size()), {}, {}};
+  Arm ours = make_arm(scenario.plant, {}, model, state);
+  theirs->reset(state);
+  const Vector gravity = robot::gravity_torque(model, start);
+  double worst = 0;
+  for (int k = 0; k < ticks; ++k) {
+    Vector tau = gravity;
+    for (Eigen::Index i = 0; i < tau.size(); ++i) {
+      tau[i] += amplitude / (1 + static_cast<double>(i)) * std::sin(0.005 * k * (1 + 0.2 * i));
+    }
+    const double end_s = 0.001 * (k + 1);
+    ours.advance(tau, end_s);
+    theirs->advance(tau, end_s);
+    worst = std::max(worst, (ours.state().q - theirs->state().q).cwiseAbs().maxCoeff());
+  }
+  EXPECT_GT((ours.state().q - start).norm(), 0.1);
+  return worst;
+}
+
+// Torques change by steps, so the error of the fourth order in a step of 1 ms is all that is left.
+TEST_F(MujocoPlant, UnderTheSameTorquesIsTheEmulatorToElevenDigits) {
+  const auto of = [&](const std::string& model, const Vector& start, double amplitude, int ticks,
+                      const std::string& integrator) {
+    write("arm.xml", model);
+    write("open.yaml", open_loop_text(start));
+    return open_loop_error(directory_ / "open.yaml", start, amplitude, ticks, integrator);
+  };
+  const Vector two = Eigen::Vector2d(0.7, -0.4);
+  const double whole = of(two_links, two, 3, 500, "rk4"),
+               half = of(two_links, two, 3, 500, "rk4, step_s: 0.0005");
+  EXPECT_LT(whole, 1e-10);
+  EXPECT_NEAR(whole / half, 16, 2);  // the rest is the emulator's accuracy of 1e-13
+  Vector seven(7);
+  seven << 0, 0.3, 0, 1.2, 0, 1, 0.4;
+  EXPECT_LT(of(seven_joints(), seven, 5, 800, "rk4"), 1e-11);
+  const std::string euler = "euler, step_s: ";
+  EXPECT_NEAR(
+      of(two_links, two, 3, 500, euler + "0.001") / of(two_links, two, 3, 500, euler + "0.0005"), 2,
+      0.02);
 }
 
 TEST_F(MujocoPlant, GivesTheSameBitsEachTime) {
@@ -131,19 +82,6 @@ TEST_F(MujocoPlant, GivesTheSameBitsEachTime) {
       EXPECT_EQ(std::memcmp(&once[k].truth.q[i], &again[k].truth.q[i], sizeof(double)), 0) << k;
     }
   }
-}
-
-TEST_F(MujocoPlant, FeelsAWallThatIsInTheLog) {
-  write("scene.xml", arm(R"(<geom name="wall" type="box" size="0.02 1 1" pos="0.4 0 1"/>)"));
-  const auto free = records({"plant.mujoco.model=arm.xml"}),
-             stopped = records({"plant.mujoco.model=scene.xml"});
-  EXPECT_EQ(free.back().truth.disturbance.cwiseAbs().maxCoeff(), 0);
-  double pushed = 0;
-  for (const TickRecord& each : stopped) {
-    pushed = std::max(pushed, each.truth.disturbance.cwiseAbs().maxCoeff());
-  }
-  EXPECT_GT(pushed, 1);
-  EXPECT_GT((free.back().truth.q - stopped.back().truth.q).norm(), 0.01);
 }
 
 TEST_F(MujocoPlant, RefusesAnotherRobotWithItsNumbers) {
@@ -166,37 +104,6 @@ TEST_F(MujocoPlant, RefusesWhatDoesNotFit) {
               HasSubstr("a simulator has its own mechanics"));
   setenv("TACHLESS_MUJOCO", "/none/mujoco.so", 1);
   EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml"}), HasSubstr("no module for MuJoCo"));
-}
-
-/// Two links that hang on horizontal axes, without damping.
-constexpr const char* two_links = R"(<mujoco model="two_links">
-  <compiler angle="radian"/> <option timestep="0.001"/>
-  <worldbody><body name="upper" pos="0 0 1">
-    <joint name="shoulder" axis="0 1 0"/>
-    <inertial pos="0.1 0 -0.2" mass="3" diaginertia="0.05 0.05 0.01"/>
-    <body name="lower" pos="0 0 -0.4">
-      <joint name="elbow" axis="0 1 0"/>
-      <inertial pos="0 0 -0.15" mass="2" diaginertia="0.02 0.02 0.005"/>
-    </body>
-  </body></worldbody></mujoco>)";
-
-/// An arm with the axes and about the sizes of a Panda, armature 0.1 and damping 1.
-std::string seven_joints() {
-  std::string bodies, ends;
-  const std::vector<std::string> axes{"0 0 1", "0 1 0",  "0 0 1", "0 -1 0",
-                                      "0 0 1", "0 -1 0", "0 0 -1"};
-  for (std::size_t i = 0; i < axes.size(); ++i) {
-    const double mass = 4 - 0.5 * static_cast<double>(i);
-    bodies += fmt::format(
-        R"(<body name="link{0}" pos="{1} 0 {2}"><joint name="joint{0}" axis="{3}"/>
-        <inertial pos="0.02 0.01 0.06" mass="{4}" diaginertia="{5} {6} {7}"/>)",
-        i + 1, i == 3 ? 0.08 : 0, i == 0 ? 0.33 : 0.16, axes[i], mass, 0.008 * mass, 0.007 * mass,
-        0.004 * mass);
-    ends += "</body>";
-  }
-  return R"(<mujoco model="seven"><compiler angle="radian"/><option timestep="0.001"/>
-    <default><joint armature="0.1" damping="1"/></default><worldbody>)" +
-         bodies + ends + "</worldbody></mujoco>";
 }
 
 TEST_F(MujocoPlant, SticksByTheSolverParametersOfThePage) {
@@ -270,6 +177,33 @@ TEST_F(MujocoPlant, BehavesAsTheCertificatesLimitSays) {
     write("limit.yaml", text);
     EXPECT_LT(growth(directory_ / "limit.yaml", 0.98), 0.5) << model;
     EXPECT_GT(growth(directory_ / "limit.yaml", 1.02), 100) << model;
+  }
+}
+
+// The log is of a scenario that knows neither armature nor damping of the model.
+TEST_F(MujocoPlant, HasArmatureAndDampingThatIdentifyFinds) {
+  write("known.xml", arm("", "2", R"(armature="0" damping="0")"));
+  const auto scenario = scenario::load_scenario(
+      directory_ / "arm.yaml",
+      {"robot.urdf=known.xml", "plant.mujoco={model: arm.xml, integrator: rk4, may_differ: true}",
+       "reference={multi_sine: {offset_rad: [0, 0.3, 0.5], terms: [{amplitude_rad: 0.4, "
+       "frequency_hz: [0.5, 0.6, 0.7]}, {amplitude_rad: 0.1, frequency_hz: [1.5, 1.7, 1.9]}]}}",
+       "plant.encoder.resolution_bits=20", "loop.duration_s=5"});
+  identify::Recording recording{"a run", scenario, Eigen::MatrixXd(5000, 3),
+                                Eigen::MatrixXd(5000, 3)};
+  in_process::run_in_process(scenario, [&](const TickRecord& tick) {
+    recording.q.row(tick.tick) = messages::links_of(tick.measurement).transpose();
+    recording.tau.row(tick.tick) = tick.applied.tau.transpose();
+    return true;
+  });
+  using identify::Kind;
+  const auto found = identify::identify({recording}, {Kind::rotor, Kind::viscous}, {},
+                                        [](std::string_view /*what*/) {});
+  ASSERT_EQ(found.parameters.size(), 6U);
+  for (const auto& each : found.parameters) {
+    const double truth = each.entry.kind == Kind::rotor ? 0.05 : 0.2;
+    EXPECT_LE(std::abs(each.value - truth), each.half_width) << each.entry.name;
+    EXPECT_LT(each.half_width, 0.05 * truth) << each.entry.name;
   }
 }
 

@@ -47,6 +47,7 @@ const std::map<std::string, Names> users = {
     {"CLI/", {"core/session", "tools/cli"}},
     {"SimTKsimbody.h", {"plant/simbody_multibody.cpp"}},
     {"coin/", {"analysis/numerics"}},
+    {"franka/", {"plant/drivers/franka"}},
     {"lcm/", {}},
     {"mujoco/", {"plant/mujoco/module.cpp"}},
     {"nlopt.h", {"analysis/numerics/postures.cpp"}},
@@ -57,6 +58,7 @@ const std::map<std::string, Names> users = {
     {"tachless_truth/", {"core/messages/truth"}},
     {"tinyxml.h", {"core/robot"}},
     {"unsupported/", {"analysis/numerics/decompositions.cpp"}},
+    {"ur_client_library/", {"plant/drivers/ur"}},
     {"urdf_model/", {"core/robot/urdf_xml.cpp"}},
     {"yaml-cpp/", {"core/scenario/yaml_tree.cpp"}}};
 

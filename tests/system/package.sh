@@ -18,7 +18,7 @@ cd "$root"
 verbs=$(sed -n 's/^TACHLESS_VERB(\(.*\))/-\1/p' "$tree/tools/cli/verbs.inc")
 codes=$(sed -n 's/^  [a-z_]* = \([0-9]*\),.*/\1/p' "$tree/core/base/failure.h")
 [[ $verbs == *-run* && $codes == *130* ]]
-for page in '' -plant -reference -controller -logger $verbs; do
+for page in '' -plant -reference -controller -logger -mit-can $verbs; do
   zcat "usr/share/man/man1/tachless$page.1.gz" >page
   for line in 'SH SYNOPSIS' 'SH OPTIONS' 'SH EXAMPLES' 'SH EXIT STATUS' 'SH ENVIRONMENT' 'fBTACHLESS_KEY_FILE\fR' 'fBNO_COLOR\fR' 'SH SEE ALSO'; do
     grep -qF "$line" page || { echo "tachless$page.1: no $line"; exit 1; }

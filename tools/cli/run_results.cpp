@@ -324,7 +324,10 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
       recorded ? recorded->scenario : run.scenario, end.facts,
       recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};
   summary.predicted = run.predicted;
-  if (recorded) summary.verdict = recorded->verdict;
+  if (recorded) {
+    summary.verdict = recorded->verdict;
+    summary.contacts = recorded->contacts;
+  }
   if (end.facts.fault && summary.verdict.outcome != study::Outcome::stopped &&
       (end.code >= ExitCode::peer_lost ||  // perhaps stopped in the last ticks
        summary.ticks() < run.scenario.loop.num_ticks)) {

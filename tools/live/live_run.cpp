@@ -12,6 +12,7 @@
 #include "base/text.h"
 #include "bus/authenticated.h"
 #include "live/arrivals.h"
+#include "logger/tick_messages.h"
 #include "messages/measurements.h"
 #include "messages/truth/tick_record.h"
 #include "messages/truth/truth_wire.h"
@@ -63,7 +64,8 @@ class Regularity {
 
 /// All that is known of one run.
 struct LiveRun::Run {
-  explicit Run(logger::RunDescription of) : described(std::move(of)) {
+  explicit Run(logger::RunDescription of)
+      : described(std::move(of)), disturbed(logger::has_disturbance(described.scenario)) {
     const auto declared = messages::parse_signals(described.info.signals);
     for (const auto& [name, unit] : *declared) {
       signals.emplace_back(name);
@@ -133,6 +135,7 @@ struct LiveRun::Run {
     truth = true;
     note_positions(stamp, is.q, is.theta);
     note("τ", stamp, is.tau);
+    if (disturbed) note("disturbance", stamp, is.disturbance);
     for (std::size_t i = 0; i < static_cast<std::size_t>(is.tau.size()); ++i) {
       saturated[i] = saturated[i] || is.saturated[i];
     }
@@ -141,6 +144,21 @@ struct LiveRun::Run {
       note_event(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
     }
     fault = is.fault;
+  }
+
+  /// Notes the force, and the geoms when they begin to touch after a while without contact.
+  void on(const messages::Stamp& stamp, const messages::truth::Contact& contact,
+          std::int64_t /*ns*/) {
+    constexpr double apart_s = 0.1;  // touches closer together are one
+    Curves& force = curves["contact"];
+    force.resize(1);
+    force[0].add(seconds(stamp), contact.force);
+    if (contact.geoms.empty()) return;
+    if (!touched_s || seconds(stamp) - *touched_s > apart_s) {
+      note_event(fmt::format("contact from {:.4g} s ({})", seconds(stamp),
+                             base::printable(contact.geoms)));
+    }
+    touched_s = seconds(stamp);
   }
 
   void on(const messages::Stamp& stamp, const messages::Participant& participant,
@@ -175,15 +193,17 @@ struct LiveRun::Run {
   }
 
   logger::RunDescription described;
+  bool disturbed;  ///< TRUTH has torques that no drive gives
   std::tuple<messages::Port<messages::Tick>, messages::Port<messages::ReferencePoint>,
              messages::Port<messages::TorqueCommand>, messages::Port<messages::LawSignals>,
-             messages::Port<messages::truth::PlantTruth>, messages::Port<messages::Participant>,
-             messages::Port<messages::AnyMeasurement>>
+             messages::Port<messages::truth::PlantTruth>, messages::Port<messages::truth::Contact>,
+             messages::Port<messages::Participant>, messages::Port<messages::AnyMeasurement>>
       ports{port<messages::Tick>(),
             port<messages::ReferencePoint>(),
             port<messages::TorqueCommand>(),
             port<messages::LawSignals>(),
             port<messages::truth::PlantTruth>(),
+            port<messages::truth::Contact>(),
             port<messages::Participant>(),
             messages::Port<messages::AnyMeasurement>{
                 messages::channel(described.info.robot, described.info.measurement),
@@ -192,6 +212,7 @@ struct LiveRun::Run {
   std::map<std::string, Curves> curves;
   std::array<std::pair<std::int64_t, Vector>, 16> references;  ///< ticks and positions, of late
   bool truth = false;                                          ///< there is TRUTH on the bus
+  std::optional<double> touched_s;                             ///< newest time with a contact
   double newest_s = 0;
   std::int64_t next_stretch = 0;  ///< its number
   Regularity ticks;

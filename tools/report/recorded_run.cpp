@@ -14,6 +14,7 @@
 #include "controller/registry.h"
 #include "controller/stepped_law.h"
 #include "identify/least_squares.h"
+#include "logger/tick_messages.h"
 #include "study/loop_yardstick.h"
 
 namespace tachless::report {
@@ -161,7 +162,7 @@ RecordedRun::RecordedRun(logger::RunDescription of)
       tracking(layout.num_joints),
       saturated(joints.name.size()) {
   signals = declared_signals(info, joints.name.size());
-  if (!scenario.plant.disturbances.empty()) disturbance.resize(joints.name.size());
+  if (logger::has_disturbance(scenario)) disturbance.resize(joints.name.size());
 }
 
 std::vector<std::pair<double, double>> RecordedRun::seconds(
@@ -196,6 +197,8 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     add_tracking(run.tracking, record, t_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record, t_s);
+    if (record.contact) run.contact_force.add(t_s, record.contact->force);
+    run.contacts.add(record, t_s);
     const bool changed = !log.summary().gains.empty();  // the bound holds from the start alone
     if (lyapunov && !changed && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);
   }

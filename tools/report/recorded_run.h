@@ -10,6 +10,7 @@
 
 #include "logger/run_log.h"
 #include "lyapunov/stability_certificate.h"
+#include "report/contacts.h"
 #include "report/decay.h"
 #include "report/visuals.h"
 #include "robot/model.h"
@@ -60,6 +61,8 @@ struct RecordedRun : logger::RunDescription {
   std::vector<study::Envelope> disturbance;  ///< per joint [N m]; empty: the scenario has none
   std::vector<ModelTorque> model_torque;     ///< empty: flexible joints, or less than 2 s
   std::vector<Stretches> saturated;          ///< per joint
+  Contacts contacts;
+  study::Envelope contact_force;  ///< [N]
   Stretches command_missed;
   Stretches protective_stop;
   logger::RunSummary summary;

@@ -14,6 +14,7 @@
 #include "base/logging.h"
 #include "base/text.h"
 #include "base/version.h"
+#include "logger/tick_messages.h"
 #include "report/page_files.h"
 #include "report/summary.h"
 #include "robot/model.h"
@@ -22,7 +23,6 @@ namespace tachless::report {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 
 constexpr std::string_view remedy = "free some space, or name another place";
 
@@ -32,7 +32,7 @@ std::string base64(const std::vector<float>& values) {
       {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)});
 }
 
-Json curve_of(const Curve& curve) {
+nlohmann::json curve_of(const Curve& curve) {
   std::vector<float> values;
   for (const study::Point& point : curve.points) {
     // Not a number makes a gap. An infinite value would make the axis infinite.
@@ -46,8 +46,8 @@ Json curve_of(const Curve& curve) {
           {"points", base64(values)}};
 }
 
-Json chart_of(const Chart& chart) {
-  Json range, curves = Json::array(), marks = Json::array();
+nlohmann::json chart_of(const Chart& chart) {
+  nlohmann::json range, curves = nlohmann::json::array(), marks = nlohmann::json::array();
   if (chart.y_range) range = {chart.y_range->first, chart.y_range->second};
   for (const Curve& curve : chart.curves) {
     if (!curve.points.empty()) curves.push_back(curve_of(curve));
@@ -64,7 +64,7 @@ Json chart_of(const Chart& chart) {
           {"curves", curves}};
 }
 
-Json rows(const Eigen::Matrix3d& R) {
+nlohmann::json rows(const Eigen::Matrix3d& R) {
   const Eigen::Matrix3d stored = R.transpose();  // Eigen stores columns
   return std::vector<double>(stored.data(), stored.data() + 9);
 }
@@ -72,28 +72,31 @@ Json rows(const Eigen::Matrix3d& R) {
 /// Returns the points to which the link of `body` (-1: the ground) is drawn from its origin. The
 /// points are the joints of its children and the ends of the tree. If there are none, the point is
 /// twice as far as the centre of mass.
-Json ends_of(const robot::Model& model, int body) {
-  Json ends = Json::array();
+nlohmann::json ends_of(const robot::Model& model, int body) {
+  nlohmann::json ends = nlohmann::json::array();
   for (const robot::Body& other : model.bodies) {
-    if (other.parent == body) ends.push_back(base::json_list<Json>(other.p_PB));
+    if (other.parent == body) ends.push_back(base::json_list<nlohmann::json>(other.p_PB));
   }
   for (const auto& [name, frame] : model.frames) {
-    if (frame.body == body && frame.leaf) ends.push_back(base::json_list<Json>(frame.p_BF));
+    if (frame.body == body && frame.leaf)
+      ends.push_back(base::json_list<nlohmann::json>(frame.p_BF));
   }
   if (ends.empty())
-    ends.push_back(base::json_list<Json>(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
+    ends.push_back(
+        base::json_list<nlohmann::json>(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
   return ends;
 }
 
-Json robot_of(const Overlay& all, const RecordedRun& run) {
+nlohmann::json robot_of(const Overlay& all, const RecordedRun& run) {
   const robot::Model& model = *run.scenario.model;
-  Json bodies = Json::array(), tools = Json::array(), links = Json::object();
+  nlohmann::json bodies = nlohmann::json::array(), tools = nlohmann::json::array(),
+                 links = nlohmann::json::object();
   for (int k = 0; k < static_cast<int>(model.bodies.size()); ++k) {
     const robot::Body& body = model.bodies[static_cast<std::size_t>(k)];
     bodies.push_back({{"parent", body.parent},
                       {"R", rows(body.R_PB)},
-                      {"p", base::json_list<Json>(body.p_PB)},
-                      {"axis", base::json_list<Json>(body.axis_B)},
+                      {"p", base::json_list<nlohmann::json>(body.p_PB)},
+                      {"axis", base::json_list<nlohmann::json>(body.axis_B)},
                       {"prismatic", body.type == robot::JointType::prismatic},
                       {"joint", body.coordinate},
                       {"multiplier", body.multiplier},
@@ -102,11 +105,12 @@ Json robot_of(const Overlay& all, const RecordedRun& run) {
   }
   for (const std::string& link : robot::farthest_leaves(model)) {
     const robot::Frame& frame = model.frames.at(link);
-    tools.push_back({{"body", frame.body}, {"p", base::json_list<Json>(frame.p_BF)}});
+    tools.push_back({{"body", frame.body}, {"p", base::json_list<nlohmann::json>(frame.p_BF)}});
   }
   for (const auto& [name, frame] : model.frames) {
-    links[name] = {
-        {"body", frame.body}, {"R", rows(frame.R_BF)}, {"p", base::json_list<Json>(frame.p_BF)}};
+    links[name] = {{"body", frame.body},
+                   {"R", rows(frame.R_BF)},
+                   {"p", base::json_list<nlohmann::json>(frame.p_BF)}};
   }
   std::vector<std::size_t> joints(run.joints.name.size());
   for (std::size_t joint = 0; joint < all.joints.size(); ++joint) {
@@ -263,18 +267,19 @@ std::string report_page(const Overlay& all, const std::vector<ReportSection>& se
 }
 
 std::string page_data(const Overlay& all, const std::vector<ReportSection>& sections) {
-  Json charts = Json::array(), runs = Json::array();
+  nlohmann::json charts = nlohmann::json::array(), runs = nlohmann::json::array();
   for (const ReportSection& section : sections) {
     for (const Chart& chart : section.charts) {
       if (chart.over_time) charts.push_back(chart_of(chart));
     }
   }
   for (const RecordedRun& run : all.runs) runs.push_back(robot_of(all, run));
-  std::string text = base::json_text(Json{{"end_s", all.end_s},
-                                          {"live", all.live ? Json(all.runs[0].run_id) : Json()},
-                                          {"robot", all.runs[0].info.robot},
-                                          {"runs", runs},
-                                          {"charts", charts}});
+  std::string text = base::json_text(
+      nlohmann::json{{"end_s", all.end_s},
+                     {"live", all.live ? nlohmann::json(all.runs[0].run_id) : nlohmann::json()},
+                     {"robot", all.runs[0].info.robot},
+                     {"runs", runs},
+                     {"charts", charts}});
   for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) {
     text.replace(at, 1, "\\u003c");
   }
@@ -310,6 +315,7 @@ std::string live_page(const logger::RunDescription& of, const Visuals& visuals,
   for (LoggedSignal& signal : run.signals) {
     for (study::Envelope& joint : signal.joints) joint.add(0, 1);
   }
+  if (logger::has_slot(run.scenario, logger::Slot::contact)) run.contact_force.add(0, 1);
   run.decay.resize(run.joints.name.size());
   Overlay all(runs);
   all.live = true;

@@ -183,8 +183,8 @@ ReportSection torque_section(const Overlay& all) {
           const study::JointTracking& signals = run.tracking.joints()[own];
           chart.curves.push_back(all.curve(run, signals.tau.points(all.budget), "τ"));
           if (!run.disturbance.empty()) {
-            chart.curves.push_back(all.curve(run, run.disturbance[own].points(all.budget), "",
-                                             words("disturbance"), 1.0));
+            chart.curves.push_back(all.curve(run, run.disturbance[own].points(all.budget),
+                                             "disturbance", words("disturbance"), 1.0));
             chart.curves.back().dash = {5, 4};
             if (all.alone()) chart.curves.back().colour = palette[1];
             disturbed = true;
@@ -199,9 +199,30 @@ ReportSection torque_section(const Overlay& all) {
         cut_kick(chart, joint.effort);
       });
   section.text = html("<p>Torque that acted over each tick, after delay and limit.{}{}{}</p>",
-                      disturbed ? " Dashed: the torque of plant.disturbances." : "",
+                      disturbed ? " Dashed: the torque of plant.disturbances, or of contacts." : "",
                       limited ? " Dotted: the drive's limit." : "",
                       saturated ? " Bars at the top: the command exceeded the limit." : "");
+  return section;
+}
+
+/// Draws the force of the runs that know contacts. Without one the section has no chart.
+ReportSection contact_section(const Overlay& all) {
+  ReportSection section{"contact", "Contact", ""};
+  Chart chart = all.over_time("contact-1", "Force of the contact that presses most, over time");
+  chart.y_label = {"F", "", "", "N"};
+  chart.wide = true;
+  for (const RecordedRun& run : all.runs) {
+    const auto points = run.contact_force.points(all.budget);
+    if (points.empty()) continue;
+    chart.curves.push_back(all.curve(run, points, "contact", {}, 1.4));
+    const std::string text = run.contacts.text();
+    section.text += html("<p>{}{}.</p>", all.alone() ? "" : run.label + ": ",
+                         text.empty() ? "No contact" : "C" + text.substr(1));
+  }
+  section.text += html(
+      "<p>Force between the two geoms that press most, one of which is the robot's, at the start "
+      "of each tick, by the simulator. No certificate is about a robot in contact.</p>");
+  section.add(std::move(chart));
   return section;
 }
 
@@ -376,8 +397,13 @@ Figure tracking_figure(const study::Tracking& tracking, const std::string& title
 }
 
 std::vector<ReportSection> report_sections(const Overlay& all) {
-  return {tracking_section(all), error_section(all),    torque_section(all), model_section(all),
-          signals_section(all),  lyapunov_section(all), timing_section(all), events_section(all)};
+  std::vector<ReportSection> sections = {
+      tracking_section(all), error_section(all),    torque_section(all), model_section(all),
+      signals_section(all),  lyapunov_section(all), timing_section(all), events_section(all)};
+  if (ReportSection contact = contact_section(all); !contact.charts.empty()) {
+    sections.insert(sections.begin() + 3, std::move(contact));
+  }
+  return sections;
 }
 
 }  // namespace tachless::report

@@ -60,8 +60,8 @@ struct Overlay {
                             const std::string& signal, Label label = {}, double width = 1.2) const;
 };
 
-/// Returns the sections: tracking, error, torque, torque of the model, controller signals, Lyapunov
-/// function, timing, events.
+/// Returns the sections: tracking, error, torque, contact (with plant.mujoco), torque of the model,
+/// controller signals, Lyapunov function, timing, events.
 std::vector<ReportSection> report_sections(const Overlay& all);
 
 /// Return the last three sections: V along the run and its certified bound; histograms of times

@@ -161,6 +161,7 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
       per_joint(summary.tracking, &study::JointTracking::error, &study::Extent::final);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
+  json["contact"] = to_json(summary.contacts);
   json["robot_stopped"] = facts.robot_stopped ? Json(*facts.robot_stopped) : Json();
   json["dropped_output_bytes"] = facts.dropped_output_bytes;
   json["hidden_output_lines"] = facts.hidden_output_lines;
@@ -217,6 +218,7 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
                 ? "  robot stopped by its driver\n"
                 : "  robot NOT stopped: its driver ended first; use the emergency stop\n";
   }
+  if (summary.contacts.ticks > 0) text += fmt::format("  {}\n", summary.contacts.text());
   text += fmt::format("  {}\n", study::text(summary.verdict, joints));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);

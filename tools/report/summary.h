@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "certify/prediction.h"
+#include "report/contacts.h"
 #include "robot/model.h"
 #include "scenario/scenario.h"
 #include "session/statistics.h"
@@ -38,6 +39,7 @@ struct RunSummary {
   std::vector<session::Statistics> statistics;
   study::Verdict verdict = {};
   certify::Prediction predicted = {};  ///< of the loop, before the run
+  Contacts contacts = {};
 
   /// Returns the time from the start of the run to its end, by the plant's clock if that is known.
   [[nodiscard]] double wall_s() const;

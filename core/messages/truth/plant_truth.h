@@ -20,7 +20,7 @@ enum class DriveFault : std::int8_t {
 struct PlantTruth {
   Vector q, v, theta, thetadot;
   Vector tau;
-  Vector disturbance;  ///< generalised forces of the disturbances [N m; N]
+  Vector disturbance;  ///< generalised forces of disturbances or contacts [N m; N]
   std::array<bool, max_joints> saturated{};
   DriveFault fault = DriveFault::none;
 
@@ -36,7 +36,7 @@ struct PlantTruth {
       per_joint("torque", "tau_applied", "N m", &Value::tau,
                 "torque applied over the tick, after the limit"),
       per_joint("disturbance", "tau_disturbance", "N m", &Value::disturbance,
-                "torque of plant.disturbances at the start of the tick"),
+                "torque of plant.disturbances or of contacts at the start of the tick"),
       Field<Value, std::array<bool, max_joints>>{
           "saturated", "saturated", "", Kind::flag, Count::joints, &Value::saturated,
           "1 when the commanded torque exceeded a limit of the drive"},

@@ -10,6 +10,7 @@
 #include "messages/measurements.h"
 #include "messages/messages.h"
 #include "messages/slot.h"
+#include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
 /// All messages of one tick, for logs and offline use. Controllers may not include it, because it
@@ -25,17 +26,19 @@ struct TickRecord {
   std::optional<TorqueCommand> command;
   std::optional<LawSignals> controller_state;
   std::optional<truth::PlantTruth> truth;
+  std::optional<truth::Contact> contact;  ///< only with plant.mujoco
 };
 
 /// Types of the messages in a TickRecord besides the measurement.
-using TickMessages = TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth>;
+using TickMessages =
+    TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth, truth::Contact>;
 
 template <class... Value>
-TypeList<Value..., truth::PlantTruth> with_truth(TypeList<Value...>);
+TypeList<Value..., truth::PlantTruth, truth::Contact> with_truth(TypeList<Value...>);
 /// Every type of message.
 using AllMessages = decltype(with_truth(Messages()));
 
-/// True for message types with a slot: every tick of a run has one such message.
+/// True for message types with a slot: every tick of a run has at most one such message.
 template <class Value>
 constexpr bool once_per_tick =
     !std::is_same_v<Value, Participant> && !std::is_same_v<Value, RunInfo> &&
@@ -51,13 +54,14 @@ constexpr Slot slot_of() {
   if constexpr (std::is_same_v<Value, TorqueCommand>) return Slot::command;
   if constexpr (std::is_same_v<Value, LawSignals>) return Slot::controller_state;
   if constexpr (std::is_same_v<Value, truth::PlantTruth>) return Slot::truth;
+  if constexpr (std::is_same_v<Value, truth::Contact>) return Slot::contact;
 }
 
 /// Returns the record's messages in the order of Slot; `Record` is TickRecord, const or not.
 template <class Record>
 auto by_slot(Record& record) {
   return std::tie(record.clock, record.measurement, record.reference, record.command,
-                  record.controller_state, record.truth);
+                  record.controller_state, record.truth, record.contact);
 }
 
 /// Type of a message's member in the record.

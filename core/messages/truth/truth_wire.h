@@ -1,15 +1,19 @@
 #pragma once
 
+#include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 #include "messages/wire.h"
 
-/// Ground truth as bytes: `Codec<messages::truth::PlantTruth>`. The target is separate, and no
+/// Ground truth as bytes: codecs of `PlantTruth` and `Contact`. The target is separate, and no
 /// target of controller/ links to it.
 namespace tachless::messages {
 
 template <>
 std::int64_t fingerprint<messages::truth::PlantTruth>();
+template <>
+std::int64_t fingerprint<messages::truth::Contact>();
 
 extern template class Codec<messages::truth::PlantTruth>;
+extern template class Codec<messages::truth::Contact>;
 
 }  // namespace tachless::messages

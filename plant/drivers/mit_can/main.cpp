@@ -1,70 +1,46 @@
 // The driver of an arm whose drives have the MIT mode, on a CAN bus: docs/drivers/mit_can.md.
-#include <atomic>
-#include <chrono>
-#include <cstring>
 #include <iostream>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "base/failure.h"
-#include "base/logging.h"
-#include "base/this_process.h"
 #include "plant/drivers/mit_can/emulated_drives.h"
 #include "plant/drivers/mit_can/mit_driver.h"
 #include "plant/drivers/mit_can/scan.h"
-#include "plant/node.h"
-#include "session/options.h"
+#include "plant/drivers/program.h"
 
 using namespace tachless;
 
 namespace {
 
-int scan(int argc, const char* const* argv) {
-  base::start_logging("tachless-mit-can", base::Verbosity::normal);
-  try {
-    const bool fd = argc == 4 && std::strcmp(argv[3], "--fd") == 0;
-    if (argc < 3 || argc > 4 || (argc == 4 && !fd) || argv[2][0] == '-') {
-      throw base::bad_usage("scan: the bus is missing; type: tachless-mit-can scan can0 [--fd]");
-    }
-    const int found = mit_can::scan(argv[2], fd, std::cout);
-    if (found > 0) return static_cast<int>(base::ExitCode::done);
-    throw base::Failure(base::ExitCode::check_said_no,
-                        "no drive answers on {}: see power, cable, termination and bit rate",
-                        argv[2]);
-  } catch (const std::exception&) {
-    return base::told_exception("the command line");
+void scan(const std::vector<std::string>& arguments) {
+  const bool fd = arguments.size() == 2 && arguments[1] == "--fd";
+  if (arguments.empty() || arguments.size() > (fd ? 2U : 1U) || arguments[0].starts_with('-')) {
+    throw base::bad_usage("scan: the bus is missing; type: tachless-mit-can scan can0 [--fd]");
   }
+  if (mit_can::scan(arguments[0], fd, std::cout) > 0) return;
+  throw base::Failure(base::ExitCode::check_said_no,
+                      "no drive answers on {}: see power, cable, termination and bit rate",
+                      arguments[0]);
 }
 
-/// Emulates drives and arm of a scenario until it is interrupted.
-int emulate(int argc, const char* const* argv) {
-  base::start_logging("tachless-mit-can", base::Verbosity::normal);
-  try {
-    if (argc < 3 || argv[2][0] == '-') {
-      throw base::bad_usage(
-          "emulate: the scenario is missing; type: tachless-mit-can emulate "
-          "arm.yaml [KEY=VALUE ...]");
-    }
-    const scenario::Scenario scenario = scenario::load_scenario(
-        session::find_scenario(argv[2]), std::vector<std::string>(argv + 3, argv + argc));
-    mit_can::EmulatedDrives drives(scenario);
-    const std::atomic<bool>& interrupted = base::catch_interruptions();
-    std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
-    while (!interrupted) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    return static_cast<int>(base::ExitCode::done);
-  } catch (const std::exception&) {
-    return base::told_exception("the command line");
-  }
+void serve(const scenario::Scenario& scenario, const std::stop_token& ends) {
+  mit_can::EmulatedDrives(scenario).serve(ends);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc > 1 && std::strcmp(argv[1], "scan") == 0) return scan(argc, argv);
-  if (argc > 1 && std::strcmp(argv[1], "emulate") == 0) return emulate(argc, argv);
-  return plant::driver_program(argc, argv, [](const scenario::Scenario& scenario) {
-    return std::make_unique<mit_can::MitDriver>(scenario);
-  });
+  const std::string name = "tachless-mit-can";
+  const plant::DriverProgram program{
+      name,
+      "Drives an arm whose drives have the MIT mode on a CAN bus",
+      "drivers/mit_can.md",
+      {{name + " scan can0", "Lists the drives that answer; --fd: on a bus of CAN-FD", scan},
+       plant::emulate_verb(name, "arm.yaml", serve)},
+      [](const scenario::Scenario& scenario) {
+        return std::make_unique<mit_can::MitDriver>(scenario);
+      }};
+  return plant::driver_main(program, argc, argv);
 }

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "messages/messages.h"
+#include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
 namespace tachless::messages {
@@ -93,6 +94,7 @@ TEST(Fields, AreThoseOfTheLcmFilesInTheirOrder) {
   };
   for_each_type(Messages(), compare);
   compare(std::type_identity<truth::PlantTruth>());
+  compare(std::type_identity<truth::Contact>());
 }
 
 TEST(AllFinite, LooksAtNumbersAndNotAtTexts) {

@@ -33,7 +33,7 @@ class ALogWindow : public testing::Test {
     return count;
   }
 
-  LogWindow window{num_ticks, {8, 8, 8, 8, 8, 8}};
+  LogWindow window{num_ticks, {8, 8, 8, 8, 8, 8}};  // no contact
 };
 
 TEST_F(ALogWindow, NeedsAllSixMessagesOfATickInAnyOrder) {
@@ -42,6 +42,14 @@ TEST_F(ALogWindow, NeedsAllSixMessagesOfATickInAnyOrder) {
     EXPECT_EQ(window.complete_tick(), std::nullopt);
   }
   put(0, Slot::controller_state);
+  EXPECT_EQ(window.complete_tick(), 0);
+}
+
+TEST_F(ALogWindow, NeedsTheContactOfARunThatHasIt) {
+  window = LogWindow(num_ticks, {8, 8, 8, 8, 8, 8, 8});
+  put_all_but(0, {Slot::contact});
+  EXPECT_EQ(window.complete_tick(), std::nullopt);
+  put(0, Slot::contact);
   EXPECT_EQ(window.complete_tick(), 0);
 }
 

@@ -33,6 +33,8 @@ std::uint64_t mix(std::uint64_t a, std::uint64_t b) {
 enum class Kind { tick, measurement, reference, command, state, truth, ack };
 enum Node : int { plant, reference, controller, logger, num_nodes };
 
+constexpr int messages_a_tick = num_slots - 1;  // no contact
+
 struct Message {
   Kind kind = Kind::tick;
   std::int64_t tick = -1;
@@ -139,7 +141,7 @@ class SimulatedRun {
       if (!tick_master_.may_begin()) return;
       const std::int64_t k = tick_master_.next_tick();
       ++computations_[{plant, k}];
-      widest_ = std::max(widest_, k - (std::ssize(written_) / num_slots - 1));
+      widest_ = std::max(widest_, k - (std::ssize(written_) / messages_a_tick - 1));
       measurements_[k] = mix(plant_state_, k);
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
@@ -177,7 +179,7 @@ class SimulatedRun {
         break;
       default:
         logger_receives(message);
-        count = std::ssize(written_) / num_slots;
+        count = std::ssize(written_) / messages_a_tick;
     }
     trace(found->second, tick, count);
   }
@@ -255,7 +257,7 @@ class SimulatedRun {
     }
     while (const auto k = log_.complete_tick()) {
       ++computations_[{logger, *k}];
-      for (int slot = 0; slot < num_slots; ++slot) {
+      for (int slot = 0; slot < messages_a_tick; ++slot) {
         written_.push_back(number_in(log_.bytes(*k, static_cast<Slot>(slot))));
       }
       log_.on_written();

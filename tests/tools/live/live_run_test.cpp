@@ -101,6 +101,26 @@ TEST(LiveRun, KeepsABoundedNumberOfEvents) {
   EXPECT_EQ(events.back(), "and 984 more");
 }
 
+TEST(LiveRun, TellsTheBeginOfAContactAndItsForce) {
+  const RecordedRun run = logger::short_rigid_run();
+  Played played;
+  played.say_all(run);
+  played.live.stretch();
+  auto contacts = messages::port<messages::truth::Contact>("ARM", messages::layout(2, false));
+  const std::int64_t apart = std::llround(0.2 / run.info.period_s);  // ticks
+  for (const std::int64_t tick : {0L, 1L, 2L, apart}) {
+    const messages::truth::Contact contact{"MuJoCo 2.2.2", "tip, wall",
+                                           5 + static_cast<double>(tick)};
+    const auto bytes = contacts.codec.encode({0, run.run, tick}, contact);
+    played.say({0, contacts.channel,
+                std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())});
+  }
+  const json stretch = json::parse(played.live.stretch());
+  ASSERT_EQ(stretch["events"].size(), 2U) << stretch["events"];
+  EXPECT_EQ(stretch["events"][0], "contact from 0 s (tip, wall)");
+  EXPECT_EQ(extremes(stretch["curves"]["contact"][0]).first, 5);
+}
+
 TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   RecordedRun run = logger::short_rigid_run();
   Played played;

@@ -94,7 +94,7 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
                 "rejected", "missed_deadlines", "longest_miss", "missed_commands",
                 "longest_command_miss", "late_commands", "missed_readings", "longest_reading_miss",
                 "skipped_ticks", "wake_up_jitter_us", "command_age_us", "saturated_ticks",
-                "beyond_limit_ticks", "robot_is_clock", "driver", "log", "robot_stopped",
+                "beyond_limit_ticks", "robot_is_clock", "driver", "log", "contact", "robot_stopped",
                 "dropped_output_bytes", "hidden_output_lines", "outcome", "verdict", "fault"));
 }
 

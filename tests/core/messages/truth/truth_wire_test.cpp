@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <limits>
+#include <tachless_truth/contact_t.hpp>
 #include <tachless_truth/plant_truth_t.hpp>
 
 #include "tests/core/messages/codec_checks.h"
@@ -18,6 +19,7 @@ using codec_checks::verdict;
 constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr std::size_t reals = body + 8;
 
+using ContactType = codec_checks::Pair<messages::truth::Contact, tachless_truth::contact_t>;
 using TruthType = codec_checks::Pair<messages::truth::PlantTruth, tachless_truth::plant_truth_t>;
 
 TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
@@ -100,7 +102,20 @@ TEST(TruthCodec, RefusesToEncodeWhatIsNotFiniteOrOfAnotherSize) {
   EXPECT_FALSE(all_finite(value));
   EXPECT_THROW(codec.encode({}, value), std::domain_error);
 }
+TEST(ContactCodec, AgreesWithGeneratedCodeByteForByte) {
+  codec_checks::agrees_with_generated_code<ContactType>();
+}
+TEST(ContactCodec, PutsEveryFieldInItsOwnMember) {
+  const auto message = codec_checks::message_of<ContactType>({2, 0, 1});
+  EXPECT_EQ(message.simulator, "simulator");
+  EXPECT_EQ(message.geoms, "geoms");
+  EXPECT_EQ(message.force, codec_checks::random_value<messages::truth::Contact>({2, 0, 1}).force);
+}
+TEST(ContactCodec, SurvivesEveryCutAndEveryFlippedBit) {
+  codec_checks::survives_damage<ContactType>();
+}
 TEST(TruthChannel, IsItsOwn) {
+  EXPECT_EQ(messages::channel<messages::truth::Contact>("ARM"), "ARM_CONTACT");
   EXPECT_EQ(messages::channel<messages::truth::PlantTruth>("ARM"), "ARM_TRUTH");
 }
 
