@@ -275,5 +275,24 @@ TEST_F(FrankaRun, IsReplayedBitForBitAndHasTheDriversFigures) {
   expect_end(whole);
 }
 
+TEST(FrankaProgram, EmulatesAnArmAndPrintsItsModel) {
+  const TemporaryDirectory directory;
+  const auto ends = [&](const std::vector<std::string>& words, int code, const std::string& text) {
+    Program program(driver_program(), words, directory.path());
+    EXPECT_EQ(program.wait(), code) << program.errors();
+    EXPECT_THAT(program.output() + program.errors(), HasSubstr(text));
+  };
+  ends({"--help"}, 0, "tachless-franka urdf 172.16.0.2");
+  ends({"urdf"}, 2, "the address is missing; type: tachless-franka urdf");
+  ends({"emulate"}, 2, "the scenario is missing; type: tachless-franka emulate");
+  Program arm(driver_program(), {"emulate", fr3}, directory.path());
+  wait_until("the arm listens", [&] {
+    Program urdf(driver_program(), {"urdf", "127.0.0.1"}, directory.path());
+    return urdf.wait() == 0 && urdf.output().find("joint7") != std::string::npos;
+  });
+  arm.signal(SIGINT);
+  EXPECT_EQ(arm.wait(), 0) << arm.errors();
+}
+
 }  // namespace
 }  // namespace tachless::fci

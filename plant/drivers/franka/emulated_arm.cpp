@@ -13,6 +13,7 @@
 #include <cstring>
 #include <utility>
 
+#include "base/elementary.h"
 #include "base/failure.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
@@ -189,7 +190,6 @@ void EmulatedArm::take_command_of_tick() {
   window_[state_.id % window_.size()] = !lost;
   const std::optional<Command> command = std::exchange(command_, {});
   if (lost) {  // the last torque is held
-    ++lost_;
     longest_loss_ = std::max(longest_loss_, ++lost_in_a_row_);
     if (lost_in_a_row_ > most_lost) reflex(Error::communication_constraints);
     return;
@@ -212,8 +212,9 @@ void EmulatedArm::take_command_of_tick() {
 void EmulatedArm::move() {
   const Vector given = Eigen::Map<const Eigen::VectorXd>(state_.tau_J_d.data(), num_joints);
   for (int i = 0; i < steps_a_tick; ++i) {
-    const Vector friction = trouble_.friction_Nm * (friction_slope * v_.array()).tanh().matrix();
-    v_ += step_s * robot::forward_dynamics(model_, q_, v_, given + external_ - friction);
+    const Vector friction = v_.unaryExpr([](double v) { return base::tanh(friction_slope * v); });
+    const Vector tau = given + external_ - trouble_.friction_Nm * friction;
+    v_ += step_s * robot::forward_dynamics(model_, q_, v_, tau);
     q_ += step_s * v_;
   }
 }

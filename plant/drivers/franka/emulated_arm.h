@@ -85,7 +85,6 @@ class EmulatedArm {
   [[nodiscard]] int motions() const { return motions_; }
   [[nodiscard]] bool has_client() const;
   [[nodiscard]] double largest_change_Nm() const { return largest_change_; }
-  [[nodiscard]] std::int64_t lost_commands() const { return lost_; }
   [[nodiscard]] int longest_loss() const { return longest_loss_; }         ///< commands in a row
   [[nodiscard]] double speed() const { return v_.cwiseAbs().maxCoeff(); }  ///< [rad/s]
   [[nodiscard]] double load_kg() const { return state_.load_kg; }
@@ -131,7 +130,7 @@ class EmulatedArm {
   bool told_ = false;               ///< the present state was sent while the arm moves
   std::array<bool, 100> window_{};  ///< true: the command came
   std::uint32_t move_id_ = 0;
-  std::int64_t moving_ms_ = 0, lost_ = 0;
+  std::int64_t moving_ms_ = 0;
   int motions_ = 0, lost_in_a_row_ = 0, longest_loss_ = 0, commands_to_lose_ = 0,
       states_to_lose_ = 0;
   double largest_change_ = 0;

@@ -14,9 +14,6 @@ struct Exception : std::runtime_error {
 struct NetworkException : Exception {
   using Exception::Exception;
 };
-struct ProtocolException : Exception {
-  using Exception::Exception;
-};
 struct CommandException : Exception {
   using Exception::Exception;
 };
