@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "controller/laws.h"
+#include "controller/registry.h"
 #include "lyapunov/law_loop.h"
 #include "numerics/decompositions.h"
 #include "numerics/postures.h"
@@ -56,6 +57,10 @@ std::optional<GlobalConvergence> global_convergence(const scenario::Scenario& sc
   const bool matrix = law == LoriaOrtegaMatrix::name;
   if (!matrix && law != LoriaOrtegaRigid::name && law != LoriaOrtegaBounded::name &&
       law != KellyRegulation::name) {
+    return std::nullopt;
+  }
+  if (law == LoriaOrtegaBounded::name &&
+      controller::make_law<LoriaOrtegaBounded>(scenario).integral() != nullptr) {
     return std::nullopt;
   }
   if (comes_to_rest(scenario)) return GlobalConvergence{true, "the reference comes to rest", {}};
