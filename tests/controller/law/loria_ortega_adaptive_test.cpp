@@ -161,9 +161,9 @@ TEST(LoriaOrtegaAdaptive, FindsAMassAndFrictionsThatTheMotionExcites) {
   EXPECT_NEAR(memory.load[0], 0.5, 0.01);
   EXPECT_NEAR(memory.friction[0], 8, 0.2);
   EXPECT_NEAR(memory.friction[1], 1.5, 0.1);
-  // Another program has 2.4e-5 and 6.7e-5 with 20 bits; a count is 6e-6 rad.
-  EXPECT_NEAR(most[0], 2.4e-5, 0.5e-5);
-  EXPECT_NEAR(most[1], 6.7e-5, 0.67e-5);
+  // Another program has the same without encoder counts: 2.101e-5 and 6.425e-5.
+  EXPECT_NEAR(most[0], 2.101e-5, 0.002e-5);
+  EXPECT_NEAR(most[1], 6.425e-5, 0.007e-5);
 }
 
 }  // namespace
