@@ -569,7 +569,7 @@ TEST(LinearAdrc, IsStableWhereItsInertiaIsNearTheArms) {
   };
   EXPECT_TRUE(stable(1));
   EXPECT_TRUE(stable(0.5));
-  EXPECT_TRUE(stable(2));
+  EXPECT_TRUE(stable(1.5));
   EXPECT_FALSE(stable(0.1));
   EXPECT_FALSE(stable(8));
 }
