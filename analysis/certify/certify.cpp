@@ -152,8 +152,10 @@ Group reference_group(const Feasibility& f) {
     if (joint.feedforward_max) {
       joints.back()["feedforward_max"] = *joint.feedforward_max;
       joints.back()["feedforward_anywhere"] = *joint.feedforward_anywhere;
-      text += fmt::format(", feed-forward {} at any posture, {:.0f} % of the limit",
+      joints.back()["feedforward_proved"] = joint.feedforward_proved;
+      text += fmt::format(", feed-forward {} at any posture ({}), {:.0f} % of the limit",
                           of(*joint.feedforward_anywhere, joint.feedforward_max),
+                          joint.feedforward_proved ? "proved" : "sampled",
                           100 * *joint.feedforward_max / joint.torque_limit.value_or(infinity));
     }
     group.add("", joint.name, Json(), std::move(text));

@@ -8,10 +8,10 @@
 #include <string_view>
 #include <variant>
 
+#include "certify/feedforward_bound.h"
 #include "controller/law/loria_ortega_bounded.h"
 #include "controller/registry.h"
 #include "linear/scenario_loop.h"
-#include "numerics/postures.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
 
@@ -115,38 +115,27 @@ void judge(Feasibility& result, const scenario::Scenario& scenario, const robot:
 
 /// Examines the bound of a bounded law's feed-forward. The clip of the feed-forward must never act,
 /// and the bound must leave a torque for the feedback.
-void judge_feedforward(Feasibility& result, const scenario::Scenario& scenario,
-                       const reference::Trajectory& trajectory) {
+void judge_feedforward(Feasibility& result, const scenario::Scenario& scenario) {
   using controller::law::LoriaOrtegaBounded;
   if (scenario.controller.law != LoriaOrtegaBounded::name) return;
-  constexpr int instants = 33, postures = 256;
-  // Shares of a torque limit: the feedback has the rest, a fifth at least. The bound that is
-  // proposed is above the torques at the sampled postures, since the largest torque may be
-  // between them.
+  // Shares of a torque limit: the feedback has the rest, a fifth at least. A proposed bound that is
+  // sampled has a reserve, since the largest torque may be between the sampled postures.
   constexpr double most_share = 0.8, usual_share = 0.7, reserve = 1.02;
   const auto law = controller::make_law<LoriaOrtegaBounded>(scenario);
-  const robot::Model model = controller::rigid_model(scenario);
-  const controller::FrictionSpec& friction = scenario.controller.friction;
-  Vector anywhere = Vector::Zero(model.num_joints);
-  for (const double t_s : reference::Motion(scenario, trajectory).closely(instants)) {
-    const ReferencePoint r = trajectory.at(t_s);
-    Vector added = Vector::Zero(anywhere.size());
-    if (friction.given()) added = friction.torque(r.v_ref);
-    for (int k = 0; k <= postures; ++k) {
-      const Vector q = k == 0 ? r.q_ref : numerics::spread_posture(model, k);
-      const Vector torque = robot::inverse_dynamics(model, q, r.v_ref, r.a_ref) + added;
-      anywhere = anywhere.cwiseMax(torque.cwiseAbs());
-    }
-  }
-  const robot::JointLabels labels = robot::joint_labels(model);
-  const std::string remedy = fmt::format("--set 'controller.gains.feedforward_max=[{:.4g}]'",
-                                         fmt::join(Vector(reserve * anywhere), ", "));
+  const auto [anywhere, proved] = feedforward_bound(scenario);
+  const robot::JointLabels labels = robot::joint_labels(*scenario.model);
+  // A proved bound needs a reserve for the rounding of the printed number alone.
+  const Vector remedy_Nm = (proved ? 1.001 : reserve) * anywhere;
+  const std::string remedy =
+      fmt::format("--set 'controller.gains.feedforward_max=[{:.4g}]'", fmt::join(remedy_Nm, ", "));
   for (std::size_t i = 0; i < result.joints.size(); ++i) {
     JointDemand& joint = result.joints[i];
     const auto k = static_cast<Eigen::Index>(i);
-    const double bound = law.feedforward_max()[k], share = bound / *joint.torque_limit;
+    const double bound = law.feedforward_max()[k];
+    const double share = 1 - law.feedback_max()[k] / *joint.torque_limit;
     joint.feedforward_max = bound;
     joint.feedforward_anywhere = anywhere[k];
+    joint.feedforward_proved = proved;
     const std::string of =
         fmt::format("feedforward_max of {} is {:.4g} {}", labels.joint(i), bound, labels.effort[i]);
     if (joint.moving > bound) {
@@ -154,16 +143,16 @@ void judge_feedforward(Feasibility& result, const scenario::Scenario& scenario,
           fmt::format("{}, and the reference needs {:.4g}; {}", of, joint.moving, remedy));
     } else if (anywhere[k] > bound) {
       result.doubtful.push_back(fmt::format(
-          "{}, and the reference needs {:.4g} at some posture: the proof does not hold; {}", of,
-          anywhere[k], remedy));
+          "{}, and the reference needs {}{:.4g} at some posture: the proof does not hold; {}", of,
+          proved ? "up to " : "", anywhere[k], remedy));
     }
     const std::string left = fmt::format(
-        "{}, {:.0f} % of the limit: it leaves too little for the "
-        "feedback; slow the reference down and lower it",
-        of, 100 * share);
+        "{}{}, {:.0f} % of the limit: it leaves too little for the feedback; slow the reference "
+        "down and lower it",
+        of, law.integral() == nullptr ? "" : ", with d_max", 100 * share);
     if (share > most_share) {
       result.impossible.push_back(left);
-    } else if (share > usual_share * (1 + 1e-9)) {
+    } else if (share > usual_share + 1e-9) {
       result.doubtful.push_back(left);
     }
   }
@@ -200,7 +189,7 @@ Feasibility feasibility(const scenario::Scenario& scenario) {
     result.joints.push_back(demand);
   }
   judge(result, scenario, model, pace);
-  judge_feedforward(result, scenario, trajectory);
+  judge_feedforward(result, scenario);
   return result;
 }
 

@@ -19,9 +19,10 @@ struct JointDemand {
   /// sinusoid it is sup|a_ref| / sup|v_ref| over 2 pi, times h.
   double cycles_per_tick = 0;
   std::optional<double> torque_limit{}, speed_limit{};  ///< nothing: none is given
-  /// The bound of a law that bounds its feed-forward, and the largest feed-forward of the motion
-  /// at sampled postures [N m; N].
+  /// The bound of a law that bounds its feed-forward, and the largest feed-forward over all
+  /// postures [N m; N].
   std::optional<double> feedforward_max{}, feedforward_anywhere{};
+  bool feedforward_proved = false;  ///< for all postures and times; false: at sampled ones
 };
 
 struct Feasibility {

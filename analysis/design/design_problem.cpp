@@ -72,7 +72,7 @@ const controller::LawFacts& tuned_law(const std::string& name) {
 }
 
 /// Returns whether the gain is the b of a filter b p / (p + a), of which only kd b counts.
-bool is_filter_gain(std::string_view name) { return name.front() == 'b' && name != "beta"; }
+bool is_filter_gain(std::string_view name) { return name == "b" || name == "b1" || name == "b2"; }
 
 /// Returns the derivative by differences. Returns 0 when the number of states changes, which
 /// happens at a gain where a pole vanishes.
@@ -165,6 +165,9 @@ Gains DesignProblem::by_rule(double w, double r, const RuleOptions& options) con
   tuning.filter = std::min(r * w, rate());
   Gains all = law_.tuned(tuning);
   for (const controller::Parameter& each : law_.parameters) {
+    const auto part = all.find(std::string(each.name));
+    // An optional part that the rule does not use stays as the scenario has it.
+    if (!each.required && part != all.end() && part->second.isZero(0)) all.erase(part);
     const auto given = scenario_.controller.gains.find(std::string(each.name));
     const bool ruled = each.required || all.contains(std::string(each.name));
     if (!ruled && given != scenario_.controller.gains.end()) all.insert(*given);
@@ -199,6 +202,7 @@ void DesignProblem::follow(Gains& all) const {
   slowest.w = all["kp"].cwiseQuotient(mean_.inertia).cwiseSqrt().minCoeff();
   slowest.filter = all["a"].minCoeff();
   const Gains rule = law_.tuned(slowest);
+  if (!rule.contains("ki")) return;  // the law's integral is optional, and stays as it is given
   all["ki"] = rule.at("ki").cwiseProduct(all["kp"]).cwiseQuotient(rule.at("kp"));
   all["eps_1"] = rule.at("eps_1");
   all["eps_2"].setConstant(rule.at("eps_2")[0] * rule.at("b")[0] / all["b"].minCoeff());
@@ -317,8 +321,10 @@ void DesignProblem::choose_variables() {
   has_own_gains_ = std::ranges::any_of(law_.parameters, [](const controller::Parameter& each) {
     return each.shape == base::Shape::joints;
   });
+  const Gains ruled = law_.tuned(mean_);
   for (const controller::Parameter& each : law_.parameters) {
-    const bool redundant = is_filter_gain(each.name) || each.name == "ki" || !each.required;
+    const bool left = !each.required && !ruled.contains(std::string(each.name));
+    const bool redundant = is_filter_gain(each.name) || each.name == "ki" || left;
     const bool varies =
         has_own_gains_ ? each.shape == base::Shape::joints
                        : each.shape == base::Shape::number || each.shape == base::Shape::matrix;

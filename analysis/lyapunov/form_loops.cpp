@@ -266,8 +266,8 @@ class MotorLoop : public FormLoop {
   VectorXd initial_;
 };
 
-/// y = (e, nu). The robot is that of a corner of the box of the unknown parameters: the loads' mass
-/// and moments are 0 or at their ends, and so is the friction.
+/// y = (e, nu). The robot is that of a corner of the box of the unknown parameters: each of the
+/// load's parameters and of the frictions is at one end of its range.
 class AdaptiveLoop : public FormLoop {
  public:
   static constexpr int most_corners = 64;
@@ -287,6 +287,7 @@ class AdaptiveLoop : public FormLoop {
     }
   }
 
+  [[nodiscard]] bool follows() const { return law_.follows(); }
   [[nodiscard]] int corners() const override {
     const std::size_t unknown = law_.columns().size() + unknown_friction_.size();
     return unknown > 20 ? 1 << 20 : 1 << unknown;
@@ -390,6 +391,13 @@ std::unique_ptr<FormLoop> form_loop(const scenario::Scenario& scenario, std::str
     return {};
   }
   auto loop = std::make_unique<AdaptiveLoop>(scenario);
+  if (loop->follows()) {
+    why_not = fmt::format(
+        "the region of {} is computed for constant gains, and w lets them follow the reference; "
+        "give kp and kd in place of w and damping",
+        law);
+    return {};
+  }
   if (loop->corners() > AdaptiveLoop::most_corners) {
     why_not = fmt::format(
         "the box of the unknown parameters has more than {} corners; make fewer parameters unknown",

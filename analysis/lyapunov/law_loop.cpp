@@ -193,11 +193,12 @@ LawLoop rigid_loop(const scenario::Scenario& scenario) {
   if constexpr (requires { law.linear_feedback(); }) {
     result.linear_feedback = law.linear_feedback();
   }
-  if constexpr (requires { law.weights(); }) {
-    result.weights = law.weights();
-    result.ki =
-        controller::gains_of<typename L::Gains>(scenario, controller::law_facts(L::name)).ki;
-    result.d_max = law.d_max();
+  if constexpr (requires { law.integral(); }) {
+    if (const controller::law::PassiveIntegral* integral = law.integral()) {
+      result.weights = integral->weights();
+      result.ki = integral->ki;
+      result.d_max = integral->d_max;
+    }
   }
   return result;
 }
@@ -290,27 +291,45 @@ std::vector<double> piece_times(const reference::Spec& spec) {
   return {};
 }
 
-/// Returns a bound of each joint's |jerk_ref| at all times, of a reference made of polynomials. An
-/// inner piece has a jerk of degree 2, the first and the last of 4, a single one of 6.
-VectorXd jerk_bound(const reference::Spec& spec, const reference::Trajectory& trajectory,
-                    Eigen::Index num_joints) {
-  const std::array bounds = {PolynomialBound(2), PolynomialBound(4), PolynomialBound(6)};
-  const std::vector<double> time_s = piece_times(spec);
+/// Returns a bound of a derivative of each joint's reference at all times, of a reference made of
+/// polynomials. An inner piece is of degree 5, the first and the last of 7, a single one of 9.
+/// @param order of the derivative
+VectorXd polynomial_bound(const std::vector<double>& time_s,
+                          const reference::Trajectory& trajectory, Eigen::Index num_joints,
+                          int order, Vector messages::ReferencePoint::*derivative) {
+  const std::array bounds = {PolynomialBound(5 - order), PolynomialBound(7 - order),
+                             PolynomialBound(9 - order)};
   VectorXd result = VectorXd::Zero(num_joints);
   for (std::size_t k = 1; k < time_s.size(); ++k) {
     const bool first = k == 1, last = k + 1 == time_s.size();
     const PolynomialBound& bound = bounds[first && last ? 2 : first || last ? 1 : 0];
-    MatrixXd jerk(num_joints, bound.points.size());
-    for (Eigen::Index i = 0; i < jerk.cols(); ++i) {
+    MatrixXd values(num_joints, bound.points.size());
+    for (Eigen::Index i = 0; i < values.cols(); ++i) {
       const double t_s = time_s[k - 1] + bound.points[i] * (time_s[k] - time_s[k - 1]);
-      jerk.col(i) = trajectory.at(t_s).jerk_ref;
+      values.col(i) = trajectory.at(t_s).*derivative;
     }
-    result = result.cwiseMax(bound(jerk));
+    result = result.cwiseMax(bound(values));
   }
   return result;
 }
 
 }  // namespace
+
+MotionBound motion_bound(const scenario::Scenario& scenario) {
+  using messages::ReferencePoint;
+  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+  const std::vector<double> time_s = piece_times(scenario.reference);
+  const auto bound = [&](int order, Vector ReferencePoint::*derivative) {
+    VectorXd sum = polynomial_bound(time_s, trajectory, scenario.num_joints, order, derivative);
+    for (const auto& sine : reference::sines_of(scenario.reference)) {
+      const VectorXd w = 2 * std::numbers::pi * sine.frequency_hz;
+      sum.array() += sine.amplitude_rad.array().abs() * w.array().pow(order);
+    }
+    return sum;
+  };
+  return {bound(1, &ReferencePoint::v_ref), bound(2, &ReferencePoint::a_ref),
+          bound(3, &ReferencePoint::jerk_ref), bound(4, &ReferencePoint::snap_ref)};
+}
 
 VelocityBound velocity_bound(const scenario::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
@@ -321,24 +340,13 @@ VelocityBound velocity_bound(const scenario::Scenario& scenario) {
     v.col(static_cast<Eigen::Index>(k)) = trajectory.at(instants[k]).v_ref;
     if (k > 0) dt = std::max(dt, instants[k] - instants[k - 1]);
   }
-  VectorXd most_jerk = jerk_bound(scenario.reference, trajectory, v.rows());
-  VectorXd most_v = VectorXd::Constant(v.rows(), std::numeric_limits<double>::max());
-  // The amplitudes of the sinusoids' speeds add up to a bound of each joint's speed at all times.
-  const auto sines = reference::sines_of(scenario.reference);
-  if (!sines.empty()) most_v = VectorXd::Zero(v.rows());
-  for (const auto& sine : sines) {
-    const VectorXd w = 2 * std::numbers::pi * sine.frequency_hz;
-    const VectorXd each = VectorXd(sine.amplitude_rad).cwiseAbs().cwiseProduct(w);
-    most_v += each;
-    most_jerk += each.cwiseProduct(w.cwiseAbs2());
-  }
+  const MotionBound all = motion_bound(scenario);
   // Between two instants v_ref is off its chord by at most dt^2/8 sup |jerk|, in any norm.
   const auto most = [&](const MatrixXd& norm) {
     const double size = (norm * v).colwise().norm().maxCoeff();
     const VectorXd of_joints = norm.colwise().norm();
-    return size == 0
-               ? 0
-               : std::min(size + dt * dt / 8 * of_joints.dot(most_jerk), of_joints.dot(most_v));
+    return size == 0 ? 0
+                     : std::min(size + dt * dt / 8 * of_joints.dot(all.jerk), of_joints.dot(all.v));
   };
   const MatrixXd one = MatrixXd::Identity(v.rows(), v.rows());
   VelocityBound bound{most(one), VectorXd(v.rows()), {}};

@@ -62,6 +62,14 @@ robot::Model error_model(const scenario::Scenario& scenario);
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
                       const Vector& q, const Eigen::VectorXd& x);
 
+/// Bounds of each joint's |v_ref|, |a_ref|, |jerk_ref| and |snap_ref| at all times.
+struct MotionBound {
+  Eigen::VectorXd v, a, jerk, snap;
+};
+/// Returns the bounds by the sums of the sinusoids' amplitudes, or by the polynomials' coefficients
+/// in Bernstein's basis.
+MotionBound motion_bound(const scenario::Scenario& scenario);
+
 /// Bound of v_ref over the run: the ellipsoid |scale^-1 v_ref| <= 1, and sup |v_ref| of all joints
 /// together and of each. The ellipsoid has the axes of the motion's mean square. Each axis is at
 /// least a thousandth of the longest.

@@ -52,19 +52,6 @@ bool all_hang_on_first_joint(const robot::Model& model) {
   });
 }
 
-/// Returns the smallest d <= 8 for which every multiplier of joint 1 is a multiple of 1/d; 0: none.
-int multiplier_denominator(const robot::Model& model) {
-  for (int d = 1; d <= 8; ++d) {
-    if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
-          const double m = body.multiplier * d;
-          return std::abs(m - std::round(m)) < 1e-12;
-        })) {
-      return d;
-    }
-  }
-  return 0;
-}
-
 /// Adds s b to a.
 void add_scaled(Inertia& a, double s, const Inertia& b) {
   a.M += s * b.M;
@@ -157,6 +144,18 @@ bool find_harmonics(Postures& postures, int denominator, double& period) {
 }
 
 }  // namespace
+
+int multiplier_denominator(const robot::Model& model) {
+  for (int d = 1; d <= 8; ++d) {
+    if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+          const double m = body.multiplier * d;
+          return std::abs(m - std::round(m)) < 1e-12;
+        })) {
+      return d;
+    }
+  }
+  return 0;
+}
 
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations) {

@@ -89,6 +89,10 @@ struct Postures {
   std::vector<Harmonic> harmonics;
 };
 
+/// Returns the smallest d <= 8 for which every multiplier of a mimic joint is a multiple of 1/d; 0:
+/// none.
+int multiplier_denominator(const robot::Model& model);
+
 /// Returns number `k` of a sequence that fills the postures evenly (Kronecker's sequence with
 /// powers of the generalised golden ratio). Revolute joints cover the full circle. Prismatic joints
 /// cover their range; a missing bound is replaced by -1 m or 1 m.

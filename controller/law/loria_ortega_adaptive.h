@@ -18,13 +18,15 @@ struct AdaptiveGains {
   double eps_1 = 0, eps_2 = 0;
   double gamma_mass = 0, mass_max = 0;
   double gamma_moment = 0, moment_max = 0;
+  double gamma_inertia = 0, inertia_max = 0;
   Vector gamma_friction = {}, friction_max = {};
   int load_joint = 0;
+  double w = 0, damping = 0;
 
   using Self = AdaptiveGains;
   static constexpr std::tuple keys{
-      gain("kp", &Self::kp, "N m/rad", "Weight of the position error"),
-      gain("kd", &Self::kd, "N m s/rad", "Weight of the filter output"),
+      gain_beside_w("kp", &Self::kp, "N m/rad", "Weight of the position error"),
+      gain_beside_w("kd", &Self::kd, "N m s/rad", "Weight of the filter output"),
       gain("a", &Self::a, "1/s", "Filter pole"),
       gain("b", &Self::b, "1/s", "Filter gain"),
       gain("eps_1", &Self::eps_1, "1/s", "Weight of e in the adaptation"),
@@ -42,6 +44,13 @@ struct AdaptiveGains {
       base::Key{"moment_max", &Self::moment_max, "kg m", "Largest coordinate of that product"}
           .in(base::not_negative)
           .by_default(),
+      base::Key{"gamma_inertia", &Self::gamma_inertia, "kg^2 m^4/J",
+                "Rate of the load's inertia about the origin of its link's frame; 0: known"}
+          .in(base::not_negative)
+          .by_default(),
+      base::Key{"inertia_max", &Self::inertia_max, "kg m2", "Largest entry of that inertia"}
+          .in(base::not_negative)
+          .by_default(),
       base::Key{"gamma_friction", &Self::gamma_friction, "N m s^2",
                 "Rate of the joints' viscous friction; 0: known"}
           .in(base::not_negative)
@@ -53,7 +62,9 @@ struct AdaptiveGains {
                 "Joint whose link carries the load, counted from 1; 0: the leaf link farthest from "
                 "the root"}
           .in({0, max_joints, false, false, true})
-          .by_default()};
+          .by_default(),
+      bandwidth_key(&Self::w),
+      damping_key(&Self::damping)};
 };
 
 /// `LoriaOrtegaRigid` that adapts to a load of unknown mass and centre and to unknown viscous
@@ -63,15 +74,16 @@ struct AdaptiveGains {
 ///   pihatdot = -Gamma Yd' (edot + eps_1 e - eps_2 nu), projected onto a box.
 ///
 /// Y pi is the torque of the unknown parameters pi, in which the dynamics are linear. These are
-/// mass and mass times centre of the load in its link's frame, and the friction of each joint. The
-/// velocity in pihatdot is integrated by parts between ticks, because Yd is known at both ends.
-class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGains> {
+/// mass, mass times centre and inertia of the load in its link's frame, and the friction of each
+/// joint. The velocity in pihatdot is integrated by parts between ticks, because Yd is known at
+/// both ends. `FollowingGains` adds gains that follow the reference to Kp and Kd, where w is given.
+class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_adaptive";
   static constexpr std::array signals{Signal{"error", "rad"},          Signal{"nu", "rad/s"},
                                       Signal{"friction", "N m s/rad"}, Signal{"mass", "kg"},
                                       Signal{"moment_x", "kg m"},      Signal{"moment_y", "kg m"},
-                                      Signal{"moment_z", "kg m"}};
+                                      Signal{"moment_z", "kg m"},      Signal{"inertia", "kg m2"}};
   static constexpr std::string_view source =
       "derived here from A. Loria and R. Ortega, On tracking control of rigid and flexible joint "
       "robots, Appl. Math. and Comp. Sci. 5(2), 1995, eq. 4-5; with the desired regressor of N. "
@@ -80,8 +92,8 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
       "errors converge with constant unknown parameters, semiglobally, in continuous time";
   static constexpr std::string_view conditions =
       "the matrix condition with the law's own eps_1 and eps_2, and with H in the hull of d(Y "
-      "pi)/dq "
-      "added, for every pi of the box; the unknown parameters are constant and in the box";
+      "pi)/dq added, for every pi of the box; constant gains; the unknown parameters are constant "
+      "and in the box";
 
   /// Its certificate depends on the box of the unknown parameters (lyapunov::weighted_region).
   static constexpr std::string_view no_certificate =
@@ -96,15 +108,17 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
     std::array<double, 2> box{};
   };
 
-  using Columns =
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, 4>;
-  using Load = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 4, 1>;
+  /// Mass, three moments and six entries of the inertia.
+  static constexpr int most_columns = 10;
+  using Columns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints,
+                                most_columns>;
+  using Load = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_columns, 1>;
   struct Memory {
     Filter::Memory filter;
     Vector e, delta;  ///< of the last step
     Columns Y;        ///< Yd of the load at the last step
     Vector v_ref;     ///< Yd of the friction at the last step
-    Load load;        ///< estimates [kg, kg m]
+    Load load;        ///< estimates [kg, kg m, kg m2]
     Vector friction;  ///< estimates [N m s/rad]
 
     static constexpr std::string_view no_linearisation =
@@ -114,25 +128,26 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
 
   /// @throw std::invalid_argument if load_joint names no joint with a link.
   LoriaOrtegaAdaptive(robot::Model robot, AdaptiveGains gains, const Settings& settings)
-      : FilteredError(std::move(robot), std::move(gains), settings) {
+      : FollowingGains(std::move(robot), std::move(gains), settings) {
     for (Vector* each : {&gains_.gamma_friction, &gains_.friction_max}) {
       if (each->size() == 0) *each = this->each(0);
     }
-    if (gains_.gamma_mass == 0 && gains_.gamma_moment == 0) return;
-    robot::Model massless = robot_;
-    massless.rotor_inertia = Vector();
-    for (robot::Body& body : massless.bodies) static_cast<robot::MassProperties&>(body) = {};
-    const std::string link = load_link();
-    const auto with = [&](const Eigen::Vector3d& centre) {
-      return robot::with_payload(massless, {1, centre, Eigen::Matrix3d::Zero()}, link);
-    };
+    const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+    const Eigen::Matrix3d point = Eigen::Matrix3d::Zero();
     if (gains_.gamma_mass > 0) {
-      add_column({with(Eigen::Vector3d::Zero())}, gains_.gamma_mass, {0, gains_.mass_max});
+      add_column({load_of(origin, point)}, gains_.gamma_mass, {0, gains_.mass_max});
     }
     for (int axis = 0; axis < 3 && gains_.gamma_moment > 0; ++axis) {
       const Eigen::Vector3d centre = Eigen::Vector3d::Unit(axis);
-      add_column({with(centre), with(-centre)}, gains_.gamma_moment,
+      add_column({load_of(centre, point), load_of(-centre, point)}, gains_.gamma_moment,
                  {-gains_.moment_max, gains_.moment_max});
+    }
+    for (const auto& [i, j] : inertia_entries) {
+      if (gains_.gamma_inertia == 0) break;
+      Eigen::Matrix3d unit = point;
+      unit(i, j) = unit(j, i) = 1;
+      add_column({load_of(origin, unit), load_of(origin, -unit)}, gains_.gamma_inertia,
+                 {i == j ? 0 : -gains_.inertia_max, gains_.inertia_max});
     }
   }
 
@@ -178,9 +193,14 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
         columns_at(reference, lead).lazyProduct(now.load) + now.friction.cwiseProduct(lead.v_ref);
     messages::LawSignals all{signals.size(), {e, filter.nu, now.friction}};
     std::size_t row = 3;
-    if (gains_.gamma_mass == 0) all.value[row++] = each(0);
-    for (Eigen::Index i = 0; i < now.load.size(); ++i) all.value[row++] = each(now.load[i]);
-    while (row < signals.size()) all.value[row++] = each(0);
+    Eigen::Index column = 0;
+    const auto next = [&](double gamma) { return gamma > 0 ? now.load[column++] : 0; };
+    all.value[row++] = each(next(gains_.gamma_mass));
+    for (int axis = 0; axis < 3; ++axis) all.value[row++] = each(next(gains_.gamma_moment));
+    all.value[row] = each(0);
+    for (Eigen::Index i = 0; i < std::min<Eigen::Index>(e.size(), 6); ++i) {
+      all.value[row][i] = next(gains_.gamma_inertia);
+    }
     return {now, command, all};
   }
 
@@ -193,7 +213,7 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
     for (Eigen::Index i = 0; i < Y.cols(); ++i) {
       const Column& column = columns_[static_cast<std::size_t>(i)];
       Y.col(i) = torque(column.load[0]);
-      // Both have the same mass and inertia about the origin: half the difference is the moment's.
+      // All else of both is the same: half the difference is the moment's or the inertia's.
       if (column.load.size() > 1) Y.col(i) = 0.5 * (Y.col(i) - torque(column.load[1]));
     }
     return Y;
@@ -211,6 +231,19 @@ class LoriaOrtegaAdaptive : public FilteredError<LoriaOrtegaAdaptive, AdaptiveGa
 
   [[nodiscard]] Eigen::Index num_columns() const {
     return static_cast<Eigen::Index>(columns_.size());
+  }
+
+  /// The entries of the inertia in the order of their columns: xx, yy, zz, xy, xz, yz.
+  static constexpr std::array<std::pair<int, int>, 6> inertia_entries{
+      {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}}};
+
+  /// Returns the robot without mass that carries 1 kg at `centre`, with that inertia about it.
+  [[nodiscard]] robot::Model load_of(const Eigen::Vector3d& centre,
+                                     const Eigen::Matrix3d& inertia) const {
+    robot::Model massless = robot_;
+    massless.rotor_inertia = Vector();
+    for (robot::Body& body : massless.bodies) static_cast<robot::MassProperties&>(body) = {};
+    return robot::with_payload(massless, {1, centre, inertia}, load_link());
   }
 
   /// Returns the URDF link that carries the load; empty: the leaf link farthest from the root.

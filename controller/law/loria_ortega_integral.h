@@ -1,12 +1,12 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <string_view>
 #include <tuple>
 #include <utility>
 
 #include "controller/law/filtered_error.h"
+#include "controller/law/passive_integral.h"
 
 namespace tachless::controller::law {
 
@@ -14,17 +14,20 @@ struct IntegralGains {
   Vector kp, kd, a, b, ki;
   double eps_1 = 0, eps_2 = 0;
   Vector d_max = {};
+  double w = 0, damping = 0;
 
   static constexpr std::tuple keys{
-      gain("kp", &IntegralGains::kp, "N m/rad", "Weight of the position error"),
-      gain("kd", &IntegralGains::kd, "N m s/rad", "Weight of the filter output"),
+      gain_beside_w("kp", &IntegralGains::kp, "N m/rad", "Weight of the position error"),
+      gain_beside_w("kd", &IntegralGains::kd, "N m s/rad", "Weight of the filter output"),
       gain("a", &IntegralGains::a, "1/s", "Filter pole"),
       gain("b", &IntegralGains::b, "1/s", "Filter gain"),
       gain("ki", &IntegralGains::ki, "N m/rad", "Weight of the integral"),
       gain("eps_1", &IntegralGains::eps_1, "1/s", "Weight of e in what is integrated"),
       gain("eps_2", &IntegralGains::eps_2, "1", "Weight of nu in what is integrated"),
       gain("d_max", &IntegralGains::d_max, "N m", "Largest torque of the integral")
-          .by_default("the drive's limit")};
+          .by_default("the drive's limit"),
+      bandwidth_key(&IntegralGains::w),
+      damping_key(&IntegralGains::damping)};
 };
 
 /// `LoriaOrtegaRigid` with an integral that compensates constant torques unknown to the model, from
@@ -32,14 +35,13 @@ struct IntegralGains {
 ///
 ///   tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu - Ki y,   y = e - e(0) + int (eps_1 e - eps_2 nu).
 ///
-/// ydot = edot + eps_1 e - eps_2 nu is the passive output for eq. 15 with these weights. The
-/// filter's own equation gives the integral of nu: A^-1 (B (e - e(0)) - (nu - nu(0))). The law
-/// takes e to be linear between samples.
+/// `PassiveIntegral` computes y. `FollowingGains` adds gains that follow the reference to Kp and
+/// Kd, where w is given.
 ///
 /// Two rules keep y from winding up. |Ki y| is at most `d_max`, the largest unknown torque. A
 /// component of y does not change if the command exceeds the drive's limit and the change would
 /// increase the command.
-class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGains> {
+class LoriaOrtegaIntegral : public FollowingGains<LoriaOrtegaIntegral, IntegralGains> {
  public:
   static constexpr std::string_view name = "loria_ortega_integral";
   static constexpr std::array signals{Signal{"error", "rad"}, Signal{"nu", "rad/s"},
@@ -62,9 +64,11 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
     static constexpr std::tuple members{&Memory::filter, &Memory::y};
   };
   LoriaOrtegaIntegral(robot::Model robot, IntegralGains gains, const Settings& settings)
-      : FilteredError(std::move(robot), std::move(gains), settings),
+      : FollowingGains(std::move(robot), std::move(gains), settings),
         limit_(settings.torque_limit.size() > 0 ? settings.torque_limit : each(infinity)),
-        d_max_(gains_.d_max.size() > 0 ? gains_.d_max : limit_) {}
+        integral_{gains_.ki,        gains_.eps_1, gains_.eps_2,
+                  gains_.a,         gains_.b,     gains_.d_max.size() > 0 ? gains_.d_max : limit_,
+                  settings.period_s} {}
 
   static Gains tuned(const Tuning& t) {
     const double eps_1 = t.w / 3;
@@ -75,7 +79,8 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
   /// Returns the memory with which y(0) = 0 after the first step.
   [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
     const Filter::Memory filter = FilteredError::start(measured, reference);
-    return {filter, -increment(filter, filter_.step(filter, measured.q - reference.q_ref))};
+    const Vector e = measured.q - reference.q_ref;
+    return {filter, integral_.before_zero(filter, filter_.step(filter, e))};
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
@@ -83,50 +88,43 @@ class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGa
     auto [filter, command, logged] = FilteredError::step(memory.filter, measured, reference);
     Vector outside = command.tau;  // of the integral
     if (settings_.friction.given()) outside += settings_.friction.torque(ahead(reference).v_ref);
-    const Vector y = without_windup(memory.y, memory.y + increment(memory.filter, filter), outside);
-    const Vector integral = -gains_.ki.cwiseProduct(y);
-    command.tau += integral;
-    return {{filter, y}, command, {signals.size(), {logged.value[0], filter.nu, integral}}};
+    const Vector free = integral_.next(memory.y, memory.filter, filter);
+    const Vector y = without_windup(memory.y, free, outside);
+    const Vector torque = integral_.torque(y);
+    command.tau += torque;
+    return {{filter, y}, command, {signals.size(), {logged.value[0], filter.nu, torque}}};
   }
 
-  /// Returns the weights of V for which ydot is the passive output.
-  [[nodiscard]] LyapunovWeights weights() const { return {gains_.eps_1, gains_.eps_2}; }
-  /// Returns the largest torque of the integral [N m]; infinite: no bound.
-  [[nodiscard]] const Vector& d_max() const { return d_max_; }
+  /// Returns the law's integral.
+  [[nodiscard]] const PassiveIntegral* integral() const { return &integral_; }
 
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė + ½ τ′Ki⁻¹τ of the integral";
   /// Returns V with the law's own weights, for an unknown torque of zero [J].
   [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
-    return FilteredError::lyapunov(state, reference, weights()) +
-           0.5 * weighted(gains_.ki.cwiseInverse(), state.controller.value[2]);
+    return FilteredError::lyapunov(state, reference, integral_.weights()) +
+           integral_.lyapunov(state.controller.value[2]);
   }
 
  private:
-  /// Returns the next y after `before`. Without the two rules it is `free`.
+  /// Returns `free`, with the components of `before` that would otherwise move on although the
+  /// command exceeds the drive's limit.
   /// @param outside the command without the integral [N m]
   [[nodiscard]] Vector without_windup(const Vector& before, const Vector& free,
                                       const Vector& outside) const {
-    const Vector most = d_max_.cwiseQuotient(gains_.ki);
-    Vector y = free.cwiseMax(-most).cwiseMin(most);
+    Vector y = free;
+    const Vector held = integral_.within(before), command = outside + integral_.torque(free);
     for (Eigen::Index i = 0; i < y.size(); ++i) {
-      const double command = outside[i] - gains_.ki[i] * y[i];
       const bool outwards =
-          command > limit_[i] ? y[i] < before[i] : command < -limit_[i] && y[i] > before[i];
-      if (outwards) y[i] = std::clamp(before[i], -most[i], most[i]);
+          command[i] > limit_[i] ? y[i] < before[i] : command[i] < -limit_[i] && y[i] > before[i];
+      if (outwards) y[i] = held[i];
     }
     return y;
   }
-  [[nodiscard]] Vector increment(const Filter::Memory& from, const Filter::Memory& to) const {
-    const Vector de = to.e_previous - from.e_previous;
-    const Vector nu_dt = (gains_.b.cwiseProduct(de) - to.nu + from.nu).cwiseQuotient(gains_.a);
-    return de + 0.5 * settings_.period_s * gains_.eps_1 * (from.e_previous + to.e_previous) -
-           gains_.eps_2 * nu_dt;
-  }
 
   Vector limit_;  ///< [N m]
-  Vector d_max_;  ///< [N m]
+  PassiveIntegral integral_;
 };
 
 static_assert(OutputFeedbackLaw<LoriaOrtegaIntegral>);

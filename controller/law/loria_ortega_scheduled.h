@@ -42,21 +42,11 @@ class LoriaOrtegaScheduled : public FilteredError<LoriaOrtegaScheduled, Schedule
 
   [[nodiscard]] Vector feedback(const Vector& tau, const Vector& e, const Vector& nu,
                                 const ReferencePoint& reference) const {
-    const Matrix M = robot::mass_matrix(robot_, reference.q_ref);
-    const Vector inertial = tau - M.lazyProduct(weighted_sum(e, nu));
-    const Vector& viscous = settings_.friction.viscous;
-    return viscous.size() == 0 ? inertial : inertial - gains_.w * viscous.cwiseProduct(e);
+    return inertial_feedback(tau, e, nu, reference);
   }
   [[nodiscard]] Vector feedback_rate(const Vector& e, const Vector& nu,
                                      const ReferencePoint& reference) const {
-    const Matrix C = robot::coriolis_matrix(robot_, reference.q_ref, reference.v_ref);
-    const Vector x = weighted_sum(e, nu);
-    return C.lazyProduct(x) + C.transpose().lazyProduct(x);  // Mdot = C + C'
-  }
-
- private:
-  [[nodiscard]] Vector weighted_sum(const Vector& e, const Vector& nu) const {
-    return gains_.w * gains_.w * e + 2 * gains_.damping * gains_.w * nu;
+    return inertial_feedback_rate(e, nu, reference);
   }
 };
 

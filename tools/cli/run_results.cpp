@@ -124,6 +124,16 @@ std::string start_text(const lyapunov::CertifiedStart& start,
   return text + ")";
 }
 
+/// Returns the law's signals at the end of the log, one number per joint: an adaptive law's
+/// estimates are among them.
+nlohmann::ordered_json last_signals(const report::RecordedRun& recorded) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::object();
+  for (const report::LoggedSignal& signal : recorded.signals) {
+    all[signal.name] = {{"unit", signal.unit}, {"last", signal.last}};
+  }
+  return all;
+}
+
 /// Writes the files and then, on stdout, the summary.
 /// @return the exit code when summary.json cannot be written, after a line that says why
 ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
@@ -132,6 +142,7 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
                        const robot::JointLabels& joints) {
   const scenario::Scenario& scenario = summary.scenario;
   nlohmann::ordered_json outcome = to_json(summary, joints);
+  if (recorded) outcome["signals"] = last_signals(*recorded);
   std::string start;
   if (const auto certified = start_of(recorded)) {
     outcome["start"] = certify::to_json(*certified);

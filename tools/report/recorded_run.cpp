@@ -100,8 +100,11 @@ std::vector<LoggedSignal> declared_signals(const messages::RunInfo& info, std::s
   for (const auto& [name, unit] :
        messages::parse_signals(info.signals).value_or(std::vector<messages::Signal>())) {
     if (unit != "rad") {
-      signals.push_back(
-          {std::string(name), std::string(unit), row, std::vector<study::Envelope>(num_joints)});
+      signals.push_back({std::string(name),
+                         std::string(unit),
+                         row,
+                         std::vector<study::Envelope>(num_joints),
+                         {}});
     }
     ++row;
   }
@@ -110,8 +113,10 @@ std::vector<LoggedSignal> declared_signals(const messages::RunInfo& info, std::s
 
 void add_signals(RecordedRun& run, const messages::LawSignals& values, double t_s) {
   for (LoggedSignal& signal : run.signals) {
+    const Vector& value = values.value[signal.row];
+    signal.last.assign(value.begin(), value.end());
     for (std::size_t joint = 0; joint < signal.joints.size(); ++joint) {
-      signal.joints[joint].add(t_s, values.value[signal.row][static_cast<Eigen::Index>(joint)]);
+      signal.joints[joint].add(t_s, value[static_cast<Eigen::Index>(joint)]);
     }
   }
 }

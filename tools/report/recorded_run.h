@@ -28,6 +28,13 @@ struct LoggedSignal {
   std::string unit;     ///< on a revolute joint
   std::size_t row = 0;  ///< of messages::LawSignals
   std::vector<study::Envelope> joints;
+  std::vector<double> last;  ///< of each joint, at the end of the log
+
+  /// Returns whether the values of this joint are those of the first, as those of a load's
+  /// estimate.
+  [[nodiscard]] bool repeats_first(std::size_t joint) const {
+    return unit != "rad/s" && joint > 0 && joints[joint].points() == joints[0].points();
+  }
 };
 
 /// One joint's applied torque, and the torque that the scenario's robot takes for the recorded

@@ -274,37 +274,49 @@ Label signal_label(const std::string& name) {
   return {name.substr(0, bar), name.substr(bar + 1), "", ""};
 }
 
+/// Adds the signals of that unit. An estimate that is the same for all joints appears at the first.
+void add_signals(const Overlay& all, const Joint& joint, const std::string& unit, Chart& chart) {
+  for (const RecordedRun& run : all.runs) {
+    const auto own = all.joint_of(run, joint.number);
+    for (std::size_t row = 0; own && row < run.signals.size(); ++row) {
+      const LoggedSignal& signal = run.signals[row];
+      if (signal.unit != unit || signal.repeats_first(*own)) continue;
+      Curve curve = all.curve(run, signal.joints[*own].points(all.budget), signal.name, {},
+                              row == 0 ? 1.2 : 0.7);
+      if (all.alone()) {
+        curve.colour = colour_of(row);
+        curve.label = signal_label(signal.name);
+      }
+      chart.curves.push_back(std::move(curve));
+    }
+  }
+  const std::string of_joint = unit == "rad/s" ? joint.length + "/s" : unit;
+  chart.y_label = words("", of_joint);
+  cut_kick(chart, of_joint);
+}
+
 ReportSection signals_section(const Overlay& all) {
   ReportSection section{"controller", "Controller signals",
                         "The log holds no signals of the law: it declares none but the "
                         "position error, or they were not recorded."};
   std::map<std::string, std::string> units;
+  std::vector<std::string> axes;  // a chart for each unit
   for (const RecordedRun& run : all.runs) {
-    for (const LoggedSignal& signal : run.signals) units.emplace(signal.name, signal.unit);
+    for (const LoggedSignal& signal : run.signals) {
+      units.emplace(signal.name, signal.unit);
+      if (std::ranges::find(axes, signal.unit) == axes.end()) axes.push_back(signal.unit);
+    }
   }
   for (const auto& [name, unit] : units) {
     section.text += html("<p><i>{}</i> [{}]: {}.</p>", name, unit, meaning(name));
   }
-  add_joints(section, all, "Controller signals of joint {} over time",
-             [&](const Joint& joint, Chart& chart) {
-               std::string unit;
-               for (const RecordedRun& run : all.runs) {
-                 const auto own = all.joint_of(run, joint.number);
-                 for (std::size_t row = 0; own && row < run.signals.size(); ++row) {
-                   const LoggedSignal& signal = run.signals[row];
-                   Curve curve = all.curve(run, signal.joints[*own].points(all.budget), signal.name,
-                                           {}, row == 0 ? 1.2 : 0.7);
-                   if (all.alone()) {
-                     curve.colour = colour_of(row);
-                     curve.label = signal_label(signal.name);
-                   }
-                   unit = signal.unit == "rad/s" ? joint.length + "/s" : signal.unit;
-                   chart.curves.push_back(std::move(curve));
-                 }
-               }
-               chart.y_label = words("", unit);
-               cut_kick(chart, unit);
-             });
+  for (std::size_t axis = 0; axis < axes.size(); ++axis) {
+    add_joints(section, all, "Controller signals of joint {} over time",
+               [&](const Joint& joint, Chart& chart) {
+                 if (axis > 0) chart.name += fmt::format("-{}", axis + 1);
+                 add_signals(all, joint, axes[axis], chart);
+               });
+  }
   return section;
 }
 

@@ -319,6 +319,19 @@ TEST(Design, TunesTheLawsDerivedFromThePapers) {
   }
 }
 
+TEST(Design, VariesEveryBandwidthOfLinearAdrc) {
+  const scenario::Scenario scenario = linear::testing::shipped(
+      "practical_rigid",
+      {"controller.law=linear_adrc",
+       "controller.gains={bandwidth: 10, observer: 50, inertia: [8, 0.6]}",
+       "reference={hold: {position_rad: [0, 0.5]}}", "plant.initial.position_rad=[0, 0.5]"});
+  const Design found = design(scenario, {});
+  EXPECT_GE(least_modulus(found), 0.498);
+  // With the bandwidth of the start, 10 rad/s, the loop cannot settle faster than in 0.66 s.
+  EXPECT_GT(found.gains.at("bandwidth").minCoeff(), 11);
+  EXPECT_LT(found.loop.modes.settling_s, 0.5);
+}
+
 TEST(Design, RefusesALawForRigidJointsOnFlexibleOnes) {
   try {
     design(linear::testing::shipped("practical_flexible", {"controller.law=loria_ortega_rigid"}),

@@ -1,5 +1,5 @@
 // A Lagrangian system with the properties that the paper assumes of a robot, in which the law
-// (4)-(5) does not converge from every start: docs/certificate_theory.md, "From every start".
+// (4)-(5) does not converge from every start: docs/counterexample.md.
 #include "lyapunov/global_convergence.h"
 
 #include <gtest/gtest.h>

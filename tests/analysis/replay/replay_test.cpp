@@ -60,6 +60,22 @@ TEST_F(ReplayTest, GivesEveryLawsCommandsAgain) {
       support::shortened(
           "practical_rigid.yaml", "0.05",
           {"controller.law=slotine_li", "controller.gains={lambda: 20, ks: [50, 5]}"}),
+      support::shortened(
+          "practical_adaptive.yaml", "0.3",
+          {"controller.gains.gamma_moment=1", "controller.gains.moment_max=0.3",
+           "controller.gains.gamma_inertia=0.1", "controller.gains.inertia_max=0.2",
+           "controller.gains.gamma_friction=[400, 60]", "controller.gains.friction_max=[20, 5]"}),
+      support::shortened("iiwa_adaptive.yaml", "0.1"),
+      support::shortened("practical_rigid.yaml", "0.2",
+                         {"controller.law=loria_ortega_bounded",
+                          "controller.gains={kp: [40000, 2400], kd: [1000, 60], a: 1000, b: 1000, "
+                          "ki: [10000, 600], eps_1: 28, eps_2: 0.14, d_max: [60, 12]}",
+                          "plant.drive.torque_limit_Nm=[2000, 200]"}),
+      support::shortened("practical_rigid.yaml", "0.2",
+                         {"controller.law=loria_ortega_integral",
+                          "controller.gains={kp: [40000, 2400], kd: [1000, 60], a: 1000, b: 1000, "
+                          "ki: [10000, 600], eps_1: 28, eps_2: 0.14}",
+                          "plant.drive.torque_limit_Nm=[200, 20]"}),
   };
   for (const scenario::Scenario& scenario : scenarios) {
     SCOPED_TRACE(scenario.name + ", " + scenario.controller.law);

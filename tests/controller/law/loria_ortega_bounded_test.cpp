@@ -1,9 +1,10 @@
 #include "controller/law/loria_ortega_bounded.h"
 
-#include <atomic>
 #include <cmath>
+#include <vector>
 
 #include "base/parallel.h"
+#include "controller/law/loria_ortega_integral.h"
 #include "controller/law/loria_ortega_rigid.h"
 #include "reference/trajectory/point_to_point.h"
 #include "tests/controller/law/first_order.h"
@@ -28,14 +29,24 @@ BoundedGains gains_with(const Vector& feedforward_max) {
   return {vector(4000, 400), vector(300, 30), vector(300, 300), vector(300, 300), feedforward_max};
 }
 
-TEST(LoriaOrtegaBounded, CommandsNoMoreThanTheLimitsWhateverItReceives) {
+BoundedGains with_integral(const Vector& feedforward_max, const Vector& d_max) {
+  BoundedGains gains = gains_with(feedforward_max);
+  gains.ki = vector(2000, 200);
+  gains.eps_1 = 10;
+  gains.eps_2 = 0.15;
+  gains.d_max = d_max;
+  return gains;
+}
+
+/// Random and hostile inputs and memories: no command exceeds a limit by more than rounding.
+void expect_within_limits(const BoundedGains& gains) {
 #ifdef __SANITIZE_ADDRESS__
   constexpr int inputs = 20000;
 #else
   constexpr int inputs = 1000000;
 #endif
   Random random(1);
-  const LoriaOrtegaBounded law(two_link_model(), gains_with({}), limited());
+  const LoriaOrtegaBounded law(two_link_model(), gains, limited());
   // Sizes from a thousandth to 1e60: the squares of velocities stay finite.
   const auto any = [&]() -> Vector {
     return std::pow(10.0, random.between(-3, random.between(0, 60))) * random.pair(1);
@@ -46,13 +57,20 @@ TEST(LoriaOrtegaBounded, CommandsNoMoreThanTheLimitsWhateverItReceives) {
     const bool hostile = i % 2 == 0;
     const auto draw = [&] { return hostile ? any() : usual(); };
     const messages::ReferencePoint reference{draw(), draw(), draw(), draw(), draw()};
-    const Filter::Memory memory{draw(), draw()};
+    const LoriaOrtegaBounded::Memory memory{{draw(), draw()}, draw()};
     const auto step = law.step(memory, {draw()}, reference);
     ASSERT_TRUE(step.command.tau.allFinite());
     most = std::max(most, (step.command.tau.cwiseAbs().cwiseQuotient(limit)).maxCoeff());
   }
-  EXPECT_LE(most, 1 + 1e-15);  // rounding of F + L
+  EXPECT_LE(most, 1 + 1e-15);  // rounding of F + L + d_max
   EXPECT_GT(most, 0.999);
+}
+
+TEST(LoriaOrtegaBounded, CommandsNoMoreThanTheLimitsWhateverItReceives) {
+  expect_within_limits(gains_with({}));
+}
+TEST(LoriaOrtegaBounded, WithAnIntegralCommandsNoMoreThanTheLimitsWhateverItReceives) {
+  expect_within_limits(with_integral(vector(150, 30), vector(60, 12)));
 }
 
 TEST(LoriaOrtegaBounded, IsTheRigidLawWhereNothingIsBounded) {
@@ -67,17 +85,52 @@ TEST(LoriaOrtegaBounded, IsTheRigidLawWhereNothingIsBounded) {
     const messages::PositionMeasurement measured{reference.q_ref + random.pair(0.01)};
     const Filter::Memory memory{random.pair(0.05), measured.q - reference.q_ref};
     const Vector tau = rigid.step(memory, measured, reference).command.tau;
-    ASSERT_LE((law.step(memory, measured, reference).command.tau - tau).norm(), 1e-12 * tau.norm());
+    const auto step = law.step({memory, random.pair(1)}, measured, reference);
+    ASSERT_LE((step.command.tau - tau).norm(), 1e-12 * tau.norm());
+    ASSERT_EQ(step.memory.y, vector(0, 0)) << "there is no integral";
   }
 }
 
+TEST(LoriaOrtegaBounded, IsTheIntegralLawWhereNothingIsBounded) {
+  Random random(5);
+  const BoundedGains gains = with_integral(vector(200, 30), vector(60, 12));
+  const LoriaOrtegaBounded law(two_link_model(), gains, limited(1.5e-3));
+  const LoriaOrtegaIntegral integral(
+      two_link_model(),
+      {gains.kp, gains.kd, gains.a, gains.b, gains.ki, gains.eps_1, gains.eps_2, gains.d_max},
+      limited(1.5e-3));
+  messages::ReferencePoint reference = Sine{{0, 0}}.at(0);
+  messages::PositionMeasurement measured{random.pair(0.005)};
+  auto memory = law.start(measured, reference);
+  auto same = integral.start(measured, reference);
+  for (int i = 0; i < 1000; ++i) {
+    // Slow errors: the filter's output is small beside kp e.
+    measured.q = 0.999 * measured.q + random.pair(5e-6);
+    const auto step = law.step(memory, measured, reference);
+    const auto expected = integral.step(same, measured, reference);
+    const Vector tau = expected.command.tau;
+    ASSERT_LE((step.command.tau - tau).norm(), 1e-12 * (1 + tau.norm()));
+    memory = step.memory;
+    same = expected.memory;
+  }
+  EXPECT_GT(memory.y.norm(), 1e-3);
+}
+
 TEST(LoriaOrtegaBounded, RefusesDrivesWithoutLimitsAndAFeedForwardThatLeavesNothing) {
-  EXPECT_THROW(LoriaOrtegaBounded(two_link_model(), gains_with({}), Settings{1e-3}),
-               std::invalid_argument);
-  EXPECT_THROW(LoriaOrtegaBounded(two_link_model(), gains_with(limit), limited()),
-               std::invalid_argument);
-  const LoriaOrtegaBounded law(two_link_model(), gains_with({}), limited());
-  EXPECT_EQ(law.feedforward_max(), Vector(0.7 * limit));
+  const auto made = [](const BoundedGains& gains, const Settings& settings = limited()) {
+    return LoriaOrtegaBounded(two_link_model(), gains, settings);
+  };
+  EXPECT_THROW(made(gains_with({}), Settings{1e-3}), std::invalid_argument);
+  EXPECT_THROW(made(gains_with(limit)), std::invalid_argument);
+  EXPECT_EQ(made(gains_with({})).feedforward_max(), Vector(0.7 * limit));
+  const Vector d_max = vector(60, 12);
+  EXPECT_EQ(made(with_integral({}, d_max)).feedforward_max(), Vector(0.7 * limit - d_max));
+  EXPECT_THROW(made(with_integral({}, limit)), std::invalid_argument);
+  EXPECT_THROW(made(with_integral(vector(280, 50), d_max)), std::invalid_argument);
+  EXPECT_THROW(made(with_integral({}, {})), std::invalid_argument) << "without d_max";
+  BoundedGains in_part = with_integral({}, d_max);
+  in_part.eps_2 = 0;
+  EXPECT_THROW(made(in_part), std::invalid_argument);
 }
 
 /// The proof's energy: 1/2 edot' M edot and integrals of S. With w of the filter, alpha = kp + kd b
@@ -136,14 +189,18 @@ TEST(LoriaOrtegaBounded, EnergyFallsAsProvedForSevenJoints) {
   expect_energy_identity(robot::testing::iiwa7(), 4);
 }
 
-/// Returns how many of `starts` states within 20 rad and 20 rad/s do not come to the reference in
-/// `seconds`, at 1 kHz with a tick of delay.
+/// The end of runs at 1 kHz with a tick of delay from random states within 20 rad and 20 rad/s.
+struct Ends {
+  int stay_away = 0;
+  double error = 0;  ///< the largest of those that come to the reference [rad]
+  double share = 0;  ///< the largest command, of its limit
+};
 template <class Reference>
-int stay_away(const Reference& reference, const Vector& feedforward_max, int starts,
-              double seconds) {
-  const LoriaOrtegaBounded law(two_link_model(), gains_with(feedforward_max), limited(1.5e-3));
-  std::atomic<int> away = 0;
-  base::parallel_for(static_cast<std::size_t>(starts), [&](std::size_t i) {
+Ends runs(const Reference& reference, const BoundedGains& gains, int starts, double seconds,
+          const Pair& unknown_torque = Pair::Zero()) {
+  const LoriaOrtegaBounded law(two_link_model(), gains, limited(1.5e-3));
+  std::vector<Ends> each(static_cast<std::size_t>(starts));
+  base::parallel_for(each.size(), [&](std::size_t i) {
     Random random(static_cast<unsigned>(i));
     const RigidArm arm;
     State<4> x = rigid_state(random.pair(20), random.pair(20));
@@ -153,28 +210,58 @@ int stay_away(const Reference& reference, const Vector& feedforward_max, int sta
     for (int k = 0; k < ticks; ++k) {
       const auto step = law.step(memory, arm.position(x), reference.at(k * 1e-3));
       memory = step.memory;
-      if ((step.command.tau.cwiseAbs().array() > limit.array() * (1 + 1e-15)).any()) ++away;
+      each[i].share =
+          std::max(each[i].share, step.command.tau.cwiseAbs().cwiseQuotient(limit).maxCoeff());
       const auto pushed = [&](double /*t*/, const State<4>& y) -> State<4> {
-        return arm(y, applied);
+        return arm(y, applied + unknown_torque);
       };
       for (int part = 0; part < 2; ++part) x = runge_kutta_4(pushed, 0, x, 0.5e-3);
       applied = step.command.tau;
     }
-    if (!((x.head<2>() - Pair(reference.at(ticks * 1e-3).q_ref)).norm() < 1e-3)) ++away;
+    const double error = (x.head<2>() - Pair(reference.at(ticks * 1e-3).q_ref)).norm();
+    if (error < 1e-3) {
+      each[i].error = error;
+    } else {
+      each[i].stay_away = 1;
+    }
   });
-  return away;
+  Ends all;
+  for (const Ends& one : each) {
+    all.stay_away += one.stay_away;
+    all.error = std::max(all.error, one.error);
+    all.share = std::max(all.share, one.share);
+  }
+  return all;
 }
 
-TEST(LoriaOrtegaBounded, ComesToTheReferenceFromStartsFarAway) {
 #ifdef __SANITIZE_ADDRESS__
-  constexpr int starts = 2;
+constexpr int starts = 2;
 #else
-  constexpr int starts = 40;
+constexpr int starts = 40;
 #endif
-  EXPECT_EQ(stay_away(Sine{{0, 0}}, vector(82, 6), starts, 30), 0);
-  EXPECT_EQ(stay_away(Sine{{0.5, 0.5}, 2}, vector(105, 10), starts, 30), 0);
-  reference::trajectory::PointToPoint motion{vector(0, 0), vector(1.5, 0.5), 0, 1.5};
-  EXPECT_EQ(stay_away(motion, vector(146, 16), starts, 30), 0);
+
+TEST(LoriaOrtegaBounded, ComesToTheReferenceFromStartsFarAway) {
+  const auto expect_all_come = [](const auto& reference, const Vector& feedforward_max) {
+    const Ends found = runs(reference, gains_with(feedforward_max), starts, 30);
+    EXPECT_EQ(found.stay_away, 0);
+    EXPECT_LE(found.share, 1 + 1e-15);
+  };
+  expect_all_come(Sine{{0, 0}}, vector(82, 6));
+  expect_all_come(Sine{{0.5, 0.5}, 2}, vector(105, 10));
+  expect_all_come(reference::trajectory::PointToPoint{vector(0, 0), vector(1.5, 0.5), 0, 1.5},
+                  vector(146, 16));
+}
+
+TEST(LoriaOrtegaBounded, TakesUpAnUnknownTorqueFromStartsFarAway) {
+  const Pair torque(-40, 8);
+  const Ends with =
+      runs(Sine{{0, 0}}, with_integral(vector(82, 6), vector(60, 12)), starts, 30, torque);
+  EXPECT_EQ(with.stay_away, 0);
+  EXPECT_LE(with.share, 1 + 1e-15);
+  // 30 s are ten time constants of the integral after the approach; another program has 1e-13.
+  EXPECT_LT(with.error, 1e-9);
+  const Ends without = runs(Sine{{0, 0}}, gains_with(vector(82, 6)), 2, 30, torque);
+  EXPECT_EQ(without.stay_away, 2) << "d / kp is left";
 }
 
 }  // namespace

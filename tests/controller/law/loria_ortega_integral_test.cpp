@@ -159,7 +159,7 @@ TEST(LoriaOrtegaIntegral, NeverAsksForMoreThanTheLargestUnknownTorque) {
     if (given) limited.d_max = vector(30, 5);
     const LoriaOrtegaIntegral law(two_link_model(), limited, settings);
     const Vector most = given ? limited.d_max : limit;
-    EXPECT_EQ(law.d_max(), most);
+    EXPECT_EQ(law.integral()->d_max, most);
     messages::PositionMeasurement measured{random.pair(3)};
     auto memory = law.start(measured, random.reference());
     for (int k = 0; k < 1000; ++k) {
@@ -187,6 +187,24 @@ TEST(LoriaOrtegaIntegral, HoldsItsIntegralWhereItWouldCommandBeyondALimit) {
     ASSERT_GE(step.memory.y[0], memory.y[0]) << "the integral of joint 1 adds to what saturates";
     ASSERT_LE(std::abs(step.command.tau[1]), limit[1]);
     memory = step.memory;
+  }
+}
+
+TEST(LoriaOrtegaIntegral, TakesGainsThatFollowTheReferenceAndRefusesNone) {
+  IntegralGains following = gains;
+  following.kp = following.kd = {};
+  EXPECT_THROW(LoriaOrtegaIntegral(two_link_model(), following, {1e-3}), std::invalid_argument);
+  following.w = 20;
+  EXPECT_THROW(LoriaOrtegaIntegral(two_link_model(), following, {1e-3}), std::invalid_argument);
+  following.damping = 0.8;
+  const LoriaOrtegaIntegral law(two_link_model(), following, {1e-3});
+  Random random(4);
+  for (int k = 0; k < 100; ++k) {
+    const messages::ReferencePoint r = random.reference();
+    const Pair e = random.pair(1), nu = random.pair(1), tau = random.pair(100);
+    const Pair expected = tau - TwoLink<double>().M(Pair(r.q_ref)) * (400 * e + 32 * nu);
+    const Pair found = law.feedback(tau, e, nu, r);
+    ASSERT_LT((found - expected).norm(), 1e-12 * (1 + expected.norm()));
   }
 }
 

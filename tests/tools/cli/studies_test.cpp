@@ -210,5 +210,25 @@ TEST_F(Study, AttractionIsCertifiedFurtherWithALargerB) {
   EXPECT_THAT(map_, HasSubstr("converged"));
 }
 
+TEST_F(Study, AdaptationMakesTheErrorIndependentOfTheLoad) {
+  const auto rows = run("study_adaptive", {{"0:1:11", "0,1"}});
+  const auto error = [&](const std::string& law, double mass) {
+    return at(rows, law, mass, 0, "settled_error");
+  };
+  EXPECT_LT(error("loria_ortega_adaptive", 1), 3 * error("loria_ortega_adaptive", 0));
+  EXPECT_GT(error("loria_ortega_integral", 1), 50 * error("loria_ortega_adaptive", 1));
+  EXPECT_GT(error("linear_adrc", 1), 10 * error("loria_ortega_adaptive", 1));
+  EXPECT_LT(error("loria_ortega_integral", 1), 0.9 * error("loria_ortega_rigid", 1));
+}
+
+TEST_F(Study, BoundedTorqueBringsEveryStartBack) {
+  const auto rows = run("study_bounded", {{"--random 250", "--random 8"}});
+  EXPECT_EQ(rows.size(), 8U);
+  for (const SweepRow& row : rows) {
+    EXPECT_EQ(row.outcome, study::Outcome::converged) << row.which.index;
+    EXPECT_LT(measured(row, "settled_error"), 1e-4);
+  }
+}
+
 }  // namespace
 }  // namespace tachless
