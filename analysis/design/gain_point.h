@@ -63,6 +63,8 @@ class GainPoint {
   [[nodiscard]] double least_modulus() const;  ///< over all loops
   /// Returns how much margins and counts lack; 0: nothing.
   [[nodiscard]] double lack() const;
+  /// Returns the same number at less cost, without `look_at_margins`.
+  [[nodiscard]] double lack_alone();
   [[nodiscard]] Lack count_lack() const;  ///< of the joint that lacks most
   [[nodiscard]] bool stable() const;
 
@@ -83,6 +85,7 @@ class GainPoint {
  private:
   void make_feedback(bool derivatives);
   void make_grids();
+  [[nodiscard]] double lack_with(double least) const;
   /// Returns the largest torque per measured angle of each joint over the postures of the motion.
   /// Gains are moved by `by` along `variable`.
   [[nodiscard]] Eigen::VectorXd largest_gain(double by = 0, Eigen::Index variable = 0) const;
