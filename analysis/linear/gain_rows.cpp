@@ -128,8 +128,7 @@ std::vector<FeedbackAt> at_frequencies(const Feedback& feedback, const std::vect
   const Index n = law.D.rows(), order = filter.rows();
   std::vector<MatrixXd> through;  // C and B of each pair of the filter's states
   for (Index i = 0; i < order * order; ++i) {
-    through.emplace_back(law.C.middleCols(i % order * n, n) *
-                         law.B.middleRows(i / order * n, n));
+    through.emplace_back(law.C.middleCols(i % order * n, n) * law.B.middleRows(i / order * n, n));
   }
   for (const double each : w) {
     MatrixXcd resolvent = -filter.cast<std::complex<double>>();

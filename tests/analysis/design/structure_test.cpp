@@ -91,9 +91,9 @@ TEST(Uncertainty, IsReadAsTyped) {
   EXPECT_EQ(parse_uncertainty("rotors=30%").rotors, 0.3);
   const Vector each = parse_uncertainty("rotors=0.05/0/2e-3,delay=1").rotors_kgm2;
   EXPECT_EQ(each, Eigen::Vector3d(0.05, 0, 2e-3));
-  for (const char* wrong : {"", "links", "links=20", "links=120%", "links=-5%", "delay=1.5",
-                            "delay=5%", "mass=5%", "links=20%,,delay=1", "links=x%",
-                            "rotors=0.1/", "rotors=0.1/-1", "rotors=1/20%"}) {
+  for (const char* wrong :
+       {"", "links", "links=20", "links=120%", "links=-5%", "delay=1.5", "delay=5%", "mass=5%",
+        "links=20%,,delay=1", "links=x%", "rotors=0.1/", "rotors=0.1/-1", "rotors=1/20%"}) {
     EXPECT_THROW((void)parse_uncertainty(wrong), base::Failure) << wrong;
   }
 }
