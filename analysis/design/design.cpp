@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -18,6 +17,7 @@
 #include "design/design_problem.h"
 #include "design/gain_point.h"
 #include "design/gain_search.h"
+#include "design/time_left.h"
 #include "linear/law_answers.h"
 #include "linear/linear_loop.h"
 #include "numerics/postures.h"
@@ -69,8 +69,9 @@ void require_rigid(const scenario::Scenario& scenario) {
 class Search {
  public:
   Search(const scenario::Scenario& scenario, const DesignGoal& goal,
-         const linear::LawAnswers& answers)
-      : scenario_(scenario),
+         const linear::LawAnswers& answers, bool another_follows = false)
+      : another_follows_(another_follows),
+        scenario_(scenario),
         goal_(goal),
         answers_(answers),
         law_(scenario, goal, answers),
@@ -121,8 +122,10 @@ class Search {
     begin(from);
     const std::vector<FoundGains> starts = good_starts(from, tell);
     if (starts.empty()) return {};
+    time_left_->enter(TimeLeft::Phase::best);
     best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
     if (starts.size() > 1) {
+      time_left_->enter(TimeLeft::Phase::second);
       const FoundGains other =
           climbed("design: the second best start", starts[1].theta, steps_of_a_round, tell);
       if (other.settling_s < best_.settling_s) best_ = other;
@@ -130,6 +133,7 @@ class Search {
     if (answers_) try_beside(tell);
     worst_ = worst_postures();
     for (int round = 0; round < rounds && add_worst(); ++round) {
+      time_left_->enter(TimeLeft::Phase::rounds, rounds - round);
       const FoundGains next =
           climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
                   steps_of_a_round, tell);
@@ -140,8 +144,10 @@ class Search {
     for (int attempt = 0; attempt < most_attempts; ++attempt) {
       const bool last = attempt + 1 == most_attempts || !in_range_;
       worst_.clear();  // these moduli are of other gains
+      time_left_->enter(TimeLeft::Phase::range, 2);
       search_range(tell, last);
       if (!last && add_worst()) {
+        time_left_->enter(TimeLeft::Phase::range, 1);
         if (!climbed_on("design: once more with the worst postures in range", tell)) break;
         continue;
       }
@@ -164,10 +170,7 @@ class Search {
 
   /// Forgets what an earlier search has added.
   void begin(const Start& from) {
-    const auto starts = answers_ ? std::ssize(law_.beside(along_motion_.upper)) : most_starts;
-    most_steps_ = static_cast<int>(starts) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
-    done_ = 0;
-    begin_ = std::chrono::steady_clock::now();
+    time_left_.emplace(along_motion_.same_everywhere, another_follows_);
     problem_ = along_motion_;
     if (from.bandwidth_hz) problem_.upper = law_.upper_within(*from.bandwidth_hz);
     in_range_ = from.in_range;
@@ -190,25 +193,20 @@ class Search {
 
   FoundGains climbed(const std::string& what, const VectorXd& theta, int steps,
                      const linear::OnProgress& tell, bool adding = true) {
-    const int end = done_ + steps;
-    const FoundGains found = faster_gains(
+    return faster_gains(
         problem_, theta, steps,
         [&](GainProblem& problem, const VectorXd& here) {
           return adding && add_lacking(problem, here);
         },
         [&](int step, const FoundGains& now) {
-          ++done_;
-          const std::chrono::duration<double> so_far = std::chrono::steady_clock::now() - begin_;
-          const double left = std::max(0, most_steps_ - done_) * so_far.count() / done_;
-          tell(fmt::format("{}, step {}: {}, at most {:.0f} s left", what, step,
+          time_left_->step(problem_.loops.size(), steps - step - 1);
+          tell(fmt::format("{}, step {}: {}, {}", what, step,
                            std::isfinite(now.settling_s)
                                ? fmt::format("settles in {}, modulus {:.3f}",
                                              certify::settling_text(now.settling_s), now.modulus)
                                : "no margin yet",
-                           std::ceil(left)));
+                           time_left_->text()));
         });
-    done_ = end;
-    return found;
   }
 
   /// Goes on from the best gains. Returns whether some keep the margin at the postures added.
@@ -322,6 +320,8 @@ class Search {
       }
       if (best_w == 0) continue;
       const bool enough = modulus > start.part_of_margin * goal_.modulus;
+      time_left_->enter(TimeLeft::Phase::starts,
+                        std::max(0, most_starts - static_cast<int>(&start - starts.data()) - 1));
       const FoundGains here = climbed(
           fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()),
           gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
@@ -402,8 +402,8 @@ class Search {
     const LeastModulus least(problem_, best_.theta);
     double before = infinity;
     for (int set = 0; set < most_sets; ++set) {
-      tell(fmt::format("design: least modulus in the joints' range, set {} of at most {}", set + 1,
-                       most_sets));
+      tell(fmt::format("design: least modulus in the joints' range, set {} of at most {}, {}",
+                       set + 1, most_sets, time_left_->text()));
       while (std::ssize(fresh_) <= set) {
         fresh_.push_back(pool(static_cast<int>(fresh_.size() + 1) * fresh_apart, fresh_postures));
       }
@@ -419,6 +419,7 @@ class Search {
                          plant_of_pool(starts[k], fresh_postures), descent_evaluations);
       });
       worst_.insert(worst_.end(), found.begin(), found.end());
+      time_left_->set();
       const double here = std::ranges::min_element(found, {}, &Worst::value)->value;
       if (std::max(here, before) <= sets_agree * std::min(here, before)) return;
       if (!whole && lacks(here)) return;
@@ -553,6 +554,7 @@ class Search {
     }
   }
 
+  bool another_follows_;  ///< a search for scheduled gains
   const scenario::Scenario& scenario_;
   DesignGoal goal_;
   linear::LawAnswers answers_;
@@ -567,8 +569,7 @@ class Search {
   FoundGains best_;
   std::vector<UncertainPlant> plants_;  ///< beside the scenario's
   std::vector<Worst> worst_;            ///< least moduli of the best gains, with their postures
-  int done_ = 0, most_steps_ = 0;       ///< to estimate the time left
-  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  std::optional<TimeLeft> time_left_;   ///< of the present search
 };
 
 /// Returns true if the option that asks for less leads to gains along the motion. Soft gains are
@@ -614,9 +615,9 @@ bool is_faster_than(const Design& design, double hz) {
 /// gains, the scenario's own gains and softer rules are tried. If these find none either, the
 /// margin is kept along the motion alone.
 std::optional<Design> best_design(const scenario::Scenario& scenario, const DesignGoal& goal,
-                                  const linear::OnProgress& tell,
-                                  const linear::LawAnswers& answers) {
-  Search search(scenario, goal, answers);
+                                  const linear::OnProgress& tell, const linear::LawAnswers& answers,
+                                  bool another_follows) {
+  Search search(scenario, goal, answers, another_follows);
   if (answers) return search.found({.own = true, .bandwidth_hz = {}}, tell);
   std::optional<Design> best = search.found({}, tell);
   if (best || search.count_forbids_all()) return best;
@@ -642,7 +643,8 @@ std::optional<Design> best_design(const scenario::Scenario& scenario, const Desi
 }  // namespace
 
 Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
-              const linear::OnProgress& tell, const linear::LawAnswers& answers) {
+              const linear::OnProgress& tell, const linear::LawAnswers& answers,
+              bool another_follows) {
   const certify::Feasibility feasible = certify::feasibility(scenario);
   if (!feasible.impossible.empty()) {
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
@@ -650,7 +652,7 @@ Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
   if (!answers) require_rule(scenario);
   std::optional<Design> best;
   try {
-    best = best_design(scenario, goal, tell, answers);
+    best = best_design(scenario, goal, tell, answers, another_follows);
   } catch (const linear::NoLinearModel& why) {
     throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());
   }

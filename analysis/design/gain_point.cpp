@@ -40,22 +40,15 @@ constexpr double lightly_damped = 0.3;
 // margin kept for dips. There the minimum may be after the step.
 constexpr double near_minimum = 0.03;
 
-std::vector<FeedbackAt> at_frequencies(const linear::Feedback& feedback, double period_s,
-                                       const std::vector<double>& w) {
-  std::vector<FeedbackAt> all;
-  for (const double each : w) all.push_back(linear::at_frequency(feedback, each, period_s));
-  return all;
-}
-
 /// Evaluates the law at the kept frequencies.
 std::vector<FeedbackAt> on_grid(const linear::Feedback& feedback, double period_s) {
-  return at_frequencies(feedback, period_s, linear::kept_frequencies(period_s));
+  return linear::at_frequencies(feedback, linear::kept_frequencies(period_s), period_s);
 }
 
 /// Adds the law at the frequencies `w` to a grid.
 std::vector<FeedbackAt> with(std::vector<FeedbackAt> grid, const linear::Feedback& feedback,
                              double period_s, const std::vector<double>& w) {
-  std::ranges::move(at_frequencies(feedback, period_s, w), std::back_inserter(grid));
+  std::ranges::move(linear::at_frequencies(feedback, w, period_s), std::back_inserter(grid));
   std::ranges::stable_sort(grid, {}, &FeedbackAt::w);
   return grid;
 }
@@ -102,7 +95,7 @@ std::vector<FeedbackAt> LeastModulus::grid(const linear::RestLoop& loop,
     return some;
   }
   const linear::Feedback here = problem_->feedback(theta_, rest, false);
-  if (!among.empty()) return at_frequencies(here, loop.period_s(), among);
+  if (!among.empty()) return linear::at_frequencies(here, among, loop.period_s());
   const double h = loop.period_s();
   if (!problem_->resonant) return on_grid(here, h);
   return with(on_grid(here, h), here, h, resonances(loop, here.law));
@@ -126,7 +119,7 @@ GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
 }
 
 void GainPoint::look_at_margins() {
-  make_grids();
+  if (grids_.empty()) make_grids();
   modulus_ = parallel_map(problem_->loops.size(), [&](std::size_t i) {
     return problem_->loops[i].modulus(grid(i), problem_->margin + near_margin);
   });
@@ -169,9 +162,22 @@ double GainPoint::least_modulus() const {
   return least;
 }
 
-double GainPoint::lack() const {
-  const double of_margin = problem_->margin + margin_kept - least_modulus();
+double GainPoint::lack() const { return lack_with(least_modulus()); }
+
+double GainPoint::lack_with(double least) const {
+  const double of_margin = problem_->margin + margin_kept - least;
   return std::max({0.0, of_margin, count_lack().lack});
+}
+
+double GainPoint::lack_alone() {
+  // A modulus above this number lacks nothing.
+  const double enough = 1.001 * (problem_->margin + margin_kept);
+  if (grids_.empty()) make_grids();
+  const auto least = parallel_map(problem_->loops.size(), [&](std::size_t i) {
+    const double share = problem_->share[i];
+    return problem_->loops[i].least_modulus(grid(i), share * enough) / share;
+  });
+  return lack_with(*std::ranges::min_element(least));
 }
 
 Lack GainPoint::count_lack() const {

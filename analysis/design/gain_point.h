@@ -67,6 +67,8 @@ class GainPoint {
   /// Returns the larger of the missing modulus and the missing logarithm of the torque per count;
   /// 0: none is missing.
   [[nodiscard]] double lack() const;
+  /// Returns the same number at less cost, without `look_at_margins`.
+  [[nodiscard]] double lack_alone();
   [[nodiscard]] Lack count_lack() const;  ///< of the joint with the largest lack
   [[nodiscard]] bool stable() const;
 
@@ -88,6 +90,7 @@ class GainPoint {
  private:
   void make_feedback(bool derivatives);
   void make_grids();
+  [[nodiscard]] double lack_with(double least) const;
   /// Returns the largest torque per measured angle of each joint over the postures of the motion.
   /// Gains are moved by `by` along `variable`.
   [[nodiscard]] Eigen::VectorXd largest_gain(double by = 0, Eigen::Index variable = 0) const;

@@ -135,13 +135,11 @@ class Climb {
     const VectorXd next_errors = next.log_errors(T_);
     const double enough = reached_ - std::max(0.0, kept_promise * promised);
     double next_merit = merit(next_errors, 0);
-    if (next_merit < enough) {
-      next.look_at_margins();
-      next_merit = merit(next_errors, next.lack());
-    }
+    if (next_merit < enough) next_merit = merit(next_errors, next.lack_alone());
     accepted = next_merit < enough && next.stable();
     radius_ = accepted ? std::min(largest_step, grows * radius_) : radius_ / shrinks;
     if (!accepted) return true;
+    next.look_at_margins();
     at_.emplace(std::move(next));
     log_errors_ = next_errors;
     reached_ = next_merit;

@@ -60,9 +60,10 @@ Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_
     Candidate& candidate = comparison.candidates.back();
     const std::string name(base::name_of(each));
     try {
-      candidate.design = design(candidate.scenario, wanted, [&](std::string_view what) {
-        tell(fmt::format("{} gains: {}", name, what));
-      });
+      candidate.design = design(
+          candidate.scenario, wanted,
+          [&](std::string_view what) { tell(fmt::format("{} gains: {}", name, what)); }, {},
+          each == Structure::diagonal);
     } catch (const base::Failure& failure) {
       if (failure.code() != base::ExitCode::check_said_no) throw;
       candidate.refusal = failure.what();

@@ -38,7 +38,9 @@ robot::Model changed(robot::Model model, const Uncertainty& by, const LinkAt& li
   for (Eigen::Index j = 0; j < model.rotor_inertia.size(); ++j) {
     const double place = rotor_at(static_cast<std::size_t>(j));
     double& inertia = model.rotor_inertia[j];
-    inertia = std::max(0.0, inertia * (1 + by.rotors * place) + by.rotors_kgm2 * place);
+    const double width =
+        by.rotors_kgm2.size() == 0 ? 0 : by.rotors_kgm2[by.rotors_kgm2.size() == 1 ? 0 : j];
+    inertia = std::max(0.0, inertia * (1 + by.rotors * place) + width * place);
   }
   return model;
 }
@@ -48,6 +50,21 @@ std::string name_of(const std::string& masses, int delay) {
       delay == 0 ? "" : fmt::format("{} more {} of delay", delay, delay == 1 ? "tick" : "ticks");
   if (masses.empty() || ticks.empty()) return masses + ticks;
   return masses + ", " + ticks;
+}
+
+/// Reads "0.05", or "0.05/0.02/0.01" with a number for each joint. Returns nothing if the text is
+/// neither.
+Vector inertias_in(std::string_view text) {
+  constexpr double most = 1e3;  // [kg m2]
+  const std::vector<std::string_view> parts = base::split(text, '/');
+  if (parts.size() > static_cast<std::size_t>(max_joints)) return {};
+  Vector all(std::ssize(parts));
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const double number = base::number_in(parts[i]).value_or(NAN);
+    if (!(number >= 0 && number <= most)) return {};
+    all[static_cast<Eigen::Index>(i)] = number;
+  }
+  return all;
 }
 
 }  // namespace
@@ -68,15 +85,15 @@ Uncertainty parse_uncertainty(std::string_view text) {
       result.links = number / 100;
     } else if (is("rotors", 90, true)) {
       result.rotors = number / 100;
-    } else if (is("rotors", 1e3, false)) {
-      result.rotors_kgm2 = number;
+    } else if (name == "rotors" && !percent && inertias_in(value).size() > 0) {
+      result.rotors_kgm2 = inertias_in(value);
     } else if (is("delay", 100, false) && number == std::floor(number)) {
       result.delay = static_cast<int>(number);
     } else {
       throw base::bad_usage(
-          "--uncertain {}: {}; allowed: links=P%, rotors=P% or rotors=KG_M2, delay=TICKS, with P "
-          "up "
-          "to 90, separated by commas, as in links=20%,rotors=30%,delay=1",
+          "--uncertain {}: {}; allowed: links=P%, rotors=P% or rotors=KG_M2 (with a / between the "
+          "numbers of the joints), delay=TICKS, with P up to 90, separated by commas, as in "
+          "links=20%,rotors=30%,delay=1",
           text, part);
     }
   }
@@ -86,8 +103,14 @@ Uncertainty parse_uncertainty(std::string_view text) {
 std::vector<UncertainPlant> uncertain_plants(const robot::Model& nominal,
                                              const Uncertainty& uncertainty) {
   std::vector<UncertainPlant> all;
+  const Vector& rotors_kgm2 = uncertainty.rotors_kgm2;
+  if (rotors_kgm2.size() > 1 && rotors_kgm2.size() != nominal.num_joints) {
+    throw base::bad_usage(
+        "--uncertain rotors=…: {} numbers for {} joints; give one, or one for each joint",
+        rotors_kgm2.size(), nominal.num_joints);
+  }
   const bool masses =
-      uncertainty.links > 0 || uncertainty.rotors > 0 || uncertainty.rotors_kgm2 > 0;
+      uncertainty.links > 0 || uncertainty.rotors > 0 || (rotors_kgm2.array() > 0).any();
   const auto add = [&](robot::Model model, int delay, const std::string& name) {
     all.push_back({std::move(model), delay, name_of(name, delay)});
   };

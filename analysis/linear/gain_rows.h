@@ -32,6 +32,9 @@ struct FeedbackAt {
   std::vector<Eigen::MatrixXcd> by_kind;
 };
 FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s);
+/// Returns the response at each of these frequencies.
+std::vector<FeedbackAt> at_frequencies(const Feedback& feedback, const std::vector<double>& w,
+                                       double period_s);
 
 /// The frequencies at which a RestLoop keeps its response, ascending [rad/s].
 std::vector<double> kept_frequencies(double period_s);
@@ -67,8 +70,13 @@ class RestLoop {
   [[nodiscard]] double period_s() const { return period_s_; }
 
  private:
+  /// 1 + L at a frequency, scaled by a diagonal matrix to be nearly normal.
+  struct ReturnDifference {
+    Eigen::MatrixXcd matrix;
+    double bound;  ///< no eigenvalue is nearer to 0
+  };
   [[nodiscard]] Eigen::MatrixXcd response(double w) const;
-  [[nodiscard]] double modulus(const FeedbackAt& at, double enough) const;
+  [[nodiscard]] ReturnDifference return_difference(const FeedbackAt& at) const;
 
   Eigen::Index n_ = 0;
   double period_s_ = 0;

@@ -85,11 +85,15 @@ TEST(Uncertainty, IsReadAsTyped) {
   const Uncertainty read = parse_uncertainty("links=20%,rotors=0.05,delay=1");
   EXPECT_EQ(read.links, 0.2);
   EXPECT_EQ(read.rotors, 0);
-  EXPECT_EQ(read.rotors_kgm2, 0.05);
+  ASSERT_EQ(read.rotors_kgm2.size(), 1);
+  EXPECT_EQ(read.rotors_kgm2[0], 0.05);
   EXPECT_EQ(read.delay, 1);
   EXPECT_EQ(parse_uncertainty("rotors=30%").rotors, 0.3);
-  for (const char* wrong : {"", "links", "links=20", "links=120%", "links=-5%", "delay=1.5",
-                            "delay=5%", "mass=5%", "links=20%,,delay=1", "links=x%"}) {
+  const Vector each = parse_uncertainty("rotors=0.05/0/2e-3,delay=1").rotors_kgm2;
+  EXPECT_EQ(each, Eigen::Vector3d(0.05, 0, 2e-3));
+  for (const char* wrong :
+       {"", "links", "links=20", "links=120%", "links=-5%", "delay=1.5", "delay=5%", "mass=5%",
+        "links=20%,,delay=1", "links=x%", "rotors=0.1/", "rotors=0.1/-1", "rotors=1/20%"}) {
     EXPECT_THROW((void)parse_uncertainty(wrong), base::Failure) << wrong;
   }
 }
@@ -115,6 +119,20 @@ TEST(Uncertainty, PlantsAreWithinTheBoundsAndReachThem) {
   EXPECT_DOUBLE_EQ(heaviest, 0.05);
   EXPECT_GT(late, 1);
   EXPECT_EQ(uncertain_plants(nominal, parse_uncertainty("delay=2")).size(), 1U);
+}
+
+TEST(Uncertainty, RotorsOfEachJointHaveTheirOwnInterval) {
+  robot::Model nominal = model_of("two_link.urdf");
+  nominal.rotor_inertia = Eigen::Vector2d(1, 0.1);
+  Vector least = Eigen::Vector2d(9, 9), most = Eigen::Vector2d(0, 0);
+  for (const UncertainPlant& plant :
+       uncertain_plants(nominal, parse_uncertainty("rotors=0.2/0.05"))) {
+    least = least.cwiseMin(plant.model.rotor_inertia);
+    most = most.cwiseMax(plant.model.rotor_inertia);
+  }
+  EXPECT_TRUE(least.isApprox(Eigen::Vector2d(0.8, 0.05))) << least;
+  EXPECT_TRUE(most.isApprox(Eigen::Vector2d(1.2, 0.15))) << most;
+  EXPECT_THROW((void)uncertain_plants(nominal, parse_uncertainty("rotors=1/2/3")), base::Failure);
 }
 
 /// The least modulus over the set is what the design promises: with the plant's links 20 % heavier

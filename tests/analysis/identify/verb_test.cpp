@@ -105,6 +105,24 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   }
 }
 
+TEST_F(IdentifyVerb, SuggestsADesignForTheIntervalsOfTheRotors) {
+  const std::string fine = run("fine", {});
+  const std::string coarse =
+      run("coarse", {"--set", "plant.encoder.resolution_bits=9", "--set", "loop.duration_s=3"});
+  const auto suggested = [&](const std::string& log, const std::string& file) {
+    return tachless({"identify", log, "--write", directory_ / file, "--quiet"}).output;
+  };
+  EXPECT_THAT(suggested(fine, "fine.yaml"), HasSubstr("fine.yaml\n"));
+  const std::string output = suggested(coarse, "coarse.yaml");
+  EXPECT_THAT(output, testing::ContainsRegex("coarse.yaml --uncertain rotors=[0-9.e-]+/"));
+  // The option is the one that design reads, with the intervals that identify prints.
+  const std::string option = output.substr(output.find(" rotors=") + 1);
+  const Result designed = tachless({"design", directory_ / "coarse.yaml", "--quiet", "--json",
+                                    "--uncertain", option.substr(0, option.find('\n'))});
+  ASSERT_EQ(designed.code, 0) << designed.errors;
+  EXPECT_TRUE(nlohmann::json::parse(designed.output).contains("uncertain"));
+}
+
 TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
   const std::string urdf = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
   const auto step = [&](const Words& words) {

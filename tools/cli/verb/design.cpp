@@ -68,7 +68,8 @@ struct Design {
         ->check(CLI::Range(0.05, 0.95));
     command.add_option("--uncertain", uncertain,
                        "The margin holds for each plant of this set: links=20%,rotors=30%,delay=1 "
-                       "(shares of the inertias, further ticks of delay)");
+                       "(shares of the inertias, further ticks of delay). rotors=0.1/0.02/… is an "
+                       "inertia for each joint [kg m2]");
     add("--count-share", goal.count_share,
         "Largest torque of one encoder count, as a part of the torque limit; default: 0.01");
     add("--period", period_s, "Sampling period [s]; default: the scenario's, 1 ms for a URDF");

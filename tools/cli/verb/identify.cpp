@@ -132,6 +132,21 @@ struct Excite {
   }
 };
 
+/// Returns the option with which `design` keeps the margin for the rotors' 95 % intervals, with a
+/// space before it. Returns nothing if all intervals are narrower than the digits of a margin.
+std::string uncertain_option(const identify::Identified& found, int num_joints) {
+  constexpr double narrow = 0.01;  // of a rotor's inertia
+  std::vector<double> half_width(static_cast<std::size_t>(num_joints), 0);
+  bool wide = false;
+  for (const auto& each : found.parameters) {
+    if (each.entry.kind != identify::Kind::rotor || !each.doubt.empty()) continue;
+    half_width[static_cast<std::size_t>(each.entry.joint)] = each.half_width;
+    wide = wide || each.half_width > narrow * each.value;
+  }
+  if (!wide) return "";
+  return fmt::format(" --uncertain rotors={:.2g}", fmt::join(half_width, "/"));
+}
+
 struct Identify {
   std::vector<fs::path> logs;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
@@ -245,7 +260,8 @@ struct Identify {
     base::UnfinishedFile(urdf, write_remedy).write(corrected);
     base::UnfinishedFile(output, write_remedy).write(text);
     if (json) return;
-    std::cout << fmt::format("  type: tachless design {}\n", base::shell_word(output.string()));
+    std::cout << fmt::format("  type: tachless design {}{}\n", base::shell_word(output.string()),
+                             uncertain_option(found, scenario.num_joints));
   }
 };
 

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <string>
+
+namespace tachless::design {
+
+/// Estimate of the time that a search still takes. Work is counted in steps times loops. The work
+/// that is still to come is the work of searches for public arms of six and seven joints.
+class TimeLeft {
+ public:
+  enum class Phase { starts, best, second, rounds, range, analysis };
+
+  /// @param by_joint whether each joint's gains are variables, so that rounds are to be expected
+  /// @param another_follows whether a search for scheduled gains follows
+  TimeLeft(bool by_joint, bool another_follows)
+      : by_joint_(by_joint), another_follows_(another_follows) {}
+
+  /// Begins a phase.
+  /// @param left number of parts of this phase that are still to come
+  void enter(Phase phase, int left = 0);
+  /// Records a step with so many loops.
+  /// @param steps_left most steps that may follow in this climb
+  void step(std::size_t loops, int steps_left);
+  /// Records a set of postures in the joints' range.
+  void set();
+
+  /// Returns e.g. "about 12 s left".
+  [[nodiscard]] std::string text() const;
+
+ private:
+  bool by_joint_, another_follows_;
+  double done_ = 0;   ///< work
+  double here_ = 0;   ///< work left in the present climb
+  double ahead_ = 0;  ///< work after the present climb
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace tachless::design
