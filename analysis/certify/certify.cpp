@@ -275,6 +275,11 @@ std::string parameters_text(const lyapunov::WeightedRegion& w) {
                      100 * *w.of_parameters / w.region.level);
 }
 
+void add_provisos(Group& group, const std::vector<std::string>& provisos) {
+  for (const std::string& proviso : provisos) group.add("", "proviso", Json(), proviso);
+  group.add("provisos", "", provisos, "");
+}
+
 Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
   Group group{
       "region",
@@ -298,6 +303,7 @@ Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& r
   group.add("", "  one joint displaced, from rest", Json(), reach_text(w.e_at_rest, range));
   group.add("", "  small errors decay at", Json(), fmt::format("{:.4g} 1/s", w.region.rate / 2));
   if (w.of_parameters) group.add("", "  parameters", Json(), parameters_text(w));
+  add_provisos(group, w.provisos);
   return group;
 }
 
@@ -329,8 +335,7 @@ Group region_group(const Certificate& all) {
               {{"shown", global.shown}, {"why", global.why}, {"g0", json_of(global.g0)}},
               global_text(global));
   }
-  for (const std::string& proviso : s.provisos) group.add("", "proviso", Json(), proviso);
-  group.add("provisos", "", s.provisos, "");
+  add_provisos(group, s.provisos);
   return group;
 }
 
@@ -452,12 +457,12 @@ std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::Ve
 }
 
 std::string region_text(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
+  std::string rest = w.of_parameters ? "; " + parameters_text(w) : "";
+  for (const std::string& proviso : w.provisos) rest += "; " + proviso;
   return fmt::format(
       "at sampled postures, in continuous time: this start is {}; from rest {}, one joint "
-      "displaced "
-      "at a time{}{}",
-      w.holds_initial_state() ? "in it" : "NOT in it", reach_text(w.e_at_rest, range),
-      w.of_parameters ? "; " : "", w.of_parameters ? parameters_text(w) : "");
+      "displaced at a time{}",
+      w.holds_initial_state() ? "in it" : "NOT in it", reach_text(w.e_at_rest, range), rest);
 }
 
 std::string region_text(const Certificate& all) {

@@ -8,6 +8,7 @@
 
 #include "base/parallel.h"
 #include "linear/linear_loop.h"
+#include "lyapunov/stability_certificate.h"
 
 namespace tachless::lyapunov {
 namespace {
@@ -16,12 +17,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// The entries that couple the states of one joint; those between joints are left out.
+/// All entries, those between joints too: 75 numbers for `flexible_position` with two joints.
 FormEntries entries_of(Index states, Index joints) {
   FormEntries all;
   for (Index i = 0; i < states; ++i) {
-    for (Index j = i; j < states; j += joints) all.P.emplace_back(i, j);
-    all.N.emplace_back(i % joints, i);
+    for (Index j = i; j < states; ++j) all.P.emplace_back(i, j);
+    for (Index j = 0; j < joints; ++j) all.N.emplace_back(j, i);
   }
   return all;
 }
@@ -92,6 +93,7 @@ std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario
     return {};
   }
   result.of_parameters = loop->of_parameters();
+  result.provisos = provisos(scenario, false);
   const VectorXd x0 = loop->initial();
   for (int corner = 0; corner < loop->corners(); ++corner) {
     // The first forms are those of the start, one at every corner.

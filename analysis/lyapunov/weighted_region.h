@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "linear/effort.h"
 #include "lyapunov/error_form.h"
@@ -26,6 +27,7 @@ struct WeightedRegion {
   double V0 = 0;  ///< at the scenario's start [J]
   /// Largest part of V that belongs to the unknown parameters [J]. Nothing: the law has none.
   std::optional<double> of_parameters;
+  std::vector<std::string> provisos;  ///< as of `StabilityCertificate`
 
   [[nodiscard]] bool holds_initial_state() const {
     return V0 + of_parameters.value_or(0) <= region.level;
