@@ -278,16 +278,23 @@ std::string parameters_text(const lyapunov::WeightedRegion& w) {
                      100 * *w.of_parameters / w.region.level);
 }
 
+void add_provisos(Group& group, const std::vector<std::string>& provisos) {
+  for (const std::string& proviso : provisos) group.add("", "proviso", Json(), proviso);
+  group.add("provisos", "", provisos, "");
+}
+
 Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
-  Group group{
-      "region",
-      "Certified region (sampled postures and instants: not a proof; continuous time, exact "
-      "model: no saturation, quantisation, delay or lead)",
-      {}};
-  group.add("status", "", "sampled", "");
-  group.add("start", "this start",
-            {{"certified", w.holds_initial_state()}, {"proved", false}, {"torque_share", Json()}},
-            w.holds_initial_state() ? "certified" : "NOT certified");
+  Group group{"region",
+              fmt::format("Certified region ({}; continuous time, exact model: no saturation, "
+                          "quantisation, delay or lead)",
+                          w.proved ? "proved for all postures and instants"
+                                   : "sampled postures and instants: not a proof"),
+              {}};
+  group.add("status", "", w.proved ? "proved" : "sampled", "");
+  group.add(
+      "start", "this start",
+      {{"certified", w.holds_initial_state()}, {"proved", w.proved}, {"torque_share", Json()}},
+      w.holds_initial_state() ? "certified" : "NOT certified");
   Json values = {{"level", json_of(w.region.level)},
                  {"rate_per_s", json_of(w.region.rate)},
                  {"error_rate_per_s", json_of(w.region.rate / 2)},
@@ -301,6 +308,7 @@ Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& r
   group.add("", "  one joint displaced, from rest", Json(), reach_text(w.e_at_rest, range));
   group.add("", "  small errors decay at", Json(), fmt::format("{:.4g} 1/s", w.region.rate / 2));
   if (w.of_parameters) group.add("", "  parameters", Json(), parameters_text(w));
+  add_provisos(group, w.provisos);
   return group;
 }
 
@@ -332,8 +340,7 @@ Group region_group(const Certificate& all) {
               {{"shown", global.shown}, {"why", global.why}, {"g0", json_of(global.g0)}},
               global_text(global));
   }
-  for (const std::string& proviso : s.provisos) group.add("", "proviso", Json(), proviso);
-  group.add("provisos", "", s.provisos, "");
+  add_provisos(group, s.provisos);
   return group;
 }
 
@@ -455,12 +462,12 @@ std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::Ve
 }
 
 std::string region_text(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
+  std::string rest = w.of_parameters ? "; " + parameters_text(w) : "";
+  for (const std::string& proviso : w.provisos) rest += "; " + proviso;
   return fmt::format(
-      "at sampled postures, in continuous time: this start is {}; from rest {}, one joint "
-      "displaced "
-      "at a time{}{}",
-      w.holds_initial_state() ? "in it" : "NOT in it", reach_text(w.e_at_rest, range),
-      w.of_parameters ? "; " : "", w.of_parameters ? parameters_text(w) : "");
+      "{} in continuous time: this start is {}; from rest {}, one joint displaced at a time{}",
+      w.proved ? "proved" : "at sampled postures,", w.holds_initial_state() ? "in it" : "NOT in it",
+      reach_text(w.e_at_rest, range), rest);
 }
 
 std::string region_text(const Certificate& all) {

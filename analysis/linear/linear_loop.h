@@ -94,10 +94,12 @@ Eigen::MatrixXd gradient_by_q(const robot::Model& model, const messages::Referen
 LinearPlant rigid_plant(const robot::Model& model, const messages::ReferencePoint& point,
                         const Eigen::VectorXd& friction = {});
 /// Returns the plant with flexible joints whose links move along `point`. Springs and rotors are
-/// linear. `friction` is the friction of the motors.
+/// linear. `friction` is the friction of the motors, `spring_damping` acts between motors and links
+/// [N m s/rad]; empty: none.
 LinearPlant flexible_plant(const robot::Model& links, const messages::ReferencePoint& point,
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
-                           const Eigen::VectorXd& friction = {});
+                           const Eigen::VectorXd& friction = {},
+                           const Eigen::VectorXd& spring_damping = {});
 
 /// Returns states of a plant, one for each joint displaced alone by 1 with its rotor, at rest.
 /// @param states length of each; states behind the arm's are 0

@@ -10,6 +10,7 @@
 
 #include "linear/scenario_loop.h"
 #include "lyapunov/law_loop.h"
+#include "lyapunov/weighted_region.h"
 #include "numerics/decompositions.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
@@ -20,39 +21,6 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-/// @param disturbed whether friction disturbs
-std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed) {
-  std::vector<std::string> result;
-  const auto add = [&](bool there, std::string what) {
-    if (there) result.push_back(std::move(what));
-  };
-  const double payload_kg = scenario.plant.payload.mass_kg;
-  add(payload_kg > 0,
-      fmt::format("the payload of {:g} kg is not in it: the law does not know of it", payload_kg));
-  const auto& drive = scenario.plant.drive;
-  const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
-  if (const auto& flexible = scenario.robot.flexible) {
-    add(viscous || drive.dry_friction() || !flexible->motor_damping.isZero(0) ||
-            !flexible->motor_coulomb_friction_Nm.isZero(0),
-        "the friction of joints and motors is not in it");
-  } else {
-    add(disturbed, viscous && !drive.dry_friction()
-                       ? "of viscous friction it has D edot; D v_ref, which the law does not feed "
-                         "forward in full (controller.friction), disturbs"
-                       : "dry friction is not in the region: it disturbs");
-  }
-  add(drive.current_loop_hz || !(drive.torque_scale.array() == 1).all(),
-      "current loops and the torques' scale (plant.drive) are not in it");
-  add(!drive.torque_offset_Nm.isZero(0),
-      "the torques' offset (plant.drive) is not in it: it disturbs");
-  add(!scenario.plant.encoder.eccentricity_rad.isZero(0),
-      "the encoders' eccentricity is not in it");
-  add(!scenario.plant.disturbances.empty(), "disturbances are not in it");
-  add(!scenario.plant.mujoco.model.empty(), "in free motion: contacts are not in it");
-  add(scenario.believed_model != nullptr, "the law's robot (controller.urdf) is not the plant's");
-  return result;
-}
 
 /// The loop in error coordinates, where it starts, and the search for weights of V.
 class ErrorLoop {
@@ -412,6 +380,43 @@ class ErrorLoop {
 };
 
 }  // namespace
+
+std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed) {
+  std::vector<std::string> result;
+  const auto add = [&](bool there, std::string what) {
+    if (there) result.push_back(std::move(what));
+  };
+  const double payload_kg = scenario.plant.payload.mass_kg;
+  add(payload_kg > 0,
+      fmt::format("the payload of {:g} kg is not in it: the law does not know of it", payload_kg));
+  const auto& drive = scenario.plant.drive;
+  const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
+  if (const auto& flexible = scenario.robot.flexible) {
+    const bool dry = drive.dry_friction() || !flexible->motor_coulomb_friction_Nm.isZero(0);
+    const bool damped =
+        viscous || !flexible->motor_damping.isZero(0) || !flexible->spring_damping.isZero(0);
+    const bool in_it = has_error_form(scenario.controller.law);
+    add(!in_it && (damped || dry), "the friction of joints, motors and springs is not in it");
+    add(in_it && dry, "dry friction is not in the region: it disturbs");
+    add(in_it && damped && velocity_bound(scenario).speed > 0,
+        "of viscous friction it has the torque on errors; the torque on the reference, which the "
+        "law does not know, disturbs");
+  } else {
+    add(disturbed, viscous && !drive.dry_friction()
+                       ? "of viscous friction it has D edot; D v_ref, which the law does not feed "
+                         "forward in full (controller.friction), disturbs"
+                       : "dry friction is not in the region: it disturbs");
+  }
+  add(drive.current_loop_hz || !(drive.torque_scale.array() == 1).all(),
+      "current loops and the torques' scale (plant.drive) are not in it");
+  add(!drive.torque_offset_Nm.isZero(0),
+      "the torques' offset (plant.drive) is not in it: it disturbs");
+  add(!scenario.plant.encoder.eccentricity_rad.isZero(0),
+      "the encoders' eccentricity is not in it");
+  add(!scenario.plant.disturbances.empty(), "disturbances are not in it");
+  add(scenario.believed_model != nullptr, "the law's robot (controller.urdf) is not the plant's");
+  return result;
+}
 
 std::optional<StabilityCertificate> stability_certificate(const scenario::Scenario& scenario,
                                                           linear::Effort effort,

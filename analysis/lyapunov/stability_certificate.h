@@ -94,6 +94,10 @@ struct StabilityCertificate {
   std::vector<std::string> provisos;
 };
 
+/// Returns the reasons why a region does not describe this very scenario.
+/// @param disturbed whether friction of rigid joints disturbs
+std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed);
+
 inline constexpr int most_joints_of_certified_run = 16;
 
 /// Returns the certificate of a scenario. With sampled postures the region is about every posture,

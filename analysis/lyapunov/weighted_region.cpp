@@ -8,6 +8,8 @@
 
 #include "base/parallel.h"
 #include "linear/linear_loop.h"
+#include "lyapunov/law_loop.h"
+#include "lyapunov/stability_certificate.h"
 
 namespace tachless::lyapunov {
 namespace {
@@ -16,12 +18,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// The entries that couple the states of one joint; those between joints are left out.
+/// All entries, those between joints too: 75 numbers for `flexible_position` with two joints.
 FormEntries entries_of(Index states, Index joints) {
   FormEntries all;
   for (Index i = 0; i < states; ++i) {
-    for (Index j = i; j < states; j += joints) all.P.emplace_back(i, j);
-    all.N.emplace_back(i % joints, i);
+    for (Index j = i; j < states; ++j) all.P.emplace_back(i, j);
+    for (Index j = 0; j < joints; ++j) all.N.emplace_back(j, i);
   }
   return all;
 }
@@ -54,6 +56,19 @@ std::optional<FormWeights> searched(const FormLoop& loop, const std::vector<Erro
   return result;
 }
 
+/// Puts the region that is proved at every posture in the place of the sampled one, if there is
+/// one.
+void prove(WeightedRegion& result, const FormLoop& loop, const robot::Model& links) {
+  const auto bounded = loop.bounded();
+  if (!bounded || !(result.region.level > 0)) return;
+  const numerics::Postures postures(links);
+  if (!postures.proved) return;
+  const FormRegion region = proved_region(*bounded, postures, result.weights);
+  if (!(region.level > 0)) return;
+  result.region = region;
+  result.proved = true;
+}
+
 /// Returns V of x = (y, edot).
 double value_at(const ErrorForm& form, const FormWeights& weights, const VectorXd& x) {
   return 0.5 * x.dot(lyapunov_matrix(form, weights) * x);
@@ -82,6 +97,8 @@ std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario
     result.region = region_of(fine, *own);
   } else if (const auto found = searched(*loop, fine, result.region)) {
     result.weights = *found;
+    tell("certified region: all postures");
+    prove(result, *loop, error_model(scenario));
   }
   if (!(result.region.level > 0)) {
     why_not = loop->weights()
@@ -92,6 +109,7 @@ std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario
     return {};
   }
   result.of_parameters = loop->of_parameters();
+  result.provisos = provisos(scenario, false);
   const VectorXd x0 = loop->initial();
   for (int corner = 0; corner < loop->corners(); ++corner) {
     // The first forms are those of the start, one at every corner.

@@ -5,27 +5,32 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "linear/effort.h"
 #include "lyapunov/error_form.h"
+#include "lyapunov/proved_form.h"
 #include "scenario/scenario.h"
 
 /// The certified region of the laws whose error equation is an `ErrorForm`: `flexible_position` and
 /// `flexible_motor` with weights of V that are searched, and `loria_ortega_adaptive` with its own
 /// weights at the corners of the box of the unknown parameters. Time is continuous, there is no
-/// feed-forward lead, and the model is exact except for these parameters. Postures and instants are
-/// sampled, so the region is not proved.
+/// feed-forward lead, and the model is exact except for these parameters. Weights that are searched
+/// are proved at every posture and instant for arms of two bodies and a constant reference or sums
+/// of sines. All else is at sampled postures and instants, so it is not proved.
 namespace tachless::lyapunov {
 
 struct WeightedRegion {
   FormRegion region;
   FormWeights weights;
-  int forms = 0;  ///< postures and instants at which V was found to fall
+  int forms = 0;        ///< postures and instants at which V was found to fall
+  bool proved = false;  ///< V falls at every posture and instant
   /// Largest displacement of one joint alone, its link and motor together, at rest [rad; m].
   Eigen::VectorXd e_at_rest;
   double V0 = 0;  ///< at the scenario's start [J]
   /// Largest part of V that belongs to the unknown parameters [J]. Nothing: the law has none.
   std::optional<double> of_parameters;
+  std::vector<std::string> provisos;  ///< as of `StabilityCertificate`
 
   [[nodiscard]] bool holds_initial_state() const {
     return V0 + of_parameters.value_or(0) <= region.level;
@@ -48,6 +53,8 @@ class FormLoop {
   [[nodiscard]] virtual Eigen::VectorXd size() const = 0;
   /// Returns the law's own weights; nothing: they are searched.
   [[nodiscard]] virtual std::optional<FormWeights> weights() const { return {}; }
+  /// Returns the loop with bounds over every posture and instant; nothing: none are known.
+  [[nodiscard]] virtual std::optional<BoundedForm> bounded() const { return {}; }
   [[nodiscard]] virtual std::optional<double> of_parameters() const { return {}; }
   /// Returns the number of consecutive k that together have every corner of the parameters' box.
   [[nodiscard]] virtual int corners() const { return 1; }
