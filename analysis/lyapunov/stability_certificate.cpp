@@ -414,6 +414,7 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
   add(!scenario.plant.encoder.eccentricity_rad.isZero(0),
       "the encoders' eccentricity is not in it");
   add(!scenario.plant.disturbances.empty(), "disturbances are not in it");
+  add(!scenario.plant.mujoco.model.empty(), "in free motion: contacts are not in it");
   add(scenario.believed_model != nullptr, "the law's robot (controller.urdf) is not the plant's");
   return result;
 }
