@@ -10,7 +10,7 @@ namespace {
 
 // Work in steps times loops. Searches for a UR5e, a Z1 and an xArm 7 took these means; the UR5e
 // took no rounds and the xArm 7 five.
-constexpr double of_start = 500, of_climb = 1200, of_rounds = 3200, of_set = 900,
+constexpr double of_scan = 150, of_start = 500, of_climb = 1200, of_rounds = 3200, of_set = 900,
                  of_more_range = 2000, of_analysis = 600, of_scheduled_search = 6000;
 // A climb takes this share of its most steps.
 constexpr double usual_share = 0.85;
@@ -35,6 +35,7 @@ void TimeLeft::enter(Phase phase, int left) {
   ahead_ += of_climb;
   if (phase == Phase::best) return;
   ahead_ += of_climb + left * of_start;
+  done_ += of_scan;  // of bandwidths for the start
 }
 
 void TimeLeft::step(std::size_t loops, int steps_left) {

@@ -10,6 +10,7 @@
 #include "base/failure.h"
 #include "base/file_text.h"
 #include "base/logging.h"
+#include "cli/design_text.h"
 #include "cli/verb.h"
 #include "plant/mujoco/mujoco.h"
 #include "robot/mjcf_scene.h"
@@ -140,6 +141,10 @@ std::vector<std::string> DesignInput::assumptions(const scenario::Scenario& scen
          rubs ? "the URDF's friction" : "no friction, since the URDF has none");
   assume("plant.drive.torque_limit_Nm",
          drive.torque_limit_Nm ? "the URDF's effort limits" : "no torque limits");
+  if (const std::string lock = finger_lock(*scenario.model); !lock.empty()) {
+    assume("robot.locked",
+           "fingers move and have gains like the arm's joints; " + lock + " holds them");
+  }
   return assumed;
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -189,6 +190,24 @@ std::string assumptions_text(const std::vector<std::string>& assumed) {
   return text;
 }
 
+std::string finger_lock(const robot::Model& model) {
+  constexpr double longest_slide = 0.1;  // [m]
+  std::vector<std::string> fingers;
+  for (int i = 0; i < model.num_joints; ++i) {
+    const auto j = static_cast<std::size_t>(i);
+    std::string name = model.joint_names[j];
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
+    const auto named = [&](const char* word) { return name.find(word) != std::string::npos; };
+    const auto [low, high] = robot::finite_range(model, i);
+    const bool slides =
+        model.joint_types[j] == robot::JointType::prismatic && high - low < longest_slide;
+    if (!slides && !named("finger") && !named("gripper") && !named("jaw")) continue;
+    fingers.push_back(fmt::format("{}: {:.3g}", model.joint_names[j], 0.5 * (low + high)));
+  }
+  if (fingers.empty()) return "";
+  return "--set 'robot.locked={" + base::joined(fingers) + "}'";
+}
+
 std::string ways_out(const scenario::Scenario& scenario) {
   std::vector<std::string> ways;
   if (scenario.robot.rigid_rotor_inertia_kgm2.isZero(0)) {
@@ -206,14 +225,8 @@ std::string ways_out(const scenario::Scenario& scenario) {
                     fmt::join(coulomb, ", ")));
   }
   ways.emplace_back("give finer encoders (--set plant.encoder.resolution_bits=24)");
-  const robot::Model& model = *scenario.model;
-  for (std::size_t j = 0; j < model.joint_names.size(); ++j) {
-    const auto i = static_cast<Eigen::Index>(j);
-    const bool finger = model.joint_types[j] == robot::JointType::prismatic &&
-                        model.upper[i] - model.lower[i] < 0.1;
-    if (!finger) continue;
-    ways.push_back(fmt::format("lock the finger (--set 'robot.locked={{{}: {:g}}}')",
-                               model.joint_names[j], 0.5 * (model.lower[i] + model.upper[i])));
+  if (const std::string lock = finger_lock(*scenario.model); !lock.empty()) {
+    ways.push_back("lock the fingers (" + lock + ")");
   }
   return base::joined(ways, ", or ");
 }

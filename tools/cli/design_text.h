@@ -23,6 +23,11 @@ nlohmann::ordered_json comparison_json(const design::Comparison& comparison);
 /// Returns the assumptions as lines: the first begins with "assumes".
 std::string assumptions_text(const std::vector<std::string>& assumed);
 
+/// Returns an option such as "--set 'robot.locked={finger_joint1: 0.02}'", which holds the joints
+/// that are fingers in the middle of their ranges; empty: there are none. A finger slides less than
+/// 0.1 m, or its name says that it is one.
+std::string finger_lock(const robot::Model& model);
+
 /// Returns what makes gains stiffer, or the arm lighter, as options to type.
 std::string ways_out(const scenario::Scenario& scenario);
 
