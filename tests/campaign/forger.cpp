@@ -10,6 +10,7 @@
 
 #include "messages/codec.h"
 #include "messages/messages.h"
+#include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
 namespace tachless::campaign {
