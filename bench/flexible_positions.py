@@ -100,13 +100,13 @@ def figure(rows, file):
     """Writes decay over the torque's noise at the first joint, one mark a row."""
     def x(noise): return 70 + 200 * (math.log10(noise) + 2)
     def y(decay): return 300 - 3.4 * decay
-    text = ['<svg xmlns="http://www.w3.org/2000/svg" width="760" height="350" font-family="sans-serif" font-size="12">',
-            '<rect width="760" height="350" fill="white"/>']
+    text = ['<svg xmlns="http://www.w3.org/2000/svg" width="860" height="350" font-family="sans-serif" font-size="12">',
+            '<rect width="860" height="350" fill="white"/>']
     for noise in (0.01, 0.1, 1, 10):
         text.append(f'<path d="M{x(noise):.0f} 40V300" stroke="#ddd"/><text x="{x(noise):.0f}" y="316" '
                     f'text-anchor="middle">{noise:g}</text>')
     for decay in range(0, 80, 20):
-        text.append(f'<path d="M70 {y(decay):.0f}H700" stroke="#ddd"/><text x="62" y="{y(decay) + 4:.0f}" '
+        text.append(f'<path d="M70 {y(decay):.0f}H720" stroke="#ddd"/><text x="62" y="{y(decay) + 4:.0f}" '
                     f'text-anchor="end">{decay}</text>')
     text.append('<text x="370" y="338" text-anchor="middle">torque noise of 20-bit encoders, joint 1 [N m]</text>'
                 '<text x="20" y="28">slowest mode [1/s]; full: one tick of delay, hollow: none</text>')
@@ -117,7 +117,9 @@ def figure(rows, file):
         text.append(f'<circle cx="{at:.1f}" cy="{top:.1f}" r="5" stroke="{colour}" stroke-width="2" '
                     f'fill="{colour if delay else "white"}"/>')
         if delay:
-            text.append(f'<text x="{at + 9:.0f}" y="{top + 4:.0f}" fill="{colour}">{name.replace("`", "")}</text>')
+            left = "shipped" in name  # beside the mark of the other gains
+            text.append(f'<text x="{at - 9 if left else at + 9:.0f}" y="{top + 4:.0f}" fill="{colour}" '
+                        f'text-anchor="{"end" if left else "start"}">{name.replace("`", "")}</text>')
     file.write_text("\n".join([*text, "</svg>", ""]))
 
 

@@ -73,7 +73,9 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
     K_ = options.flexible->stiffness;
     J_ = options.flexible->rotor_inertia;
     motor_damping_ = or_zero(options.flexible->motor_damping);
-    if (K_.size() != n || J_.size() != n || motor_damping_.size() != n || !(J_.array() > 0).all()) {
+    spring_damping_ = or_zero(options.flexible->spring_damping);
+    if (K_.size() != n || J_.size() != n || motor_damping_.size() != n ||
+        spring_damping_.size() != n || !(J_.array() > 0).all()) {
       throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
     }
     const Vector dry = or_zero(options.flexible->motor_coulomb_friction_Nm);
@@ -128,7 +130,8 @@ void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdo
     load_[i] -= viscous_friction_[i] * v_[i];
     const double drive = torque_scale_[i] * torque(i, time_s) + torque_offset_[i];
     if (flexible_) {
-      const double spring = K_[i] * (x[n + i] - q_[i]);
+      double spring = K_[i] * (x[n + i] - q_[i]);
+      if (spring_damping_[i] > 0) spring += spring_damping_[i] * (xdot[n + i] - v_[i]);
       load_[i] += spring;
       xddot[n + i] = (drive - spring - motor_damping_[i] * xdot[n + i]) / J_[i];
     } else {

@@ -23,9 +23,10 @@ struct ArmOptions {
 };
 
 /// A multibody arm with drives: the paper's eq. 1 (flexible joints) or eq. 2 (rigid joints) with
-/// friction and disturbances, integrated by Merson's Runge-Kutta method. Each call of `advance`
-/// commands a motor torque, which the drives follow. Rotors of flexible joints are pinned to the
-/// ground (Spong's simplification), so each rotor is a scalar equation.
+/// friction and disturbances, integrated by Merson's Runge-Kutta method. Springs may have viscous
+/// dampers beside them. Each call of `advance` commands a motor torque, which the drives follow.
+/// Rotors of flexible joints are pinned to the ground (Spong's simplification), so each rotor is a
+/// scalar equation.
 class Arm {
  public:
   /// Makes the arm of `model`, which includes gravity, added rotor inertia and payload.
@@ -62,7 +63,7 @@ class Arm {
   std::unique_ptr<Multibody> links_;
   double accuracy_;
   bool flexible_;
-  Vector K_, J_, motor_damping_, rigid_rotor_inertia_, viscous_friction_;
+  Vector K_, J_, motor_damping_, spring_damping_, rigid_rotor_inertia_, viscous_friction_;
   Vector current_rate_;  ///< bandwidth of the current loops [rad/s]; 0: the torque acts at once
   Vector torque_scale_, torque_offset_;
   DryFriction dry_friction_, motor_friction_;

@@ -35,6 +35,7 @@ struct FlexibleDrive {
   Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear
   Vector motor_damping;  ///< [N m s/rad]
   Vector motor_coulomb_friction_Nm;
+  Vector spring_damping{};  ///< D_s [N m s/rad]; empty: none
 
   static constexpr std::string_view name = "flexible";
   static constexpr std::tuple keys{
@@ -50,6 +51,11 @@ struct FlexibleDrive {
           .by_default(0),
       base::Key{"motor_coulomb_friction_Nm", &FlexibleDrive::motor_coulomb_friction_Nm, "N m",
                 "Against the motion of the motor; holds one at rest"}
+          .in(base::not_negative)
+          .by_default(0),
+      base::Key{"spring_damping_Nms_per_rad", &FlexibleDrive::spring_damping, "N m s/rad",
+                "Viscous damping parallel to the spring, as gears have it; the laws do not know "
+                "of it"}
           .in(base::not_negative)
           .by_default(0)};
 };

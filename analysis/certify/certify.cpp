@@ -281,15 +281,17 @@ void add_provisos(Group& group, const std::vector<std::string>& provisos) {
 }
 
 Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
-  Group group{
-      "region",
-      "Certified region (sampled postures and instants: not a proof; continuous time, exact "
-      "model: no saturation, quantisation, delay or lead)",
-      {}};
-  group.add("status", "", "sampled", "");
-  group.add("start", "this start",
-            {{"certified", w.holds_initial_state()}, {"proved", false}, {"torque_share", Json()}},
-            w.holds_initial_state() ? "certified" : "NOT certified");
+  Group group{"region",
+              fmt::format("Certified region ({}; continuous time, exact model: no saturation, "
+                          "quantisation, delay or lead)",
+                          w.proved ? "proved for all postures and instants"
+                                   : "sampled postures and instants: not a proof"),
+              {}};
+  group.add("status", "", w.proved ? "proved" : "sampled", "");
+  group.add(
+      "start", "this start",
+      {{"certified", w.holds_initial_state()}, {"proved", w.proved}, {"torque_share", Json()}},
+      w.holds_initial_state() ? "certified" : "NOT certified");
   Json values = {{"level", json_of(w.region.level)},
                  {"rate_per_s", json_of(w.region.rate)},
                  {"error_rate_per_s", json_of(w.region.rate / 2)},
@@ -460,9 +462,9 @@ std::string region_text(const lyapunov::WeightedRegion& w, const Eigen::VectorXd
   std::string rest = w.of_parameters ? "; " + parameters_text(w) : "";
   for (const std::string& proviso : w.provisos) rest += "; " + proviso;
   return fmt::format(
-      "at sampled postures, in continuous time: this start is {}; from rest {}, one joint "
-      "displaced at a time{}",
-      w.holds_initial_state() ? "in it" : "NOT in it", reach_text(w.e_at_rest, range), rest);
+      "{} in continuous time: this start is {}; from rest {}, one joint displaced at a time{}",
+      w.proved ? "proved" : "at sampled postures,", w.holds_initial_state() ? "in it" : "NOT in it",
+      reach_text(w.e_at_rest, range), rest);
 }
 
 std::string region_text(const Certificate& all) {

@@ -57,7 +57,7 @@ LinearPlant rigid_plant(const robot::Model& model, const messages::ReferencePoin
 
 LinearPlant flexible_plant(const robot::Model& links, const messages::ReferencePoint& r,
                            const VectorXd& stiffness, const VectorXd& rotor_inertia,
-                           const VectorXd& friction) {
+                           const VectorXd& friction, const VectorXd& spring_damping) {
   const Index n = links.num_joints;
   const LinearPlant rigid = rigid_plant(links, r);
   const MatrixXd& inverse_M = rigid.B.bottomRows(n);
@@ -72,6 +72,14 @@ LinearPlant flexible_plant(const robot::Model& links, const messages::ReferenceP
   plant.A.block(3 * n, 2 * n, n, n) = (-by_J).asDiagonal();
   if (friction.size() > 0) {
     plant.A.block(3 * n, 3 * n, n, n) = (-friction.cwiseQuotient(rotor_inertia)).asDiagonal();
+  }
+  if (spring_damping.size() > 0) {
+    const MatrixXd D = spring_damping.asDiagonal();
+    const MatrixXd by_rotors = spring_damping.cwiseQuotient(rotor_inertia).asDiagonal();
+    plant.A.block(n, n, n, n) -= inverse_M * D;
+    plant.A.block(n, 3 * n, n, n) += inverse_M * D;
+    plant.A.block(3 * n, n, n, n) += by_rotors;
+    plant.A.block(3 * n, 3 * n, n, n) -= by_rotors;
   }
   plant.B.bottomRows(n) = rotor_inertia.cwiseInverse().asDiagonal();
   return plant;

@@ -86,10 +86,11 @@ Eigen::MatrixXd gradient_by_q(const robot::Model& model, const messages::Referen
 LinearPlant rigid_plant(const robot::Model& model, const messages::ReferencePoint& point,
                         const Eigen::VectorXd& friction = {});
 /// Returns the plant whose links move as `point`; springs and rotors are linear anyway. `friction`
-/// is the motors'.
+/// is the motors', `spring_damping` acts between motors and links [N m s/rad]; empty: none.
 LinearPlant flexible_plant(const robot::Model& links, const messages::ReferencePoint& point,
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
-                           const Eigen::VectorXd& friction = {});
+                           const Eigen::VectorXd& friction = {},
+                           const Eigen::VectorXd& spring_damping = {});
 
 /// A law memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the
 /// plant.

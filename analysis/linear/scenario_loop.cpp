@@ -184,7 +184,7 @@ LinearPlant ScenarioLoop::plant_with(const robot::Model& model,
     return drive_loop_ ? with_drive_loop(arm, *drive_loop_, scenario_->loop.period_s) : arm;
   }
   LinearPlant plant = flexible_plant(model, reference, drive->stiffness, drive->rotor_inertia,
-                                     drive->motor_damping);
+                                     drive->motor_damping, drive->spring_damping);
   // The friction is that of the links. M^-1 K stands in the block beside.
   const Index n = plant.num_joints;
   plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <type_traits>
 #include <utility>
 
@@ -76,7 +77,7 @@ class Samples {
 
 using JetTriple = std::array<Vector, 3>;  ///< of q, v and a
 
-/// Returns derivatives of ID along `d`: the first, and half of the second.
+/// Returns the first and the second derivative of ID along `d`.
 std::pair<Vector, Vector> along(const robot::Model& model, const JetTriple& at,
                                 const JetTriple& d) {
   const Vector none = Vector::Zero(at[0].size());
@@ -126,6 +127,51 @@ class Blocks {
 
 MatrixXd diagonal(const VectorXd& x) { return x.asDiagonal(); }
 
+/// Returns bounds of each joint's |v_ref|, |a_ref| and |jerk_ref| at all times: of a constant
+/// reference, and of sums of sines by their amplitudes. Nothing for other references.
+std::optional<JetTriple> motion_bounds(const scenario::Scenario& scenario) {
+  const Vector zero = Vector::Zero(scenario.num_joints);
+  JetTriple most = {zero, zero, zero};
+  const auto sines = reference::sines_of(scenario.reference);
+  if (sines.empty()) {
+    const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+    if (reference::Motion(scenario, trajectory).moves()) return {};
+  }
+  for (const auto& sine : sines) {
+    const Vector w = 2 * std::numbers::pi * sine.frequency_hz;
+    Vector each = sine.amplitude_rad.cwiseAbs();
+    for (Vector& of_order : most) of_order += each = each.cwiseProduct(w);
+  }
+  return most;
+}
+
+/// Returns bounds of the torque's gradients; nothing where they are not known at every posture.
+std::optional<TorqueGradients> gradient_bounds(const scenario::Scenario& scenario,
+                                               const robot::Model& links) {
+  const auto motion = motion_bounds(scenario);
+  if (links.num_joints != 2 || !motion) return {};
+  return torque_gradients(links, (*motion)[0], (*motion)[1], (*motion)[2]);
+}
+
+/// Viscous damping of a flexible robot [N m s/rad]. The laws do not know of it: its torque on the
+/// errors is in the loop, its torque on the reference is not.
+struct Damping {
+  VectorXd links, motors, springs;
+
+  explicit Damping(const scenario::Scenario& scenario)
+      : links(scenario.plant.drive.viscous_friction_Nms_per_rad),
+        motors(scenario.robot.flexible->motor_damping),
+        springs(scenario.robot.flexible->spring_damping) {}
+
+  /// Adds the torques to the loop whose block `w` of y is the rate of the motors' errors.
+  void add(ErrorForm& f, const Blocks& y, Index w, const VectorXd& rotor_inertia) const {
+    f.damping = links + springs;
+    y.of(f.Gam, 0, w) += diagonal(springs);
+    y.of(f.Fy, w, w) -= diagonal((motors + springs).cwiseQuotient(rotor_inertia));
+    y.of(f.Fe, w, 0) += diagonal(springs.cwiseQuotient(rotor_inertia));
+  }
+};
+
 /// y = (e1, nu1, z, w, nu2), z = ts - t1 the error of the springs' torque, w = thetadot -
 /// thetadot_d.
 class PositionLoop : public FormLoop {
@@ -135,7 +181,10 @@ class PositionLoop : public FormLoop {
         robot_(controller::flexible_robot(scenario)),
         law_(controller::make_law<FlexiblePosition>(scenario)),
         gains_(controller::gains_of<FlexiblePosition::Gains>(
-            scenario, controller::law_facts(FlexiblePosition::name))) {
+            scenario, controller::law_facts(FlexiblePosition::name))),
+        damping_(scenario),
+        bounds_(gradient_bounds(scenario, robot_.links)),
+        v_scale_(velocity_bound(scenario).scale) {
     const plant::ArmState start =
         plant::initial_state(scenario.plant, scenario.robot.flexible, robot_.links);
     const ReferencePoint r = samples_.first();
@@ -151,15 +200,33 @@ class PositionLoop : public FormLoop {
   }
 
   [[nodiscard]] ErrorForm form(int k) const override {
+    const ReferencePoint r = samples_.instant(k);
+    const Blocks y(robot_.links.num_joints);
+    ErrorForm f = with_gains(samples_.at(k, 5 * robot_.links.num_joints));
+    y.of(f.Fy, 2, 0) -= torque_rate_gradient(robot_.links, samples_.other_posture(k), r);
+    y.of(f.Fe, 2, 0) -= torque_gradient(robot_.links, samples_.posture(k), r);
+    return f;
+  }
+
+  [[nodiscard]] std::optional<BoundedForm> bounded() const override {
+    if (!bounds_) return {};
+    const Index n = robot_.links.num_joints;
+    BoundedForm all{with_gains(samples_.at(0, 5 * n)), MatrixXd::Zero(5 * n, n),
+                    MatrixXd::Zero(n, n), MatrixXd::Zero(n, 6 * n), v_scale_};
+    all.E.middleRows(2 * n, n).setIdentity();
+    all.most.leftCols(n) = bounds_->of_rate;
+    all.most.rightCols(n) = bounds_->of_torque;
+    return all;
+  }
+
+  /// Returns `f` with all that does not depend on posture and reference.
+  [[nodiscard]] ErrorForm with_gains(ErrorForm f) const {
     const Index n = robot_.links.num_joints;
     const FlexiblePosition::Gains& g = gains_;
-    const ReferencePoint r = samples_.instant(k);
     const VectorXd Jb = robot_.rotor_inertia.cwiseQuotient(g.beta);
     const MatrixXd one = MatrixXd::Identity(n, n);
     const Blocks y(n);
-    ErrorForm f = samples_.at(k, 5 * n);
     y.of(f.Fy, 1, 1) = -diagonal(g.a1);
-    y.of(f.Fy, 2, 0) = -torque_rate_gradient(robot_.links, samples_.other_posture(k), r);
     y.of(f.Fy, 2, 1) = -diagonal(g.kd1.cwiseProduct(g.a1));
     y.of(f.Fy, 2, 3) = diagonal(robot_.stiffness);
     y.of(f.Fy, 3, 2) = -diagonal(Jb.cwiseInverse());
@@ -168,11 +235,11 @@ class PositionLoop : public FormLoop {
     y.of(f.Fy, 4, 4) = -diagonal(g.a2);
     y.of(f.Fe, 0, 0) = one;
     y.of(f.Fe, 1, 0) = diagonal(g.b1);
-    y.of(f.Fe, 2, 0) = diagonal(g.kp1 + g.kd1.cwiseProduct(g.b1) - robot_.stiffness) -
-                       torque_gradient(robot_.links, samples_.posture(k), r);
+    y.of(f.Fe, 2, 0) = diagonal(g.kp1 + g.kd1.cwiseProduct(g.b1) - robot_.stiffness);
     y.of(f.Gam, 0, 0) = -diagonal(g.kp1);
     y.of(f.Gam, 0, 1) = -diagonal(g.kd1);
     y.of(f.Gam, 0, 2) = one;
+    damping_.add(f, y, 3, robot_.rotor_inertia);
     return f;
   }
 
@@ -203,6 +270,9 @@ class PositionLoop : public FormLoop {
   controller::law::FlexibleRobot robot_;
   FlexiblePosition law_;
   FlexiblePosition::Gains gains_;
+  Damping damping_;
+  std::optional<TorqueGradients> bounds_;
+  MatrixXd v_scale_;
   VectorXd initial_;
 };
 
@@ -213,7 +283,10 @@ class MotorLoop : public FormLoop {
       : samples_(scenario),
         robot_(controller::flexible_robot(scenario)),
         gains_(controller::gains_of<FlexibleMotor::Gains>(
-            scenario, controller::law_facts(FlexibleMotor::name))) {
+            scenario, controller::law_facts(FlexibleMotor::name))),
+        damping_(scenario),
+        bounds_(gradient_bounds(scenario, robot_.links)),
+        v_scale_(velocity_bound(scenario).scale) {
     const auto law = controller::make_law<FlexibleMotor>(scenario);
     const plant::ArmState start =
         plant::initial_state(scenario.plant, scenario.robot.flexible, robot_.links);
@@ -228,10 +301,27 @@ class MotorLoop : public FormLoop {
 
   [[nodiscard]] ErrorForm form(int k) const override {
     const Index n = robot_.links.num_joints;
+    ErrorForm f = with_gains(samples_.at(k, 4 * n));
+    f.Gam.leftCols(n) -=
+        torque_gradient(robot_.links, samples_.other_posture(k), samples_.instant(k));
+    return f;
+  }
+
+  [[nodiscard]] std::optional<BoundedForm> bounded() const override {
+    if (!bounds_) return {};
+    const Index n = robot_.links.num_joints;
+    BoundedForm all{with_gains(samples_.at(0, 4 * n)), MatrixXd::Zero(4 * n, n),
+                    MatrixXd::Identity(n, n), MatrixXd::Zero(n, 5 * n), v_scale_};
+    all.most.leftCols(n) = bounds_->of_torque;
+    return all;
+  }
+
+  /// Returns `f` with all that does not depend on posture and reference.
+  [[nodiscard]] ErrorForm with_gains(ErrorForm f) const {
+    const Index n = robot_.links.num_joints;
     const MatrixXd one = MatrixXd::Identity(n, n), K = robot_.stiffness.asDiagonal();
     const MatrixXd by_J = robot_.rotor_inertia.cwiseInverse().asDiagonal();
     const Blocks y(n);
-    ErrorForm f = samples_.at(k, 4 * n);
     y.of(f.Fy, 1, 2) = one;
     y.of(f.Fy, 2, 0) = by_J * K;
     y.of(f.Fy, 2, 1) = -by_J * (K + diagonal(gains_.kp));
@@ -239,9 +329,9 @@ class MotorLoop : public FormLoop {
     y.of(f.Fy, 3, 2) = diagonal(gains_.b);
     y.of(f.Fy, 3, 3) = -diagonal(gains_.a);
     y.of(f.Fe, 0, 0) = one;
-    y.of(f.Gam, 0, 0) =
-        -K - torque_gradient(robot_.links, samples_.other_posture(k), samples_.instant(k));
+    y.of(f.Gam, 0, 0) = -K;
     y.of(f.Gam, 0, 1) = K;
+    damping_.add(f, y, 2, robot_.rotor_inertia);
     return f;
   }
 
@@ -263,6 +353,9 @@ class MotorLoop : public FormLoop {
   Samples samples_;
   controller::law::FlexibleRobot robot_;
   FlexibleMotor::Gains gains_;
+  Damping damping_;
+  std::optional<TorqueGradients> bounds_;
+  MatrixXd v_scale_;
   VectorXd initial_;
 };
 

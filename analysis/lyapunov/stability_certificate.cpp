@@ -10,6 +10,7 @@
 
 #include "linear/scenario_loop.h"
 #include "lyapunov/law_loop.h"
+#include "lyapunov/weighted_region.h"
 #include "numerics/decompositions.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
@@ -367,9 +368,15 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
   const auto& drive = scenario.plant.drive;
   const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
   if (const auto& flexible = scenario.robot.flexible) {
-    add(viscous || drive.dry_friction() || !flexible->motor_damping.isZero(0) ||
-            !flexible->motor_coulomb_friction_Nm.isZero(0),
-        "the friction of joints and motors is not in it");
+    const bool dry = drive.dry_friction() || !flexible->motor_coulomb_friction_Nm.isZero(0);
+    const bool damped =
+        viscous || !flexible->motor_damping.isZero(0) || !flexible->spring_damping.isZero(0);
+    const bool in_it = has_error_form(scenario.controller.law);
+    add(!in_it && (damped || dry), "the friction of joints, motors and springs is not in it");
+    add(in_it && dry, "dry friction is not in the region: it disturbs");
+    add(in_it && damped && velocity_bound(scenario).speed > 0,
+        "of viscous friction it has the torque on errors; the torque on the reference, which the "
+        "law does not know, disturbs");
   } else {
     add(disturbed, viscous && !drive.dry_friction()
                        ? "of viscous friction it has D edot; D v_ref, which the law does not feed "

@@ -9,6 +9,7 @@
 #include "linear/effort.h"
 #include "lyapunov/matrix_condition.h"
 #include "lyapunov/norm_conditions.h"
+#include "scenario/scenario.h"
 
 /// The Lyapunov certificate of a scenario under the laws of Loria and Ortega: continuous time, an
 /// exact model, no saturation, quantisation, delay or feed-forward lead.

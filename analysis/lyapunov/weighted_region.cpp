@@ -8,6 +8,7 @@
 
 #include "base/parallel.h"
 #include "linear/linear_loop.h"
+#include "lyapunov/law_loop.h"
 #include "lyapunov/stability_certificate.h"
 
 namespace tachless::lyapunov {
@@ -55,6 +56,19 @@ std::optional<FormWeights> searched(const FormLoop& loop, const std::vector<Erro
   return result;
 }
 
+/// Puts the region that is proved at every posture in the place of the sampled one, if there is
+/// one.
+void prove(WeightedRegion& result, const FormLoop& loop, const robot::Model& links) {
+  const auto bounded = loop.bounded();
+  if (!bounded || !(result.region.level > 0)) return;
+  const numerics::Postures postures(links);
+  if (!postures.proved) return;
+  const FormRegion region = proved_region(*bounded, postures, result.weights);
+  if (!(region.level > 0)) return;
+  result.region = region;
+  result.proved = true;
+}
+
 /// Returns V of x = (y, edot).
 double value_at(const ErrorForm& form, const FormWeights& weights, const VectorXd& x) {
   return 0.5 * x.dot(lyapunov_matrix(form, weights) * x);
@@ -83,6 +97,8 @@ std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario
     result.region = region_of(fine, *own);
   } else if (const auto found = searched(*loop, fine, result.region)) {
     result.weights = *found;
+    tell("certified region: all postures");
+    prove(result, *loop, error_model(scenario));
   }
   if (!(result.region.level > 0)) {
     why_not = loop->weights()

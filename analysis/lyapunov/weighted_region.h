@@ -9,18 +9,22 @@
 
 #include "linear/effort.h"
 #include "lyapunov/error_form.h"
+#include "lyapunov/proved_form.h"
 #include "scenario/scenario.h"
 
 /// The certified region of the laws whose error equation is an `ErrorForm`: `flexible_position` and
 /// `flexible_motor` with weights of V that are searched, and `loria_ortega_adaptive` with its own
 /// weights at the corners of the box of the unknown parameters. Continuous time, an exact model but
-/// for these parameters, no lead. At sampled postures and instants: not a proof.
+/// for these parameters, no lead. Weights that are searched are proved at every posture and instant
+/// for two revolute joints and a constant reference or sums of sines. All else is at sampled
+/// postures and instants: not a proof.
 namespace tachless::lyapunov {
 
 struct WeightedRegion {
   FormRegion region;
   FormWeights weights;
-  int forms = 0;  ///< postures and instants at which V was found to fall
+  int forms = 0;        ///< postures and instants at which V was found to fall
+  bool proved = false;  ///< V falls at every posture and instant
   /// Largest displacement of one joint alone, its link and motor together, at rest beside the
   /// reference [rad; m].
   Eigen::VectorXd e_at_rest;
@@ -50,6 +54,8 @@ class FormLoop {
   [[nodiscard]] virtual Eigen::VectorXd size() const = 0;
   /// Returns the law's own weights; nothing: they are searched.
   [[nodiscard]] virtual std::optional<FormWeights> weights() const { return {}; }
+  /// Returns the loop with bounds over every posture and instant; nothing: none are known.
+  [[nodiscard]] virtual std::optional<BoundedForm> bounded() const { return {}; }
   [[nodiscard]] virtual std::optional<double> of_parameters() const { return {}; }
   /// Returns how many numbers k in a row show every corner of the parameters' box.
   [[nodiscard]] virtual int corners() const { return 1; }

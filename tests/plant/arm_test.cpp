@@ -145,6 +145,7 @@ FlexibleDrive two_link_drive() {
   drive.stiffness = Eigen::Vector2d(1e4, 8e3);
   drive.rotor_inertia = Eigen::Vector2d(0.1, 0.12);
   drive.motor_damping = Eigen::Vector2d(0.3, 0.2);
+  drive.spring_damping = Eigen::Vector2d(5, 3);
   return drive;
 }
 
@@ -166,12 +167,13 @@ TEST_P(EveryArm, FollowsTheFlexibleEquationsOfThePaper) {
   for (int k = 0; k < 200; ++k) {
     const Vector tau = torques.next();
     arm.advance(tau, (k + 1) * 1e-3);
-    // Paper, eq. 1, with friction.
+    // Paper, eq. 1, with friction and dampers.
     y = testing::runge_kutta_4(
         [&](const Eigen::VectorXd& state) {
           const Vector q = state.segment(0, 2), theta = state.segment(2, 2);
           const Vector v = state.segment(4, 2), thetadot = state.segment(6, 2);
-          const Vector spring = drive.stiffness.cwiseProduct(theta - q);
+          const Vector spring = drive.stiffness.cwiseProduct(theta - q) +
+                                drive.spring_damping.cwiseProduct(thetadot - v);
           const Vector vdot = closed.M<double>(q).inverse() *
                               (spring - closed.C<double>(q, v) * v - closed.g<double>(q) -
                                with.drive.viscous_friction_Nms_per_rad.cwiseProduct(v));
@@ -321,11 +323,72 @@ TEST_P(EveryArm, HasMotorsWithDryFriction) {
   EXPECT_EQ(advance(-0.4999, 0.5).theta[0], rest.theta[0]);
 }
 
+/// A free spring between two inertias: phi = theta - q decays as exp(-zeta w t) cos(w' t), and
+/// their momentum stays.
+TEST_P(EveryArm, HasSpringsWithDampers) {
+  const double I = 2, J = 0.1, K = 1e3, D = 1.5, by_inertia = 1 / I + 1 / J;
+  FlexibleDrive drive;
+  drive.stiffness = Vector::Constant(1, K);
+  drive.rotor_inertia = Vector::Constant(1, J);
+  drive.spring_damping = Vector::Constant(1, D);
+  ArmState start = rigid_state(Vector::Zero(1), Vector::Zero(1));
+  start.theta = Vector::Constant(1, 0.01);
+  start.thetadot = Vector::Zero(1);
+  Arm arm(testing::turntable(I), options(1e-12, &drive), start);
+  const double w = std::sqrt(K * by_inertia), decay = D * by_inertia / 2;
+  const double turns = std::sqrt(w * w - decay * decay);
+  for (int k = 1; k <= 100; ++k) {
+    const double t = k * 1e-3;
+    arm.advance(Vector::Zero(1), t);
+    const ArmState now = arm.state();
+    const double phi =
+        0.01 * std::exp(-decay * t) * (std::cos(turns * t) + decay / turns * std::sin(turns * t));
+    ASSERT_NEAR(now.theta[0] - now.q[0], phi, 1e-11);  // 100 steps of accuracy 1e-12
+    ASSERT_NEAR(I * now.v[0] + J * now.thetadot[0], 0, 1e-10);
+  }
+}
+
+/// Without a torque the energy falls by the power of the dampers, D_s (thetadot - v)^2.
+TEST_P(EveryArm, LosesEnergyInTheDampersOfItsSpringsAlone) {
+  const robot::Model model = robot::testing::two_link();
+  FlexibleDrive drive = two_link_drive();
+  drive.motor_damping = {};
+  ArmState start = rigid_state(Eigen::Vector2d(0.5, -0.3), Eigen::Vector2d(1, 2));
+  start.theta = Eigen::Vector2d(0.51, -0.31);
+  start.thetadot = Eigen::Vector2d(-1, 3);
+  Arm arm(model, options(1e-12, &drive), start);
+  const auto energy = [&](const ArmState& x) {
+    const Vector spring = x.theta - x.q;
+    return robot::testing::kinetic_energy<double>(model, x.q, x.v) +
+           robot::potential_energy<double>(model, x.q) +
+           0.5 * x.thetadot.dot(drive.rotor_inertia.cwiseProduct(x.thetadot)) +
+           0.5 * spring.dot(drive.stiffness.cwiseProduct(spring));
+  };
+  const auto power = [&](const ArmState& x) {
+    const Vector rate = x.thetadot - x.v;
+    return rate.dot(drive.spring_damping.cwiseProduct(rate));
+  };
+  double before = energy(arm.state()), of_before = power(arm.state()), lost = 0;
+  const double first = before, h = 2e-5;
+  for (int k = 1; k <= 5000; ++k) {
+    arm.advance(Vector::Zero(2), k * h);
+    const double now = energy(arm.state()), of_now = power(arm.state());
+    ASSERT_LE(now, before + 1e-9) << "5000 steps of accuracy 1e-12 on 100 J";
+    lost += h / 2 * (of_before + of_now);
+    before = now;
+    of_before = of_now;
+  }
+  EXPECT_GT(lost, 1);
+  // The trapezoidal rule errs by (w h)^2 / 12 on modes of w = 400 rad/s: 1e-5 of the sum.
+  EXPECT_NEAR(first - before, lost, 1e-4 * lost);
+}
+
 /// Springs that pull nothing: each motor slows down by exp(-(damping + braking) t / J).
 TEST_P(EveryArm, BrakesTheMotorsOfAFlexibleRobot) {
   const robot::Model model = robot::testing::two_link();
   FlexibleDrive drive = two_link_drive();
   drive.stiffness = Vector::Constant(2, 1e-9);
+  drive.spring_damping = {};
   ArmState initial;
   initial.q = initial.theta = Eigen::Vector2d(0, 1);
   initial.v = initial.thetadot = Eigen::Vector2d(3, -2);
@@ -456,7 +519,8 @@ TEST(BothMechanics, MoveFlexibleJointsAlike) {
     const robot::Model model = chain(seed);
     const FlexibleDrive flexible{
         Vector::Constant(model.num_joints, 2000.0), Vector::Constant(model.num_joints, 0.2),
-        Vector::Constant(model.num_joints, 0.1), Vector::Constant(model.num_joints, 0.3)};
+        Vector::Constant(model.num_joints, 0.1), Vector::Constant(model.num_joints, 0.3),
+        Vector::Constant(model.num_joints, 2.0)};
     EXPECT_LT(largest_distance(model, &flexible, seed), agreement) << "seed " << seed;
   }
 }

@@ -7,6 +7,8 @@
 
 #include "controller/law/loria_ortega_flexible.h"
 #include "controller/law/loria_ortega_rigid.h"
+#include "numerics/decompositions.h"
+#include "plant/arm.h"
 #include "robot/dynamics.h"
 #include "tests/analysis/linear/linear_laws.h"
 #include "tests/analysis/linear/loops.h"
@@ -63,6 +65,49 @@ TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
     x = lu.solve((I + h / steps / 2 * plant.A) * x + h / steps * (plant.B * tau)).eval();
   }
   expect_near(expected, x, 1e-6);
+}
+
+/// The arm of the plant, moved a little from rest: what it does in 2 ms beside what it does from
+/// rest is the map of the linear plant.
+TEST(LinearLoop, FlexiblePlantWithDampedSpringsMovesAsTheArm) {
+  const robot::Model model = robot::testing::two_link();
+  plant::FlexibleDrive drive{stiffness(), rotors(), Vector(both(0.3, 0.2)), {}, Vector(both(8, 5))};
+  const Vector q = both(0.3, 0.5);
+  const LinearPlant linear =
+      held(flexible_plant(model, constant_reference(q), drive.stiffness, drive.rotor_inertia,
+                          drive.motor_damping, drive.spring_damping),
+           2e-3);
+  const Vector hold = robot::gravity_torque(model, q), none = Vector::Zero(2);
+  const auto after = [&](const VectorXd& x, const Vector& tau) {
+    const Vector theta = q + hold.cwiseQuotient(drive.stiffness);
+    plant::ArmOptions options;
+    options.accuracy = 1e-13;
+    options.mechanics = plant::Mechanics::native;
+    options.flexible = &drive;
+    plant::Arm arm(
+        model, options,
+        {q + Vector(x.head(2)), x.segment(2, 2), theta + Vector(x.segment(4, 2)), x.segment(6, 2)});
+    arm.advance(hold + tau, 2e-3);
+    const plant::ArmState end = arm.state();
+    VectorXd all(8);
+    all << end.q - q, end.v, end.theta - theta, end.thetadot;
+    return all;
+  };
+  constexpr double by = 1e-5;
+  MatrixXd A(8, 8), B(8, 2);
+  for (int j = 0; j < 8; ++j) {
+    const VectorXd d = by * VectorXd::Unit(8, j);
+    A.col(j) = (after(d, none) - after(-d, none)) / (2 * by);
+  }
+  for (int j = 0; j < 2; ++j) {
+    const Vector d = by * Vector::Unit(2, j);
+    B.col(j) = (after(VectorXd::Zero(8), d) - after(VectorXd::Zero(8), -d)) / (2 * by);
+  }
+  expect_near(linear.A, A, differences);
+  // Torques of 1e-5 N m move the arm by 1e-10 rad: rounding of q over that, 1e-6.
+  expect_near(linear.B, B, 1e-5);
+  // The modes of the springs: exp(-D_s / (2 J) 2 ms) = 0.92 for the first joint.
+  EXPECT_LT(numerics::eigenvalues(linear.A).cwiseAbs().minCoeff(), 0.95);
 }
 
 /// The law itself as a function of vectors.

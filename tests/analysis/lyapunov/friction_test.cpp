@@ -37,7 +37,7 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   RecordProperty("dry", certify::list_text(*dry.friction_error));
 }
 
-/// The provisos name offset, eccentricity and the friction of motors.
+/// The provisos name offset, eccentricity and the friction of motors and springs.
 TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
   const auto provisos = [](const std::string& scenario, const std::string& value) {
     std::string why_not;
@@ -45,15 +45,16 @@ TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
                                  why_not)
         ->provisos;
   };
-  const std::string motors = "robot.joints.flexible.motor_";
+  const std::string joints = "robot.joints.flexible.";
   ASSERT_THAT(provisos("practical_rigid", "name=as_it_is"), ::testing::IsEmpty());
   EXPECT_THAT(provisos("practical_rigid", "plant.drive.torque_offset_Nm=[1, 0]"),
               ElementsAre(HasSubstr("the torques' offset (plant.drive) is not in it")));
   EXPECT_THAT(provisos("practical_rigid", "plant.encoder.eccentricity_rad=1e-3"),
               ElementsAre(HasSubstr("eccentricity is not in it")));
-  for (const char* friction : {"damping_Nms_per_rad=1", "coulomb_friction_Nm=1"}) {
-    EXPECT_THAT(provisos("practical_flexible", motors + friction),
-                ElementsAre("the friction of joints and motors is not in it"));
+  for (const char* friction : {"motor_damping_Nms_per_rad=1", "motor_coulomb_friction_Nm=1",
+                               "spring_damping_Nms_per_rad=1"}) {
+    EXPECT_THAT(provisos("practical_flexible", joints + friction),
+                ElementsAre("the friction of joints, motors and springs is not in it"));
   }
 }
 

@@ -268,6 +268,7 @@ TEST(Scenario, ReadsFlexibleJoints) {
   EXPECT_THAT(values(s.robot.flexible->stiffness), ElementsAre(1e4, 2e4));
   EXPECT_THAT(values(s.robot.flexible->rotor_inertia), ElementsAre(0.1, 0.1));
   EXPECT_THAT(values(s.robot.flexible->motor_damping), ElementsAre(0, 0));
+  EXPECT_THAT(values(s.robot.flexible->spring_damping), ElementsAre(0, 0));
   EXPECT_THAT(values(s.plant.initial.motor_position_rad.value()), ElementsAre(1, 2));
   EXPECT_THAT(values(s.plant.initial.motor_velocity_rad_per_s.value()), ElementsAre(3, 3));
   EXPECT_EQ(s.plant.encoder.side, plant::EncoderSide::motor);
