@@ -148,12 +148,8 @@ std::optional<JetTriple> motion_bounds(const scenario::Scenario& scenario) {
 /// Returns bounds of the torque's gradients; nothing where they are not known at every posture.
 std::optional<TorqueGradients> gradient_bounds(const scenario::Scenario& scenario,
                                                const robot::Model& links) {
-  const bool plain = links.num_joints == 2 && links.bodies.size() == 2;
   const auto motion = motion_bounds(scenario);
-  if (!plain || !motion) return {};
-  for (const robot::Body& body : links.bodies) {
-    if (body.type != robot::JointType::revolute || std::abs(body.multiplier) != 1) return {};
-  }
+  if (links.num_joints != 2 || !motion) return {};
   return torque_gradients(links, (*motion)[0], (*motion)[1], (*motion)[2]);
 }
 

@@ -277,6 +277,27 @@ Derivatives derivatives(const robot::Model& model, const Vector& q, const Pair& 
   return result;
 }
 
+/// Returns after how many turns of the joints every body is where it began; nothing where a body
+/// turns by more than its joint, or slides, or after more than 8 turns.
+std::optional<int> turns_of(const robot::Model& model) {
+  if (model.num_joints != 2) return {};
+  std::vector<std::array<double, 2>> turned;  // of each body by each joint
+  for (const robot::Body& body : model.bodies) {
+    std::array<double, 2> all = {0, 0};
+    if (body.parent >= 0) all = turned[static_cast<std::size_t>(body.parent)];
+    all[static_cast<std::size_t>(body.coordinate)] += std::abs(body.multiplier);
+    if (body.type != robot::JointType::revolute || std::max(all[0], all[1]) > 1) return {};
+    turned.push_back(all);
+  }
+  for (int turns = 1; turns <= 8; ++turns) {
+    const auto whole = [&](const robot::Body& body) {
+      return std::abs(body.multiplier * turns - std::round(body.multiplier * turns)) < 1e-12;
+    };
+    if (std::ranges::all_of(model.bodies, whole)) return turns;
+  }
+  return {};
+}
+
 }  // namespace
 
 FormRegion proved_region(const BoundedForm& loop, const numerics::Postures& postures,
@@ -284,12 +305,15 @@ FormRegion proved_region(const BoundedForm& loop, const numerics::Postures& post
   return Proof(loop, postures, weights).region();
 }
 
-TorqueGradients torque_gradients(const robot::Model& model, const Vector& v, const Vector& a,
-                                 const Vector& jerk) {
-  // The torques are trigonometric polynomials of degree 2 in each position. With N points a circle
-  // their largest value is at most that of the grid over cos(pi 2 / N), for each of the circles.
-  constexpr int points = 64;
-  const double step = 2 * std::numbers::pi / points, beyond = std::pow(std::cos(step), -2);
+std::optional<TorqueGradients> torque_gradients(const robot::Model& model, const Vector& v,
+                                                const Vector& a, const Vector& jerk) {
+  const auto turns = turns_of(model);
+  if (!turns) return {};
+  // The torques are trigonometric polynomials of degree 2 in each position. With N points a turn
+  // their largest value is at most that of the grid over cos(pi 2 / N), for each of the positions.
+  constexpr int per_turn = 64;
+  const int points = *turns * per_turn;
+  const double step = 2 * std::numbers::pi / per_turn, beyond = std::pow(std::cos(step), -2);
   robot::Model floating = model;
   floating.gravity.setZero();
   const Vector none = Vector::Zero(2);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "lyapunov/error_form.h"
 #include "numerics/postures.h"
@@ -25,15 +26,15 @@ FormRegion proved_region(const BoundedForm& loop, const numerics::Postures& post
                          const FormWeights& weights);
 
 /// Bounds of gradients of the links' torque ID(q, v_ref, a_ref) and of its rate R, at every posture
-/// of an arm of two bodies.
+/// of an arm of two joints.
 struct TorqueGradients {
   Eigen::MatrixXd of_torque;  ///< |dID_i / dq_j| [N m/rad]
   Eigen::MatrixXd of_rate;    ///< |dR_i / dq_j| [N m/(rad s)]
 };
 
-/// Returns the bounds where each joint's |v_ref|, |a_ref| and |jerk_ref| are at most these.
-/// Precondition: two revolute joints that move one body each.
-TorqueGradients torque_gradients(const robot::Model& model, const Vector& v, const Vector& a,
-                                 const Vector& jerk);
+/// Returns the bounds where each joint's |v_ref|, |a_ref| and |jerk_ref| are at most these. Returns
+/// nothing unless the arm has two revolute joints, and no body turns by more than its joint.
+std::optional<TorqueGradients> torque_gradients(const robot::Model& model, const Vector& v,
+                                                const Vector& a, const Vector& jerk);
 
 }  // namespace tachless::lyapunov

@@ -16,7 +16,7 @@
 /// `flexible_motor` with weights of V that are searched, and `loria_ortega_adaptive` with its own
 /// weights at the corners of the box of the unknown parameters. Time is continuous, there is no
 /// feed-forward lead, and the model is exact except for these parameters. Weights that are searched
-/// are proved at every posture and instant for arms of two bodies and a constant reference or sums
+/// are proved at every posture and instant for two revolute joints and a constant reference or sums
 /// of sines. All else is at sampled postures and instants, so it is not proved.
 namespace tachless::lyapunov {
 

@@ -25,7 +25,7 @@ class FlexibleMotor : public FlexibleLaw<FilterGains> {
       "derived here from R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible "
       "joint robots using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994";
   static constexpr std::string_view proved =
-      "stable near a slow enough reference, in continuous time; a region at sampled postures";
+      "stable near a slow enough reference, in continuous time; a computed region";
   static constexpr std::string_view conditions =
       "K > k_g and Kp > K k_g / (K - k_g) at every joint, k_g the largest norm of the gradient of "
       "g; a reference that is four times continuously differentiable";

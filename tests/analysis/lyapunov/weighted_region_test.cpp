@@ -120,7 +120,7 @@ struct PositionArm {
   const double K = 1e4, a1 = 500, a2 = 1000;
   Sine motion = reference;
   Pair D_s{0, 0};  ///< damping of the springs [N m s/rad]
-  const TwoLink<double> arm;
+  const TwoLink<double> arm{};
   const FlexiblePosition law{
       {robot::testing::two_link(), controller::law::vector(K, K),
        controller::law::vector(0.1, 0.1)},
@@ -216,7 +216,7 @@ TEST(WeightedRegion, IsProvedWithinTheRegionOfOtherPostures) {
 TEST(TorqueGradients, AreBoundedAtEveryPosture) {
   const robot::Model model = robot::testing::two_link();
   const Vector v = Pair(1, 2), a = Pair(3, 1), jerk = Pair(5, 20), none = Vector::Zero(2);
-  const TorqueGradients most = torque_gradients(model, v, a, jerk);
+  const TorqueGradients most = torque_gradients(model, v, a, jerk).value();
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> share(-1, 1);
   const auto within = [&](const Vector& x) {
@@ -255,7 +255,8 @@ TEST(WeightedRegion, OfFlexiblePositionContainsTheShippedScenario) {
   EXPECT_THAT(found->provisos[0], HasSubstr("the payload of 0.5 kg is not in it"));
 }
 
-/// At a constant reference the dampers of the springs are in the region in full.
+/// At a constant reference the dampers of the springs are in the region in full. It holds starts at
+/// thousands of rad/s, so that the steps are short.
 TEST(WeightedRegion, OfFlexiblePositionCountsTheDampingOfTheSprings) {
   std::vector<std::string> damped = certifiable;
   damped.emplace_back("reference={hold: {position_rad: [0, 0]}}");
@@ -268,7 +269,7 @@ TEST(WeightedRegion, OfFlexiblePositionCountsTheDampingOfTheSprings) {
   loop.D_s = {40, 20};
   using State = PositionArm::State;
   expect_descents<State>(
-      200, 500, 5e-5, found->region.level, PositionArm::direction,
+      100, 500, 1e-5, found->region.level, PositionArm::direction,
       [&](double t, const State& x) { return loop.rate(t, x); },
       [&](double t, const State& x) { return loop.V(t, x, found->weights); },
       [&](const State& errors) { return loop.state_of(errors); });
@@ -294,8 +295,9 @@ TEST(WeightedRegion, OfFlexibleMotor) {
        "reference={sinusoid: {amplitude_rad: [0.5, 0.5], frequency_hz: [0.3183098861837907, "
        "0.3183098861837907]}}"});
   ASSERT_TRUE(found);
-  EXPECT_GT(found->e_at_rest[0], 4);
-  EXPECT_GT(found->e_at_rest[1], 10);
+  EXPECT_TRUE(found->proved);
+  EXPECT_GT(found->e_at_rest[0], 4.8);
+  EXPECT_GT(found->e_at_rest[1], 12.6);
 }
 
 /// The two-link arm with an unknown mass at its tip, in continuous time: x = (q, v, nu, mass).
