@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "cli/run.h"
+#include "in_process/in_process_loop.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"
 #include "tests/support/temporary_directory.h"
@@ -29,6 +30,28 @@ TEST(Conclusions, OfARunWithAllTicksWhoseRobotWasStoppedAreThatItWasStopped) {
   const auto summary = nlohmann::json::parse(logger::read_file(out / "summary.json"));
   EXPECT_EQ(summary["ticks"], 100);
   EXPECT_EQ(summary["outcome"], "stopped");
+}
+
+TEST(Conclusions, OfAnAdaptiveLawHaveItsEstimates) {
+  const TemporaryDirectory directory;
+  PlannedRun run{{}, support::shortened("practical_adaptive.yaml", "0.1")};
+  run.options.out = directory / "out";
+  run.options.run_id = 7;
+  run.options.quiet = true;
+  RunDirectory out(run);
+  logger::write_file(out / "lcmlog", logger::log_of(support::in_process_log(run.scenario)));
+  Conclusions conclusions;
+  conclusions.add(run, out, {});
+  EXPECT_EQ(conclusions.finish(), base::ExitCode::done);
+  double mass = 0;
+  in_process::run_in_process(run.scenario, [&](const in_process::TickRecord& record) {
+    mass = record.controller.value[3][0];
+    return true;
+  });
+  EXPECT_GT(mass, 0);
+  const auto summary = nlohmann::json::parse(logger::read_file(out / "summary.json"));
+  EXPECT_EQ(summary["signals"]["mass"]["unit"], "kg");
+  EXPECT_EQ(summary["signals"]["mass"]["last"], nlohmann::json({mass, mass}));
 }
 
 }  // namespace
