@@ -10,7 +10,7 @@ namespace tachless::design {
 /// that is still to come is the work of searches for public arms of six and seven joints.
 class TimeLeft {
  public:
-  enum class Phase { starts, best, second, rounds, range, analysis };
+  enum class Phase { starts, best, second, rounds, range };
 
   /// @param by_joint whether each joint's gains are variables, so that rounds are to be expected
   /// @param another_follows whether a search for scheduled gains follows

@@ -25,6 +25,8 @@
 #include "identify/excite.h"
 #include "identify/identify.h"
 #include "logger/log_file.h"
+#include "numerics/decompositions.h"
+#include "robot/dynamics.h"
 #include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 #include "scenario/yaml_tree.h"
@@ -134,17 +136,23 @@ struct Excite {
 
 /// Returns the option with which `design` keeps the margin for the rotors' 95 % intervals, with a
 /// space before it. Returns nothing if all intervals are narrower than the digits of a margin.
-std::string uncertain_option(const identify::Identified& found, int num_joints) {
-  constexpr double narrow = 0.01;  // of a rotor's inertia
-  std::vector<double> half_width(static_cast<std::size_t>(num_joints), 0);
+std::string uncertain_option(const identify::Identified& found,
+                             const scenario::Scenario& scenario) {
+  constexpr double narrow = 0.01;  // of the joint's inertia with the other joints free
+  const Vector free_inertia =
+      numerics::inverse(robot::mass_matrix(*scenario.model, scenario.plant.initial.position_rad))
+          .diagonal()
+          .cwiseInverse();
+  Vector half_width = Vector::Zero(scenario.num_joints);
   bool wide = false;
   for (const auto& each : found.parameters) {
     if (each.entry.kind != identify::Kind::rotor || !each.doubt.empty()) continue;
-    half_width[static_cast<std::size_t>(each.entry.joint)] = each.half_width;
-    wide = wide || each.half_width > narrow * each.value;
+    half_width[each.entry.joint] = each.half_width;
+    wide = wide || each.half_width > narrow * (free_inertia[each.entry.joint] + each.value);
   }
   if (!wide) return "";
-  return fmt::format(" --uncertain rotors={:.2g}", fmt::join(half_width, "/"));
+  return fmt::format(" --uncertain rotors={:.2g}",
+                     fmt::join(half_width.begin(), half_width.end(), "/"));
 }
 
 struct Identify {
@@ -261,7 +269,7 @@ struct Identify {
     base::UnfinishedFile(output, write_remedy).write(text);
     if (json) return;
     std::cout << fmt::format("  type: tachless design {}{}\n", base::shell_word(output.string()),
-                             uncertain_option(found, scenario.num_joints));
+                             uncertain_option(found, scenario));
   }
 };
 
