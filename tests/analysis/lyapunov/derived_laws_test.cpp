@@ -532,7 +532,7 @@ TEST(BoundedLaw, WithAnIntegralIsCertifiedForUnknownTorques) {
       "controller.gains={kp: [4000, 400], kd: [300, 30], a: 300, b: 300, feedforward_max: [105, "
       "11], ki: [2000, 200], eps_1: 6, eps_2: 0.1, d_max: [20, 4]}"};
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid", bounded + gains);
-  const certify::Certificate found = certify::certify(scenario, false);
+  const certify::Certificate found = certify::certify(scenario);
   ASSERT_TRUE(found.stability && found.stability->fastest);
   const CertifiedRegion& region = *found.stability->fastest;
   EXPECT_TRUE(found.stability->own_weights);
