@@ -10,7 +10,7 @@ man=$out/share/man/man1
 bash=$out/share/bash-completion/completions
 zsh=$out/share/zsh/vendor-completions
 rm -rf "$out"
-mkdir -p "$man" "$bash" "$zsh" "$out/drivers"
+mkdir -p "$man" "$bash" "$zsh"
 
 rows=$("$tree/cmake/completion.sh" "$programs/tachless")
 cat >"$bash/tachless" <<EOF
@@ -64,11 +64,12 @@ done
 for program in plant reference controller logger; do man_page "tachless-$program" "tachless-$program"; done
 for driver in "${drivers[@]}"; do  # each in a package of its own
   man_page "$driver" "$driver"
-  mv "$man/$driver.1" "$out/drivers"
+  mkdir -p "$out/$driver/share/man/man1"
+  mv "$man/$driver.1" "$out/$driver/share/man/man1"
 done
 rm "$ends"
 
 date=$(date -R -u -r "$tree/CHANGELOG.md")
 printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \
   "$version" "The tachless authors <authors@tachless.invalid>" "$date" >"$out/changelog"
-gzip -9n "$out/changelog" "$man"/* "$out/drivers"/*
+gzip -9n "$out/changelog" "$man"/* "$out"/*/share/man/man1/*
