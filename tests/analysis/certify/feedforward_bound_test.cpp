@@ -33,7 +33,7 @@ Vector largest_found(const scenario::Scenario& scenario) {
   return most;
 }
 
-class FeedforwardOf : public testing::TestWithParam<const char*> {};
+class FeedforwardOf : public ::testing::TestWithParam<const char*> {};
 
 /// The bound holds at every posture and time, and is no more than 1 % above what random ones show.
 TEST_P(FeedforwardOf, TwoJointsIsBoundedClosely) {
@@ -49,10 +49,10 @@ TEST_P(FeedforwardOf, TwoJointsIsBoundedClosely) {
 }
 INSTANTIATE_TEST_SUITE_P(
     References, FeedforwardOf,
-    testing::Values("{hold: {position_rad: [0.5, -0.4]}}",
-                    "{sinusoid: {amplitude_rad: [0.5, 0.5], frequency_hz: [0.3183, 0.3183]}}",
-                    "{point_to_point: {from_rad: [0, 0], to_rad: [1.5, 0.5], duration_s: 1.5}}",
-                    "{sinusoid: {amplitude_rad: [1, 1], frequency_hz: [0.4775, 0.4775]}}"));
+    ::testing::Values("{hold: {position_rad: [0.5, -0.4]}}",
+                      "{sinusoid: {amplitude_rad: [0.5, 0.5], frequency_hz: [0.3183, 0.3183]}}",
+                      "{point_to_point: {from_rad: [0, 0], to_rad: [1.5, 0.5], duration_s: 1.5}}",
+                      "{sinusoid: {amplitude_rad: [1, 1], frequency_hz: [0.4775, 0.4775]}}"));
 
 TEST(FeedforwardBound, ContainsTheFrictionThatIsFedForward) {
   const std::string motion = "reference={sinusoid: {amplitude_rad: 0.5, frequency_hz: 0.3183}}";
