@@ -148,7 +148,7 @@ TEST(LawAnswers, AreRefusedWhereNoLinearLawAnswersSo) {
                             [](const VectorXd& tau, Index, const VectorXd&) {
                               return VectorXd(tau.cwiseMin(0.3).cwiseMax(-0.3));
                             })),
-              HasSubstr("that to deviations of 1e-05 is not 10 times that to 1e-06"));
+              HasSubstr("the answer to deviations of 1e-05 is not 10 times the answer to 1e-06"));
   EXPECT_THAT(
       refusal(asked(law, [](const VectorXd& tau, Index,
                             const VectorXd& e) { return VectorXd(tau + 400 * e.cwiseAbs()); })),
@@ -158,7 +158,7 @@ TEST(LawAnswers, AreRefusedWhereNoLinearLawAnswersSo) {
                               const double both = std::abs(e[0] + e[1]) > std::abs(e[0] - e[1]);
                               return VectorXd(tau + 400 * both * e);
                             })),
-              HasSubstr("that to all inputs is not the sum of those to each"));
+              HasSubstr("the answer to all inputs is not the sum of the answers to each"));
   EXPECT_THAT(refusal(asked(law,
                             [](const VectorXd& tau, Index k, const VectorXd&) {
                               return VectorXd(tau * (1 + 1e-3 * static_cast<double>(k)));
