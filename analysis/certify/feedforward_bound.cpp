@@ -42,20 +42,6 @@ FeedforwardBound sampled(const scenario::Scenario& scenario, const robot::Model&
   return bound;
 }
 
-/// Returns per joint how often the energy of a body turns per radian of it, at most.
-VectorXd turns_of(const robot::Model& model) {
-  VectorXd most = VectorXd::Zero(model.num_joints);
-  std::vector<VectorXd> along;  // of the joints from the root to each body
-  for (const robot::Body& body : model.bodies) {
-    VectorXd sum = VectorXd::Zero(model.num_joints);
-    if (body.parent >= 0) sum = along[static_cast<std::size_t>(body.parent)];
-    sum[body.coordinate] += std::abs(body.multiplier);
-    most = most.cwiseMax(sum);
-    along.push_back(std::move(sum));
-  }
-  return 2 * most;
-}
-
 /// M and C at one angle of the last joint, and each joint's extreme gravity torques over the other.
 struct AtAngle {
   numerics::Inertia inertia;
@@ -71,7 +57,7 @@ struct Grid {
 Grid grid_of(const robot::Model& model) {
   constexpr int points = 240;  // of a turn
   const Index n = model.num_joints, last = n - 1;
-  const VectorXd sigma = turns_of(model);
+  const VectorXd sigma = 2 * numerics::most_turns(model);  // turns of the energy
   const int denominator = numerics::multiplier_denominator(model);
   const double step = 2 * std::numbers::pi / points;
   Grid grid;

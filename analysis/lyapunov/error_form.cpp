@@ -61,18 +61,13 @@ std::vector<MatrixXd> coriolis_bounds(const ErrorForm& form, int corners) {
   return all;
 }
 
-/// The results of one form for given weights.
-struct OfForm {
-  double rho = 0, w = 0, rate = 0;
-};
-
 /// @param L of the norm of delta
-OfForm at(const ErrorForm& form, const FormWeights& weights, const MatrixXd& L) {
+FormResult at(const ErrorForm& form, const FormWeights& weights, const MatrixXd& L) {
   constexpr int corners = 48;
   const Index m = form.Fy.rows(), n = form.M.rows();
   const Eigen::LLT<MatrixXd> V(lyapunov_matrix(form, weights)), Mm(decrease_matrix(form, weights));
   if (V.info() != Eigen::Success || Mm.info() != Eigen::Success) return {};
-  OfForm result;
+  FormResult result;
   const MatrixXd half = V.matrixL().solve(MatrixXd(Mm.matrixL()));
   result.rate = 2 * numerics::smallest_eigenvalue(half * half.transpose());
   const MatrixXd S = weights.P - weights.N.transpose() * form.M * weights.N;
@@ -283,13 +278,20 @@ MatrixXd decrease_matrix(const ErrorForm& form, const FormWeights& weights) {
   return -symmetric_part(X);
 }
 
-FormRegion region_of(const std::vector<ErrorForm>& forms, const FormWeights& weights) {
-  FormRegion region{0, infinity, infinity, 0};
+MatrixXd delta_norm(const FormWeights& weights) {
   const Eigen::LLT<MatrixXd> of_P(weights.P);
-  if (of_P.info() != Eigen::Success) return {};
-  const MatrixXd L = Eigen::LLT<MatrixXd>(weights.N * of_P.solve(weights.N.transpose())).matrixL();
-  const auto all =
-      base::parallel_map(forms.size(), [&](std::size_t i) { return at(forms[i], weights, L); });
+  return Eigen::LLT<MatrixXd>(weights.N * of_P.solve(weights.N.transpose())).matrixL();
+}
+
+FormRegion region_of(const std::vector<ErrorForm>& forms, const FormWeights& weights) {
+  if (Eigen::LLT<MatrixXd>(weights.P).info() != Eigen::Success) return {};
+  const MatrixXd L = delta_norm(weights);
+  return region_of(
+      base::parallel_map(forms.size(), [&](std::size_t i) { return at(forms[i], weights, L); }));
+}
+
+FormRegion region_of(const std::vector<FormResult>& all) {
+  FormRegion region{0, infinity, infinity, 0};
   double w = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     w = std::max(w, all[i].w);

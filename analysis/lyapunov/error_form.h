@@ -45,6 +45,19 @@ struct FormRegion {
   std::size_t binding = 0;  ///< the form that ends the region
 };
 
+/// The result of given weights at one form.
+struct FormResult {
+  double rho = 0;   ///< as of `FormRegion`; 0: nothing is certified
+  double rate = 0;  ///< [1/s]
+  double w = 0;     ///< largest |L^-1 delta|^2 of V = 1/2 J
+};
+
+/// Returns L of the norm |L^-1 delta|. Precondition: P is positive definite.
+Eigen::MatrixXd delta_norm(const FormWeights& weights);
+
+/// Returns the region that holds at all of the forms.
+FormRegion region_of(const std::vector<FormResult>& all);
+
 /// Returns the region; its rho is 0 where V or Mm is not positive definite at the binding form.
 FormRegion region_of(const std::vector<ErrorForm>& forms, const FormWeights& weights);
 

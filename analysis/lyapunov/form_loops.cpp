@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <type_traits>
 #include <utility>
 
@@ -127,30 +126,23 @@ class Blocks {
 
 MatrixXd diagonal(const VectorXd& x) { return x.asDiagonal(); }
 
-/// Returns bounds of each joint's |v_ref|, |a_ref| and |jerk_ref| at all times: of a constant
-/// reference, and of sums of sines by their amplitudes. Nothing for other references.
-std::optional<JetTriple> motion_bounds(const scenario::Scenario& scenario) {
-  const Vector zero = Vector::Zero(scenario.num_joints);
-  JetTriple most = {zero, zero, zero};
-  const auto sines = reference::sines_of(scenario.reference);
-  if (sines.empty()) {
+/// Bounds over every posture and instant.
+struct Bounds {
+  TorqueGradients gradients;
+  MatrixXd v_scale;  ///< as of `BoundedForm`
+};
+
+/// Returns the bounds for a constant reference and for sums of sines; nothing where they are not
+/// known at every posture and instant.
+std::optional<Bounds> bounds_of(const scenario::Scenario& scenario, const robot::Model& links) {
+  if (reference::sines_of(scenario.reference).empty()) {
     const reference::Trajectory trajectory = reference::make_trajectory(scenario);
     if (reference::Motion(scenario, trajectory).moves()) return {};
   }
-  for (const auto& sine : sines) {
-    const Vector w = 2 * std::numbers::pi * sine.frequency_hz;
-    Vector each = sine.amplitude_rad.cwiseAbs();
-    for (Vector& of_order : most) of_order += each = each.cwiseProduct(w);
-  }
-  return most;
-}
-
-/// Returns bounds of the torque's gradients; nothing where they are not known at every posture.
-std::optional<TorqueGradients> gradient_bounds(const scenario::Scenario& scenario,
-                                               const robot::Model& links) {
-  const auto motion = motion_bounds(scenario);
-  if (links.num_joints != 2 || !motion) return {};
-  return torque_gradients(links, (*motion)[0], (*motion)[1], (*motion)[2]);
+  const MotionBound motion = motion_bound(scenario);
+  const auto gradients = torque_gradients(links, motion.v, motion.a, motion.jerk);
+  if (!gradients) return {};
+  return Bounds{*gradients, velocity_bound(scenario).scale};
 }
 
 /// Viscous damping of a flexible robot [N m s/rad]. The laws do not know of it: its torque on the
@@ -183,8 +175,7 @@ class PositionLoop : public FormLoop {
         gains_(controller::gains_of<FlexiblePosition::Gains>(
             scenario, controller::law_facts(FlexiblePosition::name))),
         damping_(scenario),
-        bounds_(gradient_bounds(scenario, robot_.links)),
-        v_scale_(velocity_bound(scenario).scale) {
+        bounds_(bounds_of(scenario, robot_.links)) {
     const plant::ArmState start =
         plant::initial_state(scenario.plant, scenario.robot.flexible, robot_.links);
     const ReferencePoint r = samples_.first();
@@ -212,10 +203,10 @@ class PositionLoop : public FormLoop {
     if (!bounds_) return {};
     const Index n = robot_.links.num_joints;
     BoundedForm all{with_gains(samples_.at(0, 5 * n)), MatrixXd::Zero(5 * n, n),
-                    MatrixXd::Zero(n, n), MatrixXd::Zero(n, 6 * n), v_scale_};
+                    MatrixXd::Zero(n, n), MatrixXd::Zero(n, 6 * n), bounds_->v_scale};
     all.E.middleRows(2 * n, n).setIdentity();
-    all.most.leftCols(n) = bounds_->of_rate;
-    all.most.rightCols(n) = bounds_->of_torque;
+    all.most.leftCols(n) = bounds_->gradients.of_rate;
+    all.most.rightCols(n) = bounds_->gradients.of_torque;
     return all;
   }
 
@@ -271,8 +262,7 @@ class PositionLoop : public FormLoop {
   FlexiblePosition law_;
   FlexiblePosition::Gains gains_;
   Damping damping_;
-  std::optional<TorqueGradients> bounds_;
-  MatrixXd v_scale_;
+  std::optional<Bounds> bounds_;
   VectorXd initial_;
 };
 
@@ -285,8 +275,7 @@ class MotorLoop : public FormLoop {
         gains_(controller::gains_of<FlexibleMotor::Gains>(
             scenario, controller::law_facts(FlexibleMotor::name))),
         damping_(scenario),
-        bounds_(gradient_bounds(scenario, robot_.links)),
-        v_scale_(velocity_bound(scenario).scale) {
+        bounds_(bounds_of(scenario, robot_.links)) {
     const auto law = controller::make_law<FlexibleMotor>(scenario);
     const plant::ArmState start =
         plant::initial_state(scenario.plant, scenario.robot.flexible, robot_.links);
@@ -311,8 +300,8 @@ class MotorLoop : public FormLoop {
     if (!bounds_) return {};
     const Index n = robot_.links.num_joints;
     BoundedForm all{with_gains(samples_.at(0, 4 * n)), MatrixXd::Zero(4 * n, n),
-                    MatrixXd::Identity(n, n), MatrixXd::Zero(n, 5 * n), v_scale_};
-    all.most.leftCols(n) = bounds_->of_torque;
+                    MatrixXd::Identity(n, n), MatrixXd::Zero(n, 5 * n), bounds_->v_scale};
+    all.most.leftCols(n) = bounds_->gradients.of_torque;
     return all;
   }
 
@@ -354,8 +343,7 @@ class MotorLoop : public FormLoop {
   controller::law::FlexibleRobot robot_;
   FlexibleMotor::Gains gains_;
   Damping damping_;
-  std::optional<TorqueGradients> bounds_;
-  MatrixXd v_scale_;
+  std::optional<Bounds> bounds_;
   VectorXd initial_;
 };
 

@@ -54,9 +54,7 @@ class Proof {
         weights_(weights),
         m_(weights.P.rows()),
         n_(weights.N.rows()),
-        of_delta_(Eigen::LLT<MatrixXd>(weights.N *
-                                       Eigen::LLT<MatrixXd>(weights.P).solve(weights.N.transpose()))
-                      .matrixL()) {
+        of_delta_(delta_norm(weights)) {
     const MatrixXd zero = MatrixXd::Zero(n_, n_);
     nothing_ = decrease(zero, zero);
     find_slack();
@@ -64,30 +62,16 @@ class Proof {
   }
 
   [[nodiscard]] FormRegion region() const {
-    FormRegion result{0, infinity, infinity, 0};
-    struct AtPosture {
-      double rho = 0, rate = 0, w = infinity;
-    };
-    const auto all = base::parallel_map(postures_.inertia.size(), [&](std::size_t k) {
+    return region_of(base::parallel_map(postures_.inertia.size(), [&](std::size_t k) {
       const numerics::Inertia& inertia = postures_.inertia[k];
-      AtPosture at;
+      FormResult at;
       at.w = largest_share(inertia);
       const auto Mm = smallest_decrease(inertia);
       if (!Mm || std::isinf(at.w)) return at;
       at.rho = rho_at(*Mm, inertia);
       at.rate = rate_at(*Mm, inertia);
       return at;
-    });
-    double w = 0;
-    for (std::size_t k = 0; k < all.size(); ++k) {
-      w = std::max(w, all[k].w);
-      result.rate = std::min(result.rate, all[k].rate);
-      if (all[k].rho >= result.rho) continue;
-      result.rho = all[k].rho;
-      result.binding = k;
-    }
-    if (result.rho > 0) result.level = result.rho * result.rho / (2 * w);
-    return result;
+    }));
   }
 
  private:
@@ -277,25 +261,17 @@ Derivatives derivatives(const robot::Model& model, const Vector& q, const Pair& 
   return result;
 }
 
-/// Returns after how many turns of the joints every body is where it began; nothing where a body
+/// Returns after how many turns of two joints every body is where it began; nothing where a body
 /// turns by more than its joint, or slides, or after more than 8 turns.
 std::optional<int> turns_of(const robot::Model& model) {
-  if (model.num_joints != 2) return {};
-  std::vector<std::array<double, 2>> turned;  // of each body by each joint
-  for (const robot::Body& body : model.bodies) {
-    std::array<double, 2> all = {0, 0};
-    if (body.parent >= 0) all = turned[static_cast<std::size_t>(body.parent)];
-    all[static_cast<std::size_t>(body.coordinate)] += std::abs(body.multiplier);
-    if (body.type != robot::JointType::revolute || std::max(all[0], all[1]) > 1) return {};
-    turned.push_back(all);
-  }
-  for (int turns = 1; turns <= 8; ++turns) {
-    const auto whole = [&](const robot::Body& body) {
-      return std::abs(body.multiplier * turns - std::round(body.multiplier * turns)) < 1e-12;
-    };
-    if (std::ranges::all_of(model.bodies, whole)) return turns;
-  }
-  return {};
+  const bool revolute = std::ranges::all_of(model.bodies, [](const robot::Body& body) {
+    return body.type == robot::JointType::revolute;
+  });
+  const int turns = numerics::multiplier_denominator(model);
+  if (model.num_joints != 2 || !revolute || turns == 0 ||
+      numerics::most_turns(model).maxCoeff() > 1)
+    return {};
+  return turns;
 }
 
 }  // namespace

@@ -398,7 +398,8 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
     const bool in_it = has_error_form(scenario.controller.law);
     add(!in_it && (damped || dry), "the friction of joints, motors and springs is not in it");
     add(in_it && dry, "dry friction is not in the region: it disturbs");
-    add(in_it && damped && velocity_bound(scenario).speed > 0,
+    add(in_it && damped &&
+            reference::Motion(scenario, reference::make_trajectory(scenario)).moves(),
         "of viscous friction it has the torque on errors; the torque on the reference, which the "
         "law does not know, disturbs");
   } else {

@@ -157,6 +157,19 @@ int multiplier_denominator(const robot::Model& model) {
   return 0;
 }
 
+Eigen::VectorXd most_turns(const robot::Model& model) {
+  Eigen::VectorXd most = Eigen::VectorXd::Zero(model.num_joints);
+  std::vector<Eigen::VectorXd> along;  // of the joints from the root to each body
+  for (const robot::Body& body : model.bodies) {
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(model.num_joints);
+    if (body.parent >= 0) sum = along[static_cast<std::size_t>(body.parent)];
+    sum[body.coordinate] += std::abs(body.multiplier);
+    most = most.cwiseMax(sum);
+    along.push_back(std::move(sum));
+  }
+  return most;
+}
+
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations) {
   const std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)> opt(

@@ -93,6 +93,10 @@ struct Postures {
 /// none.
 int multiplier_denominator(const robot::Model& model);
 
+/// Returns for each joint how often a body turns per turn of that joint, at most. The angles of a
+/// chain of mimic joints add up.
+Eigen::VectorXd most_turns(const robot::Model& model);
+
 /// Returns number `k` of a sequence that fills the postures evenly (Kronecker's sequence with
 /// powers of the generalised golden ratio). Revolute joints cover the full circle. Prismatic joints
 /// cover their range; a missing bound is replaced by -1 m or 1 m.

@@ -12,7 +12,7 @@
 /// Description of messages. A message's type holds one table of fields; its bytes, checks, columns
 /// and documentation follow from this table. This header knows no byte order and no particular
 /// message. The types are in core/messages/signals.h, core/messages/messages.h and
-/// core/messages/truth/plant_truth.h. Each type has
+/// core/messages/truth/. Each type has
 ///   static constexpr std::string_view type;    // LCM's name, "tachless.tick_t"
 ///   static constexpr std::string_view suffix;  // of its channel, "TICK"
 ///   static constexpr auto fields;              // std::tuple of Field, in the order of the .lcm

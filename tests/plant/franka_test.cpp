@@ -19,6 +19,7 @@
 #include "plant/drivers/franka/franka_driver.h"
 #include "plant/guarded_robot.h"
 #include "reference/make_trajectory.h"
+#include "tests/plant/failure_of.h"
 #include "tests/support/private_network.h"
 
 namespace tachless::fci {
@@ -26,6 +27,7 @@ namespace {
 
 using base::ExitCode;
 using base::Failure;
+using plant::testing::failure_of;
 using testing::AllOf;
 using testing::HasSubstr;
 
@@ -52,17 +54,6 @@ class Served {
   EmulatedArm arm_;
   std::jthread serving_;
 };
-
-/// Returns the failure of `call`; none if it succeeds.
-template <class Call>
-std::optional<Failure> failure_of(const Call& call) {
-  try {
-    call();
-  } catch (const Failure& failure) {
-    return failure;
-  }
-  return {};
-}
 
 template <class T, class Bytes>
 T at(const Bytes& bytes, std::size_t place) {

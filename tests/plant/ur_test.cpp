@@ -12,29 +12,20 @@
 #include "plant/drivers/ur/ur_driver.h"
 #include "plant/guarded_robot.h"
 #include "reference/make_trajectory.h"
+#include "tests/plant/failure_of.h"
 
 namespace tachless::ur {
 namespace {
 
 using base::ExitCode;
 using base::Failure;
+using plant::testing::failure_of;
 using testing::AllOf;
 using testing::HasSubstr;
 using urcl::EmulatedArm;
 
 scenario::Scenario arm_of(const std::vector<std::string>& settings = {}) {
   return scenario::load_scenario(TACHLESS_SOURCE_DIR "/examples/ur/arm.yaml", settings);
-}
-
-/// Returns the failure of `call`; none if it succeeds.
-template <class Call>
-std::optional<Failure> failure_of(const Call& call) {
-  try {
-    call();
-  } catch (const Failure& failure) {
-    return failure;
-  }
-  return {};
 }
 
 /// Runs the scenario's law by the driver, and returns the root mean square of each joint's error

@@ -13,7 +13,8 @@
 #include <thread>
 
 /// A fault of a user's program, for stopping_test.cpp. The environment says which: FAULT is the
-/// function and what it does, "read block"; NOTES is the file that lists what happened, in order.
+/// function and what it does, "read block"; FAULT_AT is the number of the call; NOTES is the file that
+/// lists what happened, in order.
 namespace tachless::system_test {
 
 inline constexpr std::chrono::milliseconds blocked_for{2500};
@@ -41,9 +42,10 @@ inline void flood(std::size_t bytes) {
   }
 }
 
-/// Does at the hundredth call of `function` (at the first one of start and stop) what FAULT says.
+/// Does at call FAULT_AT of `function` (at the first one of start and stop) what FAULT says.
 inline void fault_of(std::string_view function, bool once = false) {
   static const std::string wanted = setting("FAULT");
+  static const int wanted_call = std::stoi(setting("FAULT_AT"));
   static int calls = 0;
   if (!wanted.starts_with(std::string(function) + " ")) return;
   const std::string_view what = std::string_view(wanted).substr(function.size() + 1);
@@ -53,7 +55,7 @@ inline void fault_of(std::string_view function, bool once = false) {
         "a line that somebody prints at every tick while he looks for an error in his program\n";
     [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, line.data(), line.size());
   }
-  if (calls != (once ? 1 : 100)) return;
+  if (calls != (once ? 1 : wanted_call)) return;
   note("fault");
   if (what == "block") std::this_thread::sleep_for(blocked_for);
   if (what == "throw") throw std::runtime_error("drive 2 is too hot");

@@ -50,6 +50,8 @@ std::string Contacts::text() const {
                             numbers.size() == 1 ? "its limit" : "their limits");
 }
 
+std::string Contacts::heading() const { return ticks == 0 ? "No contact" : "C" + text().substr(1); }
+
 nlohmann::ordered_json to_json(const Contacts& contacts) {
   if (contacts.simulator.empty()) return {};
   return {{"simulator", contacts.simulator},

@@ -31,6 +31,8 @@ struct Contacts {
   /// Returns "contact from 1.22 s (tip, wall), up to 520 N: joints 2, 4, 6 at their limits"; empty
   /// without a contact.
   [[nodiscard]] std::string text() const;
+  /// Returns the same with a capital letter; without a contact "No contact".
+  [[nodiscard]] std::string heading() const;
 };
 
 /// Returns `{simulator, ticks, first {time_s, geoms, force_N}, largest {…}, saturated_joints}`;

@@ -91,9 +91,7 @@ Html events_list(const RecordedRun& run) {
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
     count(fmt::format("Torque of {} saturated", run.joints.joint(joint)), run.saturated[joint]);
   }
-  if (const std::string contact = run.contacts.text(); !contact.empty()) {
-    items += html("<li>{}</li>", "C" + contact.substr(1));
-  }
+  if (run.contacts.ticks > 0) items += html("<li>{}</li>", run.contacts.heading());
   count("Command missed, the torque before held,", run.command_missed);
   count("Protective stop", run.protective_stop);
   for (const std::string& gap : run.summary.gap_texts()) {

@@ -215,9 +215,8 @@ ReportSection contact_section(const Overlay& all) {
     const auto points = run.contact_force.points(all.budget);
     if (points.empty()) continue;
     chart.curves.push_back(all.curve(run, points, "contact", {}, 1.4));
-    const std::string text = run.contacts.text();
-    section.text += html("<p>{}{}.</p>", all.alone() ? "" : run.label + ": ",
-                         text.empty() ? "No contact" : "C" + text.substr(1));
+    section.text +=
+        html("<p>{}{}.</p>", all.alone() ? "" : run.label + ": ", run.contacts.heading());
   }
   section.text += html(
       "<p>Force between the two geoms that press most, one of which is the robot's, at the start "

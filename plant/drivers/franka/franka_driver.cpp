@@ -384,15 +384,12 @@ std::vector<plant::DriverFigure> FrankaDriver::figures() const {
                                               {"load_kg", now_.m_load}};
   if (ticks_ == 0) return figures;
   const double mean = rate_sum_ / static_cast<double>(ticks_);
-  for (const plant::DriverFigure& each : std::initializer_list<plant::DriverFigure>{
-           {"success_rate_mean", mean},
-           {"success_rate_lowest", lowest_rate_},
-           {"torques_limited", static_cast<double>(limited_)},
-           {"answer_median_us", answers_.percentile_us(0.5)},
-           {"answer_99_percent_us", answers_.percentile_us(0.99)},
-           {"answer_max_us", answers_.max_us()}}) {
-    figures.push_back(each);
-  }
+  figures.insert(figures.end(), {{"success_rate_mean", mean},
+                                 {"success_rate_lowest", lowest_rate_},
+                                 {"torques_limited", static_cast<double>(limited_)},
+                                 {"answer_median_us", answers_.percentile_us(0.5)},
+                                 {"answer_99_percent_us", answers_.percentile_us(0.99)},
+                                 {"answer_max_us", answers_.max_us()}});
   return figures;
 }
 

@@ -36,16 +36,7 @@ void expect_adaptive_identity(const robot::Model& nominal, unsigned seed) {
   gains.gamma_mass = gains.gamma_moment = gains.gamma_inertia = 1;
   const controller::law::LoriaOrtegaAdaptive law(nominal, gains, {});
   for (int i = 0; i < 1000; ++i) {
-    const auto positive = [&](double most) -> VectorXd {
-      return VectorXd(random.vector(n, most).cwiseAbs().array() + 0.01 * most);
-    };
-    const ErrorSystem s{positive(5e3).asDiagonal(),
-                        positive(300).asDiagonal(),
-                        positive(1000),
-                        positive(1000),
-                        {},
-                        positive(2)};
-    const Weights w{positive(20), positive(0.2)};
+    const auto [s, w] = RandomLoop(random, n);
     const double mass = random.uniform(0.1, 3);
     const Eigen::Vector3d centre = 0.2 * Eigen::Vector3d(random.vector(3, 1)) / mass;
     const Eigen::Matrix3d any = Eigen::Matrix3d::NullaryExpr([&] { return random.uniform(-1, 1); });

@@ -11,9 +11,29 @@
 
 #include "lyapunov/matrix_condition.h"
 #include "numerics/decompositions.h"
+#include "tests/core/robot/robots.h"
 
 /// The derivative of V, and the matrix condition by another way.
 namespace tachless::lyapunov::testing {
+
+/// A loop of n joints and weights of V at random.
+struct RandomLoop {
+  RandomLoop(robot::testing::Random& random, Eigen::Index n) {
+    const auto positive = [&](double most) -> Eigen::VectorXd {
+      return Eigen::VectorXd(random.vector(n, most).cwiseAbs().array() + 0.01 * most);
+    };
+    system = {positive(5e3).asDiagonal(),
+              positive(300).asDiagonal(),
+              positive(1000),
+              positive(1000),
+              {},
+              positive(2)};
+    weights = {positive(20), positive(0.2)};
+  }
+
+  ErrorSystem system;
+  Weights weights;
+};
 
 /// C(q, x).
 inline Eigen::MatrixXd coriolis(const numerics::Inertia& inertia, const Eigen::VectorXd& x) {

@@ -183,13 +183,7 @@ void expect_integral_identity(const robot::Model& model, unsigned seed) {
     const auto positive = [&](double most) -> VectorXd {
       return VectorXd(random.vector(n, most).cwiseAbs().array() + 0.01 * most);
     };
-    const ErrorSystem s{positive(5e3).asDiagonal(),
-                        positive(300).asDiagonal(),
-                        positive(1000),
-                        positive(1000),
-                        {},
-                        positive(2)};
-    const Weights w{positive(20), positive(0.2)};
+    const auto [s, w] = RandomLoop(random, n);
     const VectorXd d = random.vector(n, 200), z = random.vector(n, 2000);
     const VectorXd limit = (k % 4 == 0 ? 1e9 : 1) * positive(3000);
     messages::ReferencePoint r = linear::constant_reference(random.vector(n, 3));

@@ -12,15 +12,24 @@
 namespace tachless::cli {
 namespace {
 
-// A robot that is brought to rest is recorded tick by tick, perhaps up to the run's last.
-TEST(Conclusions, OfARunWithAllTicksWhoseRobotWasStoppedAreThatItWasStopped) {
-  const TemporaryDirectory directory;
-  PlannedRun run{{}, support::shortened("practical_rigid.yaml", "0.1")};
+PlannedRun short_run(const std::string& scenario, const TemporaryDirectory& directory) {
+  PlannedRun run{{}, support::shortened(scenario, "0.1")};
   run.options.out = directory / "out";
   run.options.run_id = 7;
   run.options.quiet = true;
-  RunDirectory out(run);
+  return run;
+}
+
+void write_log(const PlannedRun& run, const RunDirectory& out) {
   logger::write_file(out / "lcmlog", logger::log_of(support::in_process_log(run.scenario)));
+}
+
+// A robot that is brought to rest is recorded tick by tick, perhaps up to the run's last.
+TEST(Conclusions, OfARunWithAllTicksWhoseRobotWasStoppedAreThatItWasStopped) {
+  const TemporaryDirectory directory;
+  const PlannedRun run = short_run("practical_rigid.yaml", directory);
+  RunDirectory out(run);
+  write_log(run, out);
   RunEnd end;
   end.code = base::ExitCode::protective_stop;
   end.facts.fault = "plant: protective stop at tick 90";
@@ -34,12 +43,9 @@ TEST(Conclusions, OfARunWithAllTicksWhoseRobotWasStoppedAreThatItWasStopped) {
 
 TEST(Conclusions, OfAnAdaptiveLawHaveItsEstimates) {
   const TemporaryDirectory directory;
-  PlannedRun run{{}, support::shortened("practical_adaptive.yaml", "0.1")};
-  run.options.out = directory / "out";
-  run.options.run_id = 7;
-  run.options.quiet = true;
+  const PlannedRun run = short_run("practical_adaptive.yaml", directory);
   RunDirectory out(run);
-  logger::write_file(out / "lcmlog", logger::log_of(support::in_process_log(run.scenario)));
+  write_log(run, out);
   Conclusions conclusions;
   conclusions.add(run, out, {});
   EXPECT_EQ(conclusions.finish(), base::ExitCode::done);
