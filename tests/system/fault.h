@@ -13,8 +13,8 @@
 #include <thread>
 
 /// A fault of a user's program, for stopping_test.cpp. The environment says which: FAULT is the
-/// function and what it does, "read block"; FAULT_AT is the number of the call; NOTES is the file that
-/// lists what happened, in order.
+/// function and what it does, "read block"; FAULT_AT is the number of the call; NOTES is the file
+/// that lists what happened, in order.
 namespace tachless::system_test {
 
 inline constexpr std::chrono::milliseconds blocked_for{2500};
