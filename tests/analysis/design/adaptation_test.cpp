@@ -97,12 +97,13 @@ TEST(AdaptiveDesign, TakesRatesOfHalfOfTheStiffness) {
   r.q_ref << 0.8, 0.6;
   r.a_ref << -7.2, -9.6;
   const Vector Y = law.columns_at(r, {r.v_ref, r.a_ref}).col(0);
-  // One instant; the largest mean of the two joints is 0.5.
-  EXPECT_LE(all.gains.at("gamma_mass")[0] * Y.squaredNorm() / 4000, 2 * 0.51);
-  EXPECT_GE(all.gains.at("gamma_mass")[0] * Y.squaredNorm() / 4000, 0.1);
+  // Both joints turn at once here, which the motion comes near: the mean of the joints is then 0.5.
+  const double mean = all.gains.at("gamma_mass")[0] * Y.squaredNorm() / 4000 / 2;
+  EXPECT_LE(mean, 0.55);
+  EXPECT_GE(mean, 0.3);
 }
 
-TEST(AdaptiveDesign, TakesTheLargestMassWithARegionWhereNoneIsGiven) {
+TEST(AdaptiveDesign, TakesAMassWithARegionWhereNoneIsGiven) {
   Design all;
   all.gains = {{"kp", Vector{{4000, 400}}},
                {"kd", Vector{{300, 30}}},
@@ -112,7 +113,10 @@ TEST(AdaptiveDesign, TakesTheLargestMassWithARegionWhereNoneIsGiven) {
   add_adaptation(loaded("{" + any_feedback + "}"), all);
   EXPECT_THAT(all.warnings, IsEmpty());
   EXPECT_GE(all.gains.at("mass_max")[0], 0.5);
-  EXPECT_LT(all.gains.at("mass_max")[0], 5);
+  std::string why_not;
+  EXPECT_TRUE(
+      lyapunov::weighted_region(with_gains(loaded("{" + any_feedback + "}"), all.gains), why_not))
+      << why_not;
   add_adaptation(loaded("{" + any_feedback + ", mass_max: 50}"), given);
   ASSERT_EQ(given.warnings.size(), 1U);
   EXPECT_THAT(given.warnings[0], HasSubstr("--set controller.gains.mass_max="));
