@@ -516,6 +516,7 @@ std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
   const robot::JointLabels labels = robot::joint_labels(*scenario.model);
   const auto largest = [&](bool speed) { return largest_text(all.feasibility, speed, labels); };
   std::string reference = fmt::format("needs {}, {}", largest(false), largest(true));
+  for (const std::string& doubt : all.feasibility.doubtful) reference += "; doubtful: " + doubt;
   if (const auto& problems = all.feasibility.impossible; !problems.empty()) {
     reference = fmt::format("{}", fmt::join(problems, "; "));
   }

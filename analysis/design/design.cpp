@@ -14,6 +14,7 @@
 #include "base/parallel.h"
 #include "certify/feasibility.h"
 #include "controller/registry.h"
+#include "design/adaptation.h"
 #include "design/design_problem.h"
 #include "design/gain_point.h"
 #include "design/gain_search.h"
@@ -640,11 +641,10 @@ std::optional<Design> best_design(const scenario::Scenario& scenario, const Desi
   return search.found({.bandwidth_hz = {}, .in_range = false}, tell);
 }
 
-}  // namespace
-
-Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
-              const linear::OnProgress& tell, const linear::LawAnswers& answers,
-              bool another_follows) {
+/// Returns the design of a law that has a linear model.
+Design linear_design(const scenario::Scenario& scenario, const DesignGoal& goal,
+                     const linear::OnProgress& tell, const linear::LawAnswers& answers,
+                     bool another_follows) {
   const certify::Feasibility feasible = certify::feasibility(scenario);
   if (!feasible.impossible.empty()) {
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
@@ -672,6 +672,21 @@ Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
     best->missed = goal.settling_s;
   }
   return *best;
+}
+
+}  // namespace
+
+Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
+              const linear::OnProgress& tell, const linear::LawAnswers& answers,
+              bool another_follows) {
+  if (answers || !adapts(scenario)) {
+    return linear_design(scenario, goal, tell, answers, another_follows);
+  }
+  Design found =
+      linear_design(with_constant_estimates(scenario), goal, tell, answers, another_follows);
+  tell("design: rates and weights of the adaptation");
+  add_adaptation(scenario, found);
+  return found;
 }
 
 std::vector<std::string> overrides_of(const Design& design, const std::string& law) {

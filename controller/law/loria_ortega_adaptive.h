@@ -148,6 +148,7 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
       unit(i, j) = unit(j, i) = 1;
       add_column({load_of(origin, unit), load_of(origin, -unit)}, gains_.gamma_inertia,
                  {i == j ? 0 : -gains_.inertia_max, gains_.inertia_max});
+      if (!turns(columns_.back())) columns_.pop_back();
     }
   }
 
@@ -198,23 +199,17 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
     all.value[row++] = each(next(gains_.gamma_mass));
     for (int axis = 0; axis < 3; ++axis) all.value[row++] = each(next(gains_.gamma_moment));
     all.value[row] = each(0);
-    for (Eigen::Index i = 0; i < std::min<Eigen::Index>(e.size(), 6); ++i) {
-      all.value[row][i] = next(gains_.gamma_inertia);
+    for (Eigen::Index i = 0; i < e.size() && column < now.load.size(); ++i) {
+      all.value[row][i] = now.load[column++];
     }
     return {now, command, all};
   }
 
   /// Returns the load's columns of Y at q_ref [N m/kg, 1/s^2].
   [[nodiscard]] Columns columns_at(const ReferencePoint& reference, const Feedforward& of) const {
-    const auto torque = [&](const robot::Model& model) {
-      return robot::inverse_dynamics(model, reference.q_ref, of.v_ref, of.a_ref);
-    };
     Columns Y(reference.q_ref.size(), num_columns());
     for (Eigen::Index i = 0; i < Y.cols(); ++i) {
-      const Column& column = columns_[static_cast<std::size_t>(i)];
-      Y.col(i) = torque(column.load[0]);
-      // All else of both is the same: half the difference is the moment's or the inertia's.
-      if (column.load.size() > 1) Y.col(i) = 0.5 * (Y.col(i) - torque(column.load[1]));
+      Y.col(i) = torque_of(columns_[static_cast<std::size_t>(i)], reference.q_ref, of);
     }
     return Y;
   }
@@ -233,7 +228,34 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
     return static_cast<Eigen::Index>(columns_.size());
   }
 
-  /// The entries of the inertia in the order of their columns: xx, yy, zz, xy, xz, yz.
+  /// Returns the torque of a parameter of 1 [N m/kg, 1/s^2].
+  [[nodiscard]] static Vector torque_of(const Column& column, const Vector& q,
+                                        const Feedforward& of) {
+    const auto torque = [&](const robot::Model& model) {
+      return robot::inverse_dynamics(model, q, of.v_ref, of.a_ref);
+    };
+    const Vector first = torque(column.load[0]);
+    if (column.load.size() == 1) return first;
+    // All else of both is the same: half the difference is the moment's or the inertia's.
+    return 0.5 * (first - torque(column.load[1]));
+  }
+
+  /// Returns whether the robot turns that entry of the inertia: in a planar arm it turns one alone.
+  [[nodiscard]] bool turns(const Column& column) const {
+    constexpr int postures = 8;
+    constexpr double least = 1e-4;  // of an entry that turns at 1 rad/s or 1 rad/s^2: about 1
+    const auto some = [&](double phase) -> Vector {
+      return 3 * Vector::LinSpaced(robot_.num_joints, phase, 2 * phase + 1).array().sin();
+    };
+    for (int k = 1; k <= postures; ++k) {
+      const Vector torque = torque_of(column, some(k), {some(k + 0.3), some(k + 0.7)});
+      if (torque.cwiseAbs().maxCoeff() > least) return true;
+    }
+    return false;
+  }
+
+  /// The entries of the inertia in the order of their columns: xx, yy, zz, xy, xz, yz. Those that
+  /// the robot does not turn are left out.
   static constexpr std::array<std::pair<int, int>, 6> inertia_entries{
       {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}}};
 

@@ -14,6 +14,7 @@
 #include "base/schema.h"
 #include "base/text.h"
 #include "certify/certify.h"
+#include "design/adaptation.h"
 #include "design/maker_stiffness.h"
 #include "robot/model.h"
 
@@ -89,7 +90,7 @@ std::string design_text(const design::Design& design, const scenario::Scenario& 
   }
   const auto line = [&](const std::string& what) { text += "  " + what + "\n"; };
   const certify::Prediction& loop = design.loop;
-  line(certify::text(loop));
+  line((design::adapts(scenario) ? "with constant estimates: " : "") + certify::text(loop));
   line(fmt::format("settling of an error of one joint alone: {} the slowest, {} the mean",
                    certify::settling_text(loop.modes.settling_s),
                    certify::settling_text(loop.modes.settling_mean_s)));

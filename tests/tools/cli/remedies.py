@@ -25,6 +25,8 @@ FRICTION = ["--set", "plant.drive.coulomb_friction_Nm=[50, 50]", "--set",
 CASES = [
     ([*RUN, "--set", "loop.period_s=0.01"], []),
     (["design", ARM, "--bandwidth", "2", "--write", "designed.yaml", "-q"], []),
+    (["design", ARM, "--set", "controller.law=linear_adrc", "--write", "designed.yaml", "-q"], []),
+    (["design", ARM, "--set", "controller.law=loria_ortega_adaptive", "--write", "designed.yaml", "-q"], []),
     (["excite", PRACTICAL, "--duration", "5", "--write", "move.yaml", "-q"], []),
     (["run", PAPER, "--realtime", "--duration", "0.01", "--isolate", "--any-outcome"], []),
     (["run", ARM], []),

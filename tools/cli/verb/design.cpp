@@ -22,6 +22,7 @@
 #include "cli/progress.h"
 #include "cli/run.h"
 #include "cli/verb.h"
+#include "controller/registry.h"
 #include "design/design.h"
 #include "design/structure.h"
 #include "scenario/scenario.h"
@@ -216,10 +217,20 @@ struct Design {
     return whole;
   }
 
+  /// Returns whether the scenario has gains of another law, which `run` would refuse.
+  [[nodiscard]] bool has_other_gains(const scenario::Scenario& scenario) const {
+    if (!law_program.empty()) return false;
+    const auto own = controller::parameter_names(controller::law_facts(scenario.controller.law));
+    return std::ranges::any_of(scenario.controller.gains, [&](const auto& gain) {
+      return std::ranges::find(own, gain.first) == own.end();
+    });
+  }
+
   /// Returns the scenario with the design's gains, as text.
   [[nodiscard]] std::string designed_text(const DesignInput& source, const Found& found) const {
     const scenario::Scenario& scenario = found.scenario;
     std::vector<std::string> gains = design::overrides_of(found.design);
+    if (has_other_gains(scenario)) gains.insert(gains.begin(), "controller.gains={}");
     // The files were read before the search: they may have changed since.
     const auto designed = [&] {
       if (!law_program.empty()) return source.scenario({}, std::move(gains));
