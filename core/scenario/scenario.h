@@ -295,7 +295,7 @@ Vector start_posture(const robot::Description& description, const robot::Model& 
 /// plane. It ends 0.3 rad (0.1 m) away, on the side of the farther limit. The scenario has a 20-bit
 /// encoder, one tick of delay, and the URDF's friction fed forward. The drives hold the robot until
 /// the first command acts.
-std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
+std::string urdf_scenario(const robot::Model& model, const UrdfScenario& options);
 
 /// Returns `model` with the scenario's payload, or unchanged without a payload.
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
