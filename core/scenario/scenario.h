@@ -155,7 +155,7 @@ struct RobotSpec {
       base::Key{
           "joint_signs", &RobotSpec::joint_signs, "",
           "Sign of a real robot's joint: 1, or -1 where it turns against its axis in the URDF"}
-          .in({-1, 1, false, false, true})
+          .in(base::whole(-1, 1))
           .by_default(1),
       base::Key{"joint_offsets_rad", &RobotSpec::joint_offsets_rad, "rad (m)",
                 "Position in the URDF where a real robot's driver reads 0"}
