@@ -90,7 +90,7 @@ function(tachless_library name)
     add_library(${name} STATIC ${arg_SOURCES})
     set_property(GLOBAL APPEND_STRING PROPERTY TACHLESS_ARCHIVES " -l${name}")
     # These are header-only and used in sources only, so that users of this library do not need them.
-    list(TRANSFORM arg_PRIVATE_LIBS REPLACE "^(CLI11|urdfdom_headers|lcmtypes_).*" "$<BUILD_INTERFACE:\\0>")
+    list(TRANSFORM arg_PRIVATE_LIBS REPLACE "^(CLI11|lcmtypes_).*" "$<BUILD_INTERFACE:\\0>")
     target_link_libraries(${name} PUBLIC ${arg_LIBS} PRIVATE tachless_options ${arg_PRIVATE_LIBS})
     tachless_include_folders(${name} PUBLIC)
     tachless_compile_fast(${name} ${TACHLESS_HEADERS})

@@ -334,7 +334,7 @@ LawProgram::LawProgram(const scenario::Scenario& scenario, const std::string& co
       program_(std::make_shared<Program>(scenario, command)),
       info_(program_->begin(scenario)) {}
 
-std::vector<Vector> LawProgram::answers(double period_s, bool weightless,
+std::vector<Vector> LawProgram::answers(double period_s, Gravity gravity,
                                         std::span<const messages::AnyMeasurement> measurements,
                                         const messages::ReferencePoint& reference) {
   // Ticks sent ahead of their answers; far below the capacity of a socket.
@@ -344,7 +344,7 @@ std::vector<Vector> LawProgram::answers(double period_s, bool weightless,
   try {
     std::vector<std::string> other = changes(scenario_, period_s, reference.gains);
     // A tiny gravity instead of zero: a scenario whose arm compensates gravity itself refuses zero.
-    if (weightless) other.emplace_back("robot.gravity_m_per_s2=1e-9");
+    if (gravity == Gravity::nearly_zero) other.emplace_back("robot.gravity_m_per_s2=1e-9");
     if (other != begun_) {
       scenario::Scenario scenario = scenario::parse_scenario(
           scenario_.text, scenario_.robot.urdf_text, scenario_.source, other);

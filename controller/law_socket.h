@@ -64,6 +64,9 @@ ScenarioLaw external_law(const scenario::Scenario& scenario, const std::string& 
 
 class Program;
 
+/// Gravity with which a law is asked for torques.
+enum class Gravity { of_scenario, nearly_zero };
+
 /// A program that is asked repeatedly for its law's torques, without a run, from any thread.
 class LawProgram {
  public:
@@ -75,10 +78,9 @@ class LawProgram {
 
   /// Returns the law's torques [N m] for these measurements, which belong to ticks 0, 1, … of a new
   /// run with this period. The reference is held, and the gains are the scenario's.
-  /// @param weightless computes without gravity
   /// @throw base::Failure as a step of `external_law`. Every later call throws the same failure,
   /// because unread answers may still be in the socket.
-  std::vector<Vector> answers(double period_s, bool weightless,
+  std::vector<Vector> answers(double period_s, Gravity gravity,
                               std::span<const messages::AnyMeasurement> measurements,
                               const messages::ReferencePoint& reference);
 

@@ -24,7 +24,7 @@ using base::Clock;
 using messages::Role;
 using session::CommandPicker;
 using session::CommandResponder;
-using session::Verdict;
+using session::Receipt;
 
 /// One of the law's two inputs: the decoded values of the last ticks in a preallocated ring.
 template <class Value>
@@ -73,9 +73,9 @@ class Node {
   }
 
   /// Judges a valid message of this run, before the message is counted and kept.
-  virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
+  virtual Receipt judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
   /// Acts on the judged message.
-  virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
+  virtual void act(Role from, std::int64_t tick, Receipt receipt) = 0;
 
   void join() {
     base::log_detail("law {}, measures {}, publishes its signals {}", info_.law, info_.measurement,
@@ -139,10 +139,10 @@ class Node {
   void receive(Input<Value>& input, Role from) {
     session_.on(input, [this, &input, from](const messages::Stamp& stamp, const Value& value,
                                             const bus::Datagram& datagram) {
-      const Verdict verdict = judge(from, stamp.tick, datagram);
-      session_.count(verdict, from, datagram, stamp.tick);
-      if (verdict == Verdict::fresh) input.keep(stamp, value);
-      act(from, stamp.tick, verdict);
+      const Receipt receipt = judge(from, stamp.tick, datagram);
+      session_.count(receipt, from, datagram, stamp.tick);
+      if (receipt == Receipt::fresh) input.keep(stamp, value);
+      act(from, stamp.tick, receipt);
     });
   }
 };
@@ -163,14 +163,14 @@ class LockstepNode final : public Node {
  private:
   using Action = CommandResponder::Action;
 
-  Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
+  Receipt judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
     const auto answer = responder_.on_input(input_of(from), tick, datagram.payload);
     action_ = answer.action;
-    return answer.verdict;
+    return answer.receipt;
   }
 
-  void act(Role from, std::int64_t tick, Verdict verdict) override {
-    const bool asked = verdict == Verdict::fresh || verdict == Verdict::repeated;
+  void act(Role from, std::int64_t tick, Receipt receipt) override {
+    const bool asked = receipt == Receipt::fresh || receipt == Receipt::repeated;
     if (from == Role::plant && asked) session_.note_started(Clock::now());
     if (action_ == Action::compute) {
       compute(responder_.next());
@@ -212,17 +212,17 @@ class RealtimeNode final : public Node {
   }
 
  private:
-  Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
+  Receipt judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
     // A reference is a tick ahead.
     const std::int64_t begun = from == Role::plant ? tick : std::max<std::int64_t>(tick - 1, 0);
     if (!pace_.possible(begun, Clock::now()) && !session_.membership().knows(datagram.sender)) {
-      return Verdict::not_asked;
+      return Receipt::not_asked;
     }
     return picker_.on_input(input_of(from), tick, datagram.payload);
   }
 
-  void act(Role from, std::int64_t tick, Verdict verdict) override {
-    if (verdict != Verdict::fresh) return;
+  void act(Role from, std::int64_t tick, Receipt receipt) override {
+    if (receipt != Receipt::fresh) return;
     if (from == Role::plant) {
       session_.note_started(Clock::now());
     } else {

@@ -27,7 +27,7 @@ namespace {
 using namespace std::chrono_literals;
 using base::Clock;
 using messages::Slot;
-using session::Verdict;
+using session::Receipt;
 
 // In realtime the log is closed after this many consecutive waits without a message. Waits are
 // counted, not time, so that a stalled machine is not taken for silence. After the plant's last
@@ -124,10 +124,10 @@ class Recorder {
 
   /// Counts as Session::count does. Once the run has failed, a conflict is recorded and throws
   /// nothing.
-  void count(Verdict verdict, messages::Role from, const bus::Datagram& datagram,
+  void count(Receipt receipt, messages::Role from, const bus::Datagram& datagram,
              std::int64_t tick) {
-    if (concluding_) return session_.count(verdict);
-    session_.count(verdict, from, datagram, tick);
+    if (concluding_) return session_.count(receipt);
+    session_.count(receipt, from, datagram, tick);
   }
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data) {
     file_.append(utime, channel, data);
@@ -233,8 +233,8 @@ class LockstepRecorder final : public Recorder {
  private:
   void on_joined() override { window_.emplace(scenario_.loop.num_ticks, messages_->longest()); }
   void on_message(Slot slot, const messages::Stamp& stamp, const bus::Datagram& datagram) override {
-    const Verdict verdict = window_->on_message(slot, stamp.tick, datagram.payload);
-    count(verdict, role_of(slot), datagram, stamp.tick);
+    const Receipt receipt = window_->on_message(slot, stamp.tick, datagram.payload);
+    count(receipt, role_of(slot), datagram, stamp.tick);
   }
   void after_message() override {
     write_complete_ticks();
@@ -301,15 +301,15 @@ class RealtimeRecorder final : public Recorder {
     const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
     if (!pace_.possible(stamp.tick - ahead, begin) &&
         !session_.membership().knows(datagram.sender)) {
-      return session_.count(Verdict::not_asked);
+      return session_.count(Receipt::not_asked);
     }
-    const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
+    const Receipt receipt = tally_.on_message(slot, stamp.tick, datagram.payload);
     silent_waits_ = 0;
-    if (verdict == Verdict::conflicting && !concluding_) {
+    if (receipt == Receipt::conflicting && !concluding_) {
       append(since_start(begin), datagram.channel, datagram.payload);
     }
-    if (verdict != Verdict::fresh) {
-      return count(verdict, role_of(slot), datagram, stamp.tick);
+    if (receipt != Receipt::fresh) {
+      return count(receipt, role_of(slot), datagram, stamp.tick);
     }
     if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
     append(since_start(begin), datagram.channel, datagram.payload);

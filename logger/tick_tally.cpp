@@ -9,10 +9,10 @@ TickTally::TickTally(std::int64_t num_ticks, bool contact)
   for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
 }
 
-TickTally::Verdict TickTally::on_message(Slot slot, std::int64_t tick,
+TickTally::Receipt TickTally::on_message(Slot slot, std::int64_t tick,
                                          std::span<const std::byte> bytes) {
-  if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
-  if (tick < settled_) return Verdict::too_old;
+  if (tick < 0 || tick >= num_ticks_) return Receipt::not_asked;
+  if (tick < settled_) return Receipt::too_old;
   settle_before(tick - window + 1);
   if (slot != Slot::reference) newest_ = std::max(newest_, tick);
   Entry& entry = entries_[tick];
@@ -22,11 +22,11 @@ TickTally::Verdict TickTally::on_message(Slot slot, std::int64_t tick,
   }
   const std::uint64_t digest = session::digest_of(bytes);
   if (entry.has[index(slot)]) {
-    return entry.digest[index(slot)] == digest ? Verdict::repeated : Verdict::conflicting;
+    return entry.digest[index(slot)] == digest ? Receipt::repeated : Receipt::conflicting;
   }
   entry.has[index(slot)] = true;
   entry.digest[index(slot)] = digest;
-  return Verdict::fresh;
+  return Receipt::fresh;
 }
 
 void TickTally::settle_before(std::int64_t end) {

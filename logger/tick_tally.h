@@ -20,7 +20,7 @@ namespace tachless::logger {
 class TickTally {
  public:
   using Slot = messages::Slot;
-  using Verdict = session::Verdict;
+  using Receipt = session::Receipt;
 
   /// A message may be this many ticks late; a later one is too old.
   static constexpr std::int64_t window = 1024;
@@ -30,7 +30,7 @@ class TickTally {
   explicit TickTally(std::int64_t num_ticks, bool contact = false);
 
   /// Returns whether the message is to be recorded (`fresh`), or why not.
-  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
+  Receipt on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
   /// Notes that the robot is stopped from this tick on. Only messages that `is_due_while_stopped`
   /// names are then expected.

@@ -16,8 +16,8 @@ namespace {
 
 using base::Clock;
 using messages::Role;
+using session::Receipt;
 using session::TickMaster;
-using session::Verdict;
 using Repeated = TickMaster::Repeat::What;
 
 enum Kind : int { tick_kind, measurement_kind, truth_kind, contact_kind };
@@ -71,9 +71,9 @@ class LockstepLoop : PlantLoop {
 
   void on_command(const messages::Stamp& stamp, const messages::TorqueCommand& command,
                   const bus::Datagram& datagram) {
-    const Verdict verdict = tick_master_.on_command(stamp.tick, datagram.payload, Clock::now());
-    session_.count(verdict, Role::controller, datagram, stamp.tick);
-    if (verdict != Verdict::fresh) return;
+    const Receipt receipt = tick_master_.on_command(stamp.tick, datagram.payload, Clock::now());
+    session_.count(receipt, Role::controller, datagram, stamp.tick);
+    if (receipt != Receipt::fresh) return;
     session_.statistics().plant().round_trip_us.add(tick_master_.round_trip());
     end_tick(command);
   }

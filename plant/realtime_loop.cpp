@@ -27,7 +27,7 @@ using base::Failure;
 using base::nanoseconds_of;
 using messages::Role;
 using messages::truth::DriveFault;
-using session::Verdict;
+using session::Receipt;
 
 // Time from the last confirmation of the roster to the first tick.
 constexpr auto lead_in = 5ms;
@@ -311,13 +311,13 @@ class RealtimeLoop : PlantLoop {
   void on_command(const messages::Stamp& stamp, const messages::TorqueCommand& command,
                   const bus::Datagram& datagram) {
     session::PlantStatistics& statistics = session_.statistics().plant();
-    const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload);
-    if (verdict == Verdict::too_old) {
+    const Receipt receipt = commands_.on_command(stamp.tick, datagram.payload);
+    if (receipt == Receipt::too_old) {
       ++statistics.late_commands;
       return;
     }
-    session_.count(verdict, Role::controller, datagram, stamp.tick);
-    if (verdict != Verdict::fresh) return;
+    session_.count(receipt, Role::controller, datagram, stamp.tick);
+    if (receipt != Receipt::fresh) return;
     statistics.command_age_us.add(Clock::now() - asked_);
     robot_.accept(command);
     if (scenario_.loop.command_delay == 0) act(DriveFault::none);

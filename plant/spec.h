@@ -169,7 +169,7 @@ struct EncoderSpec {
       base::Key{"resolution_bits", &EncoderSpec::resolution_bits, "bit",
                 "2^bits counts per revolution, on a prismatic joint over its range in the URDF; "
                 "null = ideal"}
-          .in({1, 52, false, false, true})
+          .in(base::whole(1, 52))
           .by_default("`null`")
           .or_null(),
       base::Key{"latency_ticks", &EncoderSpec::latency_ticks, "ticks",

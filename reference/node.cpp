@@ -18,7 +18,7 @@ namespace tachless::reference {
 namespace {
 
 using base::Clock;
-using session::Verdict;
+using session::Receipt;
 
 /// Accepts TICK, computes and publishes references.
 class Node {
@@ -64,11 +64,11 @@ class Node {
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) {
     if (pace_ && !pace_->possible(tick, Clock::now()) &&
         !session_.membership().knows(datagram.sender)) {
-      return session_.count(Verdict::not_asked);
+      return session_.count(Receipt::not_asked);
     }
     const auto answer = responder_.on_tick(tick, datagram.payload);
-    session_.count(answer.verdict, messages::Role::plant, datagram, tick);
-    if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
+    session_.count(answer.receipt, messages::Role::plant, datagram, tick);
+    if (answer.receipt != Receipt::fresh && answer.receipt != Receipt::repeated) return;
     session_.note_started(Clock::now());
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
       session_.publish(reference_port_.channel, responder_.kept(k));
@@ -92,9 +92,9 @@ class Node {
     }
     const std::int64_t newest = responder_.newest();
     if (stamp.tick <= changed_at_ || change.replaces != gains_) {
-      return session_.count(Verdict::too_old);
+      return session_.count(Receipt::too_old);
     }
-    if (newest < 0 || stamp.tick > newest) return session_.count(Verdict::not_asked);
+    if (newest < 0 || stamp.tick > newest) return session_.count(Receipt::not_asked);
     gains_ = std::move(change.gains);
     changed_at_ = newest + 1;
     acknowledged_ = change.number;

@@ -21,6 +21,7 @@
 namespace tachless::linear {
 namespace {
 
+using controller::Gravity;
 using controller::packed;
 using controller::unpack;
 using Eigen::Index;
@@ -127,14 +128,14 @@ struct ScenarioLoop::AskedLaw {
     messages::AnyMeasurement at_rest = messages::measurement_of(measurement).value();
     const std::vector<Part> measured = controller::measure(state, messages::parts_of(at_rest));
     const VectorXd nominal = packed(messages::parts_of(at_rest));
-    bool weightless = false;
+    Gravity gravity = Gravity::of_scenario;
     const Ask ask = [&](const MatrixXd& deviations) {
       std::vector<messages::AnyMeasurement> all(static_cast<std::size_t>(deviations.cols()),
                                                 at_rest);
       for (Index k = 0; k < deviations.cols(); ++k) {
         unpack(nominal + deviations.col(k), messages::parts_of(all[static_cast<std::size_t>(k)]));
       }
-      const std::vector<Vector> torques = answers(period_s, weightless, all, reference);
+      const std::vector<Vector> torques = answers(period_s, gravity, all, reference);
       MatrixXd result(torques[0].size(), deviations.cols());
       for (Index k = 0; k < result.cols(); ++k)
         result.col(k) = torques[static_cast<std::size_t>(k)];
@@ -150,8 +151,10 @@ struct ScenarioLoop::AskedLaw {
     }
     law.measured = measured;
     law.compensation = MatrixXd::Zero(law.D.rows(), law.D.cols());
-    weightless = period_s == own_period_s;
-    if (weightless) law.compensation = law.D - at_once(ask, nominal.size());
+    if (period_s == own_period_s) {
+      gravity = Gravity::nearly_zero;
+      law.compensation = law.D - at_once(ask, nominal.size());
+    }
     return known[key] = law;
   }
 };

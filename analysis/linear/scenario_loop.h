@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "controller/law/law.h"
+#include "controller/law_socket.h"
 #include "controller/stepped_law.h"
 #include "linear/linear_loop.h"
 #include "linear/sampled_limit.h"
@@ -25,9 +26,9 @@
 namespace tachless::linear {
 
 /// Function that returns the torques with which a law of another program answers measurements, tick
-/// by tick from the first tick of a run. The reference and its gains are constant. The gravity is
-/// the scenario's, or nearly zero if `weightless`. One thread at a time calls it.
-using LawAnswers = std::function<std::vector<Vector>(double period_s, bool weightless,
+/// by tick from the first tick of a run. The reference and its gains are constant. One thread at a
+/// time calls it.
+using LawAnswers = std::function<std::vector<Vector>(double period_s, controller::Gravity,
                                                      std::span<const messages::AnyMeasurement>,
                                                      const messages::ReferencePoint&)>;
 

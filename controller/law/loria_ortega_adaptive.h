@@ -61,7 +61,7 @@ struct AdaptiveGains {
       base::Key{"load_joint", &Self::load_joint, "joints",
                 "Joint whose link carries the load, counted from 1; 0: the leaf link farthest from "
                 "the root"}
-          .in({0, max_joints, false, false, true})
+          .in(base::whole(0, max_joints))
           .by_default(),
       bandwidth_key(&Self::w),
       damping_key(&Self::damping)};

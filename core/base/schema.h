@@ -50,6 +50,9 @@ struct Range {
 inline constexpr Range positive{0, std::numeric_limits<double>::infinity(), true, false};
 inline constexpr Range not_negative{0, std::numeric_limits<double>::infinity(), false, false};
 
+/// Returns the whole numbers from `low` to `high`.
+constexpr Range whole(double low, double high) { return {low, high, false, false, true}; }
+
 // An enum declares the names of its values in files beside itself, in its namespace and in its
 // order:
 //   enum class Side { link, motor };
@@ -223,7 +226,7 @@ inline constexpr Shape shape_of = shape_of_member<Member>();
 /// Returns the allowed values of that shape: "a finite number in (0, 1]". `choices` are the
 /// names of a choice or of the alternatives.
 std::string allowed_text(Shape shape, const Range& range,
-                         const std::vector<std::string_view>& choices, bool nullable);
+                         const std::vector<std::string_view>& choices = {}, bool nullable = false);
 
 /// Returns the names among which a value chooses; empty for a value that is no choice.
 template <class T>

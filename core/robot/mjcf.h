@@ -11,6 +11,7 @@ namespace tachless::robot {
 /// A robot's description as the text of a URDF, with the facts that a URDF does not hold.
 struct Description {
   std::string urdf;
+  std::string mjcf;                     ///< text of the MuJoCo model it was made of; empty: none
   std::vector<std::string> warnings;    ///< each with its source
   std::map<std::string, double> start;  ///< posture of an MJCF's keyframe, by joint [rad; m]
   bool adds_gravity = false;            ///< each body that moves has gravcomp="1"

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 #include <tinyxml.h>
-#include <urdf_model/pose.h>
 #include "base/elementary.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -341,12 +341,17 @@ class Reader {
            name, of.Attribute(name), allowed);
   }
 
-  double number(const TiXmlElement& of, const char* name) const {
-    try {
-      return urdf::strToDouble(std::string(trimmed(attribute(of, name))).c_str());
-    } catch (const std::runtime_error&) {
-      refuse_value(of, name, "a finite number");
-    }
+  /// Returns the finite number that `word` is, with a sign or without; nothing for another text.
+  static std::optional<double> finite(std::string_view word) {
+    if (word.starts_with('+') && !word.starts_with("+-")) word.remove_prefix(1);
+    const std::optional<double> value = base::number_in(word);
+    if (value && !std::isfinite(*value)) return {};
+    return value;
+  }
+  double number(const TiXmlElement& element, const char* name) const {
+    const std::optional<double> value = finite(trimmed(attribute(element, name)));
+    if (!value) refuse_value(element, name, "a finite number");
+    return *value;
   }
   double number(const TiXmlElement* of, const char* name, double otherwise) const {
     return gives(of, name) ? number(*of, name) : otherwise;
@@ -355,10 +360,10 @@ class Reader {
   static std::vector<double> numbers(const TiXmlElement& of, const char* name) {
     std::vector<double> found;
     std::istringstream words(of.Attribute(name));
-    try {
-      for (std::string word; words >> word;) found.push_back(urdf::strToDouble(word.c_str()));
-    } catch (const std::runtime_error&) {
-      return {};
+    for (std::string word; words >> word;) {
+      const std::optional<double> value = finite(word);
+      if (!value) return {};
+      found.push_back(*value);
     }
     return found;
   }

@@ -1,6 +1,7 @@
 #include "scenario/description.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include "base/failure.h"
 #include "base/file_text.h"
@@ -22,7 +23,10 @@ robot::Description read_description(const fs::path& file,
   description.urdf = urdf_text(file, xacro_arguments);
   if (!robot::is_mjcf(description.urdf)) return description;
   try {
-    return robot::description_of_mjcf(description.urdf, file.string(), files_beside(file));
+    std::string mjcf = std::move(description.urdf);
+    description = robot::description_of_mjcf(mjcf, file.string(), files_beside(file));
+    description.mjcf = std::move(mjcf);
+    return description;
   } catch (const std::invalid_argument& refused) {
     throw base::bad_usage("{}", refused.what());
   }

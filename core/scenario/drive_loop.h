@@ -47,7 +47,7 @@ struct DriveLoopSpec {
           .by_default(),
       base::Key{"resolution_bits", &DriveLoopSpec::resolution_bits, "bit",
                 "2^bits counts per revolution of the drive's own encoder, at the joint"}
-          .in({1, 52, false, false, true})
+          .in(base::whole(1, 52))
           .by_default("none: ideal")};
 };
 

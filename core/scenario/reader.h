@@ -115,8 +115,8 @@ void read_place(const Place& place, const Key& key, std::map<std::string, Entry>
         read_place(entry, key, to[name]);
       }
     } catch (const InvalidValue& refused) {
-      throw entry.complaint(refused.value + "; allowed: " +
-                            base::allowed_text(base::Key<Key, Entry>(name, nullptr).in(key.range)));
+      throw entry.complaint(refused.value +
+                            "; allowed: " + base::allowed_text(base::shape_of<Entry>, key.range));
     }
   }
 }

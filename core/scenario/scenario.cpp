@@ -94,7 +94,7 @@ robot::UrdfOptions urdf_options(const RobotSpec& spec) {
   return options;
 }
 
-/// From the keys of `place`, which is `robot`.
+/// Reads the keys of `robot`, which is `place`, without which no URDF can be read.
 robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
   read_key(place.child("locked"), RobotSpec::locked_key, spec);
@@ -130,13 +130,6 @@ robot::Model described_robot(const Scenario& scenario, const std::string& key,
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint(key, error.what());
   }
-}
-
-/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
-robot::Model read_robot(const YamlNode& root, const std::string& key,
-                        const Description& description, Scenario& scenario) {
-  read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
-  return described_robot(scenario, key, description, scenario.robot.urdf_text);
 }
 
 /// @param key of the scenario that names the URDF of `believed`
@@ -231,17 +224,26 @@ void take_kept_as_text(YamlNode& root, const Scenario& scenario) {
   taken(plant == nullptr ? nullptr : plant->find("drive"), "loop");
 }
 
+/// Takes the keys out of the tree that `read_urdf_options` has read.
+void take_urdf_options(YamlNode& root) {
+  for (const std::string_view name :
+       {RobotSpec::check_inertia_key.name, RobotSpec::locked_key.name, RobotSpec::base_key.name}) {
+    taken(root.find("robot"), name);
+  }
+}
+
 Scenario read_scenario(YamlNode root, const Description& plant, const Description& believed,
                        const JointParameters& parameters, Scenario scenario) {
-  robot::Model model = read_robot(root, "robot.urdf", plant, scenario);
+  read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
+  std::string& mechanics = scenario.robot.urdf_text;
+  robot::Model model = described_robot(scenario, "robot.urdf", plant, mechanics);
   add_joint_parameters(root, scenario, parameters, model);
   scenario.text = emit_yaml(root);
   std::optional<robot::Model> believed_model;
   if (!believed.source.empty()) {
-    believed_model = read_robot(root, "controller.urdf", believed, scenario);
+    believed_model = described_robot(scenario, "controller.urdf", believed, mechanics);
     require_same_joints(scenario, "controller.urdf", model, *believed_model);
   }
-  const std::string& mechanics = scenario.robot.urdf_text;
   scenario.digest = digest_of(scenario.text, mechanics);
   if (scenario.text.size() + mechanics.size() > max_message_bytes) {
     throw scenario.complaint(
@@ -252,6 +254,7 @@ Scenario read_scenario(YamlNode root, const Description& plant, const Descriptio
   }
   scenario.num_joints = model.num_joints;
   take_kept_as_text(root, scenario);
+  take_urdf_options(root);
   read(Place{scenario, &root, ""}, scenario);
   take_rotors(scenario, model, believed_model);
 
@@ -528,10 +531,10 @@ robot::Model own_model(const Scenario& scenario) {
 }
 
 RobotFile robot_file(const fs::path& file, const std::vector<std::string>& overrides) {
-  std::vector<std::string> of_robot = overrides;
-  std::erase_if(of_robot, [](const std::string& each) { return !each.starts_with("robot"); });
+  std::vector<std::string> applied = overrides;
+  std::erase_if(applied, [](const std::string& each) { return !each.starts_with("robot"); });
   Scenario scenario;
-  const YamlNode root = located_tree("robot: {}", of_robot, scenario);
+  const YamlNode root = located_tree("robot: {}", applied, scenario);
   const Place place = Place{scenario, &root, ""}.child("robot");
   read_key(place.child("xacro"), RobotSpec::xacro_key, scenario.robot);
   RobotFile read{read_description(file, scenario.robot.xacro), {}};

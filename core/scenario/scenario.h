@@ -155,7 +155,7 @@ struct RobotSpec {
       base::Key{
           "joint_signs", &RobotSpec::joint_signs, "",
           "Sign of a real robot's joint: 1, or -1 where it turns against its axis in the URDF"}
-          .in({-1, 1, false, false, true})
+          .in(base::whole(-1, 1))
           .by_default(1),
       base::Key{"joint_offsets_rad", &RobotSpec::joint_offsets_rad, "rad (m)",
                 "Position in the URDF where a real robot's driver reads 0"}
@@ -295,7 +295,7 @@ Vector start_posture(const robot::Description& description, const robot::Model& 
 /// plane. It ends 0.3 rad (0.1 m) away, on the side of the farther limit. The scenario has a 20-bit
 /// encoder, one tick of delay, and the URDF's friction fed forward. The drives hold the robot until
 /// the first command acts.
-std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
+std::string urdf_scenario(const robot::Model& model, const UrdfScenario& options);
 
 /// Returns `model` with the scenario's payload, or unchanged without a payload.
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.

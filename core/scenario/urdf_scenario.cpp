@@ -85,15 +85,15 @@ Vector start_posture(const robot::Description& description, const robot::Model& 
   return posture;
 }
 
-std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
-  const Vector from = of.from.size() > 0 ? of.from : start_of(model);
+std::string urdf_scenario(const robot::Model& model, const UrdfScenario& options) {
+  const Vector from = options.from.size() > 0 ? options.from : start_of(model);
   const Vector to = end_of(model, from);
   // The polynomial of degree 9 peaks at 2.46 times its mean speed.
   const double fastest = ((to - from).cwiseAbs().cwiseQuotient(model.velocity_limit)).maxCoeff();
   const double duration = std::ceil(10 * std::clamp(3 * fastest, 2.0, 50.0)) / 10;
-  const auto ticks = static_cast<long long>(std::ceil((duration + 3) / of.period_s));
+  const auto ticks = static_cast<long long>(std::ceil((duration + 3) / options.period_s));
   const std::string start =  // a given start stays as it is, since it may be at a limit
-      of.from.size() > 0 ? fmt::format("[{}]", fmt::join(from, ", ")) : list(from);
+      options.from.size() > 0 ? fmt::format("[{}]", fmt::join(from, ", ")) : list(from);
   const char* bits = "20";  // null: a prismatic joint has no range for its counts
   for (int i = 0; i < model.num_joints; ++i) {
     const robot::JointType type = model.joint_types[static_cast<std::size_t>(i)];
@@ -113,9 +113,9 @@ std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of) {
       "controller:\n  law: loria_ortega_rigid\n  gains: {{kp: 1, kd: 1, a: 1, b: 1}}\n"
       "  filter: tustin\n  feedforward_lead: half_tick_plus_delay\n{}"
       "loop: {{mode: lockstep, period_s: {:g}, duration_s: {:.12g}, command_delay: 1}}\n",
-      of.name, emit_yaml({YamlNode::Kind::scalar, of.urdf}),
-      of.adds_gravity ? "  compensates: {gravity: true}\n" : "", start, bits, start, list(to),
-      duration, friction, of.period_s, static_cast<double>(ticks) * of.period_s);
+      options.name, emit_yaml({YamlNode::Kind::scalar, options.urdf}),
+      options.adds_gravity ? "  compensates: {gravity: true}\n" : "", start, bits, start, list(to),
+      duration, friction, options.period_s, static_cast<double>(ticks) * options.period_s);
 }
 
 }  // namespace tachless::scenario

@@ -5,21 +5,21 @@
 
 namespace tachless::session {
 
-Verdict LogWindow::on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes) {
+Receipt LogWindow::on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes) {
   // A newer tick would overwrite unwritten ticks in the ring. The plant's window prevents such
   // ticks.
   if (tick < 0 || tick >= num_ticks_ || tick > written_ + MessageRing::depth) {
-    return Verdict::not_asked;
+    return Receipt::not_asked;
   }
   const bool late = tick + 1 < newest_;
-  const Verdict verdict = ring_.put(tick, static_cast<int>(slot), bytes);
-  if (verdict == Verdict::fresh) {
+  const Receipt receipt = ring_.put(tick, static_cast<int>(slot), bytes);
+  if (receipt == Receipt::fresh) {
     if (slot != Slot::reference) newest_ = std::max(newest_, tick);
     if (late) filled_late_ = true;
   }
   // The plant repeats TRUTH last, so each repeated tick causes one acknowledgement.
-  if (slot == Slot::truth && (late || verdict != Verdict::fresh)) asked_again_ = true;
-  return verdict;
+  if (slot == Slot::truth && (late || receipt != Receipt::fresh)) asked_again_ = true;
+  return receipt;
 }
 
 std::optional<std::int64_t> LogWindow::complete_tick() const {

@@ -31,7 +31,7 @@ class LogWindow {
   LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest)
       : num_ticks_(num_ticks), longest_(longest), ring_(longest) {}
 
-  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
+  Receipt on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
 
   /// Returns the tick to be written next, if all its messages have arrived.
   [[nodiscard]] std::optional<std::int64_t> complete_tick() const;

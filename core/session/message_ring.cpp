@@ -25,10 +25,10 @@ MessageRing::MessageRing(std::span<const std::size_t> capacities) {
   }
 }
 
-Verdict MessageRing::put(std::int64_t tick, int kind, std::span<const std::byte> bytes) {
+Receipt MessageRing::put(std::int64_t tick, int kind, std::span<const std::byte> bytes) {
   if (tick < 0) throw std::logic_error("message of tick " + std::to_string(tick) + " kept");
   Slot& slot = slots_[tick];
-  if (tick < slot.tick) return Verdict::too_old;
+  if (tick < slot.tick) return Receipt::too_old;
   if (tick > slot.tick) {
     slot.tick = tick;
     for (Message& message : slot.messages) message.present = false;
@@ -38,7 +38,7 @@ Verdict MessageRing::put(std::int64_t tick, int kind, std::span<const std::byte>
   if (message.present) {
     const bool same =
         message.digest_only ? message.digest == digest : std::ranges::equal(message.bytes, bytes);
-    return same ? Verdict::repeated : Verdict::conflicting;
+    return same ? Receipt::repeated : Receipt::conflicting;
   }
   if (!message.digest_only && bytes.size() > message.bytes.capacity()) {
     throw std::logic_error("message of " + std::to_string(bytes.size()) +
@@ -48,7 +48,7 @@ Verdict MessageRing::put(std::int64_t tick, int kind, std::span<const std::byte>
   message.present = true;
   message.digest = digest;
   if (!message.digest_only) message.bytes.assign(bytes.begin(), bytes.end());
-  return Verdict::fresh;
+  return Receipt::fresh;
 }
 
 std::span<const std::byte> MessageRing::bytes(std::int64_t tick, int kind) const {

@@ -13,7 +13,7 @@
 namespace tachless::session {
 
 /// Outcome of one received message.
-enum class Verdict {
+enum class Receipt {
   fresh,        ///< accepted as new
   repeated,     ///< same bytes as before
   not_asked,    ///< belongs to a tick that was not requested
@@ -42,7 +42,7 @@ class MessageRing {
   /// Keeps a message. A tick newer than all earlier ones drops the tick `depth` before it.
   /// @return fresh, repeated, conflicting or too_old; only `fresh` changes what is kept.
   /// @throw std::logic_error on a negative tick or a message longer than its kind's capacity.
-  Verdict put(std::int64_t tick, int kind, std::span<const std::byte> bytes);
+  Receipt put(std::int64_t tick, int kind, std::span<const std::byte> bytes);
 
   [[nodiscard]] bool has(std::int64_t tick, int kind) const { return find(tick, kind) != nullptr; }
 

@@ -10,13 +10,13 @@ ReferenceResponder::Answer ReferenceResponder::on_tick(std::int64_t tick,
                                                        std::span<const std::byte> bytes) {
   // In lockstep the plant begins tick k after command k - 1, which needs reference k - 1.
   if (tick < 0 || tick >= num_ticks_ || (!realtime_ && tick > newest_ + 1)) {
-    return {Verdict::not_asked, {}, {}};
+    return {Receipt::not_asked, {}, {}};
   }
   Answer result{ring_.put(tick, tick_kind, bytes), {}, {}};
-  if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;
+  if (result.receipt != Receipt::fresh && result.receipt != Receipt::repeated) return result;
   const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
   result.compute = {std::max(newest_ + 1, tick), last};
-  if (!realtime_ && (result.verdict == Verdict::repeated || tick + 1 <= newest_)) {
+  if (!realtime_ && (result.receipt == Receipt::repeated || tick + 1 <= newest_)) {
     result.repeat = {tick, std::min(last, newest_)};
   }
   return result;
@@ -40,12 +40,12 @@ CommandResponder::Answer CommandResponder::on_input(LawInput input, std::int64_t
   // The plant is at most at tick next(), and the reference is one tick ahead of it.
   const std::int64_t newest = measured ? next_ : next_ + 1;
   if (tick < 0 || tick >= num_ticks_ || tick > newest) {
-    return {Verdict::not_asked, Action::nothing};
+    return {Receipt::not_asked, Action::nothing};
   }
-  const Verdict verdict = ring_.put(tick, input, bytes);
-  if (verdict == Verdict::fresh && is_ready()) return {verdict, Action::compute};
-  const bool repeat = measured && verdict == Verdict::repeated && ring_.has(tick, command_kind);
-  return {verdict, repeat ? Action::repeat : Action::nothing};
+  const Receipt receipt = ring_.put(tick, input, bytes);
+  if (receipt == Receipt::fresh && is_ready()) return {receipt, Action::compute};
+  const bool repeat = measured && receipt == Receipt::repeated && ring_.has(tick, command_kind);
+  return {receipt, repeat ? Action::repeat : Action::nothing};
 }
 
 bool CommandResponder::is_ready() const {
@@ -83,13 +83,13 @@ double Pace::periods_until(base::Clock::time_point now) const {
   return std::chrono::duration<double>(now - first_->at).count() / period_s_;
 }
 
-Verdict CommandPicker::on_input(LawInput input, std::int64_t tick,
+Receipt CommandPicker::on_input(LawInput input, std::int64_t tick,
                                 std::span<const std::byte> bytes) {
-  if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
-  const Verdict verdict = ring_.put(tick, input, bytes);
-  if (verdict != Verdict::fresh || input != measurement_input) return verdict;
+  if (tick < 0 || tick >= num_ticks_) return Receipt::not_asked;
+  const Receipt receipt = ring_.put(tick, input, bytes);
+  if (receipt != Receipt::fresh || input != measurement_input) return receipt;
   newest_ = std::max(newest_, tick);
-  return tick > last_ ? Verdict::fresh : Verdict::too_old;
+  return tick > last_ ? Receipt::fresh : Receipt::too_old;
 }
 
 std::optional<std::int64_t> CommandPicker::due() const {
@@ -113,13 +113,13 @@ void MissedCommandMonitor::begin(std::int64_t tick) {
   commanded_ = false;
 }
 
-Verdict MissedCommandMonitor::on_command(std::int64_t tick, std::span<const std::byte> bytes) {
-  if (tick < 0 || tick > tick_) return Verdict::not_asked;
-  const Verdict verdict = commands_.put(tick, 0, bytes);
-  if (verdict != Verdict::fresh) return verdict;
-  if (tick < tick_) return Verdict::too_old;
+Receipt MissedCommandMonitor::on_command(std::int64_t tick, std::span<const std::byte> bytes) {
+  if (tick < 0 || tick > tick_) return Receipt::not_asked;
+  const Receipt receipt = commands_.put(tick, 0, bytes);
+  if (receipt != Receipt::fresh) return receipt;
+  if (tick < tick_) return Receipt::too_old;
   commanded_ = true;
-  return Verdict::fresh;
+  return Receipt::fresh;
 }
 
 void MissedCommandMonitor::end() {

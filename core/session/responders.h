@@ -27,7 +27,7 @@ class ReferenceResponder {
     std::int64_t last = -1;
   };
   struct Answer {
-    Verdict verdict = Verdict::fresh;
+    Receipt receipt = Receipt::fresh;
     Range compute;  ///< compute these in order, publish each and call `on_computed`
     Range repeat;   ///< publish `kept` of these again
   };
@@ -69,7 +69,7 @@ class CommandResponder {
  public:
   enum class Action { nothing, compute, repeat };
   struct Answer {
-    Verdict verdict = Verdict::fresh;
+    Receipt receipt = Receipt::fresh;
     /// compute: step the law over tick `next()`, publish both messages and call `on_computed`.
     /// repeat: publish the kept messages of the measurement's tick again.
     Action action = Action::nothing;
@@ -144,7 +144,7 @@ class CommandPicker {
       : num_ticks_(num_ticks),
         ring_(std::array{MessageRing::digest_only, MessageRing::digest_only}) {}
 
-  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes);
+  Receipt on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes);
 
   /// Returns the tick to compute now; nullopt if none is newer than the last one.
   [[nodiscard]] std::optional<std::int64_t> due() const;
@@ -173,7 +173,7 @@ class MissedCommandMonitor {
   /// Handles a command of this run.
   /// @return `fresh`: the first of the present tick; `too_old`: of a past tick; `not_asked`: of a
   /// tick that has not begun
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes);
+  Receipt on_command(std::int64_t tick, std::span<const std::byte> bytes);
   /// Returns whether this tick's command was received.
   [[nodiscard]] bool is_commanded() const { return commanded_; }
 

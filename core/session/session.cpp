@@ -21,7 +21,7 @@ using base::ExitCode;
 using base::Failure;
 using messages::Role;
 using session::Membership;
-using session::Verdict;
+using session::Receipt;
 
 constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;
@@ -207,16 +207,16 @@ bool Session::accept(messages::Rejection rejection, const messages::Stamp& stamp
   return false;
 }
 
-void Session::count(Verdict verdict) {
-  if (verdict == Verdict::repeated) ++statistics_.duplicates;
-  if (verdict == Verdict::not_asked) statistics_.rejected.add(Discard::not_asked);
-  if (verdict == Verdict::too_old) statistics_.rejected.add(Discard::too_old);
+void Session::count(Receipt receipt) {
+  if (receipt == Receipt::repeated) ++statistics_.duplicates;
+  if (receipt == Receipt::not_asked) statistics_.rejected.add(Discard::not_asked);
+  if (receipt == Receipt::too_old) statistics_.rejected.add(Discard::too_old);
 }
 
-void Session::count(Verdict verdict, Role from, const bus::Datagram& datagram, std::int64_t tick) {
+void Session::count(Receipt receipt, Role from, const bus::Datagram& datagram, std::int64_t tick) {
   std::string& other = other_senders_[index(from)];
   if (!membership_->is_from(from, datagram.sender)) other = datagram.sender;
-  if (verdict != Verdict::conflicting) return count(verdict);
+  if (receipt != Receipt::conflicting) return count(receipt);
   throw Failure(
       ExitCode::protocol_violated,
       "two processes are the {} of run {}: two different messages for tick {} came on {}, "

@@ -32,7 +32,7 @@ namespace tachless::session {
 /// if there is a key, and names missing processes to the user.
 ///
 /// A datagram is an announcement or goes to the handler of its channel. The handler checks it with
-/// `accept` and passes the verdict to `count`. The class knows no other message and no tick.
+/// `accept` and passes the receipt to `count`. The class knows no other message and no tick.
 class Session {
  public:
   using Time = base::Clock::time_point;
@@ -154,13 +154,13 @@ class Session {
 
   /// Returns whether a decoded message is valid and of this run; counts it otherwise.
   bool accept(messages::Rejection rejection, const messages::Stamp& stamp);
-  /// Counts the verdict on a message for `tick`.
+  /// Counts the receipt on a message for `tick`.
   /// @throw Failure(protocol_violated) if the message conflicts: two processes have the role
   /// `from`. The failure names the last sender that is not the role's holder.
-  void count(session::Verdict verdict, messages::Role from, const bus::Datagram& datagram,
+  void count(session::Receipt receipt, messages::Role from, const bus::Datagram& datagram,
              std::int64_t tick);
-  /// Counts a verdict; a conflict is not counted.
-  void count(session::Verdict verdict);
+  /// Counts a receipt; a conflict is not counted.
+  void count(session::Receipt receipt);
 
   /// Sets the newest handled tick and, for a controller, the norm of its position error [rad].
   void note_progress(std::int64_t tick, double error_norm = 0) {

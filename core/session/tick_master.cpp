@@ -30,15 +30,15 @@ void TickMaster::on_asked(Time now) {
   progress(now);
 }
 
-Verdict TickMaster::on_command(std::int64_t tick, std::span<const std::byte> bytes, Time now) {
-  if (tick < 0 || tick > last_asked()) return Verdict::not_asked;
-  if (tick <= last_asked() - MessageRing::depth) return Verdict::too_old;
-  const Verdict verdict = commands_.put(tick, 0, bytes);
-  if (verdict == Verdict::fresh) {
+Receipt TickMaster::on_command(std::int64_t tick, std::span<const std::byte> bytes, Time now) {
+  if (tick < 0 || tick > last_asked()) return Receipt::not_asked;
+  if (tick <= last_asked() - MessageRing::depth) return Receipt::too_old;
+  const Receipt receipt = commands_.put(tick, 0, bytes);
+  if (receipt == Receipt::fresh) {
     commanded_ = true;
     round_trip_ = now - progress_;
   }
-  return verdict;
+  return receipt;
 }
 
 void TickMaster::on_completed(Time now) {
@@ -49,9 +49,9 @@ void TickMaster::on_completed(Time now) {
   progress(now);
 }
 
-Verdict TickMaster::on_ack(std::int64_t tick, std::uint64_t missing, Time now) {
-  if (tick < -1 || tick > last_completed()) return Verdict::not_asked;
-  if (tick < acknowledged_) return Verdict::too_old;
+Receipt TickMaster::on_ack(std::int64_t tick, std::uint64_t missing, Time now) {
+  if (tick < -1 || tick > last_completed()) return Receipt::not_asked;
+  if (tick < acknowledged_) return Receipt::too_old;
   const bool advanced = tick > acknowledged_;
   acknowledged_ = tick;
   remember_missing(missing, now);
@@ -62,7 +62,7 @@ Verdict TickMaster::on_ack(std::int64_t tick, std::uint64_t missing, Time now) {
     repeat_at_ = std::min(repeat_at_, now + timeout_);
   }
   logger_heard_ = true;
-  return Verdict::fresh;
+  return Receipt::fresh;
 }
 
 std::optional<TickMaster::Repeat> TickMaster::next_repeat(Time now) {

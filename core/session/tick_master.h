@@ -56,7 +56,7 @@ class TickMaster {
   void on_asked(Time now);
 
   /// Handles a command of this run. `fresh`: of the present tick.
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, Time now);
+  Receipt on_command(std::int64_t tick, std::span<const std::byte> bytes, Time now);
   [[nodiscard]] bool is_commanded() const { return asking_ && commanded_; }
   /// Returns the time from the first request of the newest commanded tick to its command.
   [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
@@ -65,7 +65,7 @@ class TickMaster {
   void on_completed(Time now);
 
   /// Handles the logger's acknowledgement. `not_asked`: of a tick that is not completed.
-  Verdict on_ack(std::int64_t tick, std::uint64_t missing, Time now);
+  Receipt on_ack(std::int64_t tick, std::uint64_t missing, Time now);
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
   /// Returns the next message to repeat now. Call it until it returns nullopt, and again at

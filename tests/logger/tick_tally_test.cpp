@@ -10,12 +10,12 @@ namespace tachless::logger {
 namespace {
 
 using messages::num_slots;
-using session::Verdict;
+using session::Receipt;
 using Slot = TickTally::Slot;
 
 void record_all(TickTally& tally, std::int64_t tick) {
   for (int slot = 0; slot < num_slots; ++slot) {
-    EXPECT_EQ(tally.on_message(static_cast<Slot>(slot), tick, BytesOf(1)), Verdict::fresh);
+    EXPECT_EQ(tally.on_message(static_cast<Slot>(slot), tick, BytesOf(1)), Receipt::fresh);
   }
 }
 
@@ -114,17 +114,17 @@ TEST(TickTally, ListsTheFirstRangesAndCountsTheRest) {
 TEST(TickTally, TakesMessagesOutOfOrderWithinItsWindow) {
   TickTally tally(5000);
   record_all(tally, 1500);
-  EXPECT_EQ(tally.on_message(Slot::tick, 1500 - TickTally::window, BytesOf(1)), Verdict::too_old);
-  EXPECT_EQ(tally.on_message(Slot::tick, 1501 - TickTally::window, BytesOf(1)), Verdict::fresh);
+  EXPECT_EQ(tally.on_message(Slot::tick, 1500 - TickTally::window, BytesOf(1)), Receipt::too_old);
+  EXPECT_EQ(tally.on_message(Slot::tick, 1501 - TickTally::window, BytesOf(1)), Receipt::fresh);
 }
 
 TEST(TickTally, TellsCopiesAndContradictions) {
   TickTally tally(5000);
   record_all(tally, 7);
-  EXPECT_EQ(tally.on_message(Slot::command, 7, BytesOf(1)), Verdict::repeated);
-  EXPECT_EQ(tally.on_message(Slot::command, 7, BytesOf(2)), Verdict::conflicting);
-  EXPECT_EQ(tally.on_message(Slot::command, -1, BytesOf(1)), Verdict::not_asked);
-  EXPECT_EQ(tally.on_message(Slot::command, 5000, BytesOf(1)), Verdict::not_asked);
+  EXPECT_EQ(tally.on_message(Slot::command, 7, BytesOf(1)), Receipt::repeated);
+  EXPECT_EQ(tally.on_message(Slot::command, 7, BytesOf(2)), Receipt::conflicting);
+  EXPECT_EQ(tally.on_message(Slot::command, -1, BytesOf(1)), Receipt::not_asked);
+  EXPECT_EQ(tally.on_message(Slot::command, 5000, BytesOf(1)), Receipt::not_asked);
 }
 
 TEST(TickTally, AReferenceAheadIsNoTickYet) {

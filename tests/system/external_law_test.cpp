@@ -29,6 +29,7 @@ using namespace tachless;
 namespace {
 
 namespace fs = std::filesystem;
+using controller::Gravity;
 using system_test::scenarios;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -243,20 +244,20 @@ TEST_F(ExternalLaw, AnswersWithAndWithoutGravityFromAnyThread) {
   const std::vector<messages::AnyMeasurement> measured(
       2, messages::PositionMeasurement{reference.q_ref});
   controller::LawProgram law(scenario, program());
-  const auto torque = [&](bool weightless) {
+  const auto torque = [&](Gravity gravity) {
     return std::async(
                std::launch::async,
-               [&] { return law.answers(scenario.loop.period_s, weightless, measured, reference); })
+               [&] { return law.answers(scenario.loop.period_s, gravity, measured, reference); })
         .get()
         .back();
   };
-  const Vector weightless = torque(true), heavy = torque(false);
+  const Vector weightless = torque(Gravity::nearly_zero), heavy = torque(Gravity::of_scenario);
   EXPECT_LT((heavy - weightless - robot::gravity_torque(*scenario.model, reference.q_ref))
                 .cwiseAbs()
                 .maxCoeff(),
             1e-6);  // of 9.81 m/s^2 1e-9 are left
   EXPECT_GT((heavy - weightless).cwiseAbs().maxCoeff(), 10);
-  EXPECT_EQ(torque(true), weightless);
+  EXPECT_EQ(torque(Gravity::nearly_zero), weightless);
 }
 
 TEST_F(ExternalLaw, HasToTakePart) {

@@ -16,7 +16,7 @@ find "$prefix" -type d -empty | sed 's/$/: is empty/' | grep . && fail=1
 
 # They find tachless without the packages that only the build of tachless needs.
 without=()
-for package in CLI11 NLopt urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
+for package in CLI11 NLopt; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
 for example in own_law own_driver own_simulator iiwa simulate_and_read; do
   rm -rf "$prefix/work/$example"
   mkdir -p "$prefix/work"
@@ -28,7 +28,7 @@ readelf -d "$prefix/work/own_law/build/own_law" | grep SimTK && fail=1  # of a l
 
 # The law in a loop of the user's own, in C++17, without the packages that the emulated arm and the programs need.
 without=()
-for package in Simbody nlohmann_json CLI11 urdfdom_headers; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
+for package in Simbody nlohmann_json CLI11; do without+=("-DCMAKE_DISABLE_FIND_PACKAGE_$package=ON"); done
 rm -rf "$prefix/work/use_law"
 cp -r "$prefix/share/tachless/examples/use_law" "$prefix/work/use_law"
 cmake -S "$prefix/work/use_law" -B "$prefix/work/use_law/build" -G Ninja -DCMAKE_PREFIX_PATH="$prefix" "${without[@]}"

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "base/failure.h"
-#include "base/file_text.h"
 #include "base/logging.h"
 #include "cli/design_text.h"
 #include "cli/verb.h"
@@ -22,26 +21,21 @@
 namespace tachless::cli {
 namespace {
 
-/// Returns the text of a URDF, an .xacro or an MJCF; nothing for a scenario.
-std::optional<std::string> robot_text(const std::filesystem::path& file) {
-  if (is_yaml(file)) return {};
-  std::string text = base::given_text(file, base::max_text_bytes);
-  if (!robot::is_mjcf(text) && text.find("<robot") == std::string::npos) return {};
-  return text;
-}
-
-/// Returns whether the text of a file is an MJCF with something beside the robot.
-bool is_scene(const std::filesystem::path& file, const std::string& text) {
-  return robot::is_mjcf(text) &&
-         robot::has_surroundings(text, file.string(), scenario::files_beside(file));
+/// Returns whether the file is an MJCF with something beside the robot.
+bool is_scene(const std::filesystem::path& file, const scenario::RobotFile& robot) {
+  return !robot.mjcf.empty() &&
+         robot::has_surroundings(robot.mjcf, file.string(), scenario::files_beside(file));
 }
 
 }  // namespace
 
 DesignInput::DesignInput(Options options) : options_(std::move(options)) {
-  if (const auto text = robot_text(options_.file)) {
-    urdf_ = read_urdf(*text);
-    return;
+  if (!is_yaml(options_.file)) {
+    const scenario::RobotFile file = scenario::robot_file(options_.file, options_.overrides);
+    if (file.urdf.find("<robot") != std::string::npos) {
+      urdf_ = read_urdf(file);
+      return;
+    }
   }
   if (!options_.from.empty()) {
     throw base::bad_usage(
@@ -53,7 +47,7 @@ DesignInput::DesignInput(Options options) : options_(std::move(options)) {
   }
 }
 
-DesignInput::Urdf DesignInput::read_urdf(const std::string& text) const {
+DesignInput::Urdf DesignInput::read_urdf(const scenario::RobotFile& file) const {
   const std::string source = options_.file.string();
   for (const std::string& each : options_.overrides) {
     if (!each.starts_with("robot.urdf=")) continue;
@@ -64,7 +58,6 @@ DesignInput::Urdf DesignInput::read_urdf(const std::string& text) const {
     throw base::bad_usage(
         "--rotors typical: --set gives the rotors already; leave one of them out");
   }
-  const scenario::RobotFile file = scenario::robot_file(options_.file, options_.overrides);
   for (const std::string& warning : file.warnings) base::log_warning(warning);
   try {
     const robot::Model model = robot::read_urdf(file.urdf, source, file.options);
@@ -79,7 +72,7 @@ DesignInput::Urdf DesignInput::read_urdf(const std::string& text) const {
     of.from = options_.from.empty() ? scenario::start_posture(file, model) : from_posture(model);
     of.adds_gravity = file.adds_gravity;
     Urdf urdf{file.urdf, scenario::urdf_scenario(model, of), {}, false};
-    if (is_scene(options_.file, text)) {
+    if (is_scene(options_.file, file)) {
       urdf.in_mujoco = plant::has_mujoco_module();
       base::log_info(urdf.in_mujoco
                          ? "the model has more than the robot: MuJoCo moves it (plant.mujoco)"

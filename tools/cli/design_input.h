@@ -49,7 +49,7 @@ class DesignInput {
     Vector typical_rotors;   ///< empty: not asked for
     bool in_mujoco = false;  ///< an MJCF with surroundings, and the module is there
   };
-  [[nodiscard]] Urdf read_urdf(const std::string& text) const;
+  [[nodiscard]] Urdf read_urdf(const scenario::RobotFile& file) const;
   [[nodiscard]] Vector from_posture(const robot::Model& model) const;
   [[nodiscard]] bool overridden(std::string_view key) const;
 

@@ -9,7 +9,6 @@
 #include <optional>
 #include <stdexcept>
 
-#include "base/file_text.h"
 #include "base/json_text.h"
 #include "base/logging.h"
 #include "base/text.h"
@@ -18,7 +17,6 @@
 #include "robot/dynamics.h"
 #include "robot/mjcf_servos.h"
 #include "scenario/description.h"
-#include "scenario/scenario.h"
 
 namespace tachless::cli {
 namespace {
@@ -95,14 +93,13 @@ linear::ServoGains gains_of(const robot::MjcfServos& servos, const robot::Model&
   return gains;
 }
 
-Findings findings_of(const std::filesystem::path& file, const std::string& text,
-                     const std::vector<std::string>& overrides, double step_s) {
-  const scenario::RobotFile given = scenario::robot_file(file, overrides);
+Findings findings_of(const std::filesystem::path& file, const scenario::RobotFile& given,
+                     double step_s) {
   for (const std::string& warning : given.warnings) base::log_warning(warning);
   Findings found;
   try {
     found.model = robot::model_from_urdf(given.urdf, file.string(), given.options);
-    found.servos = robot::read_mjcf_servos(text, file.string(), scenario::files_beside(file));
+    found.servos = robot::read_mjcf_servos(given.mjcf, file.string(), scenario::files_beside(file));
   } catch (const std::invalid_argument& problem) {
     throw base::bad_usage(problem.what());
   }
@@ -238,16 +235,18 @@ Json json_of(const Findings& found, const std::string& file) {
 
 }  // namespace
 
-std::optional<std::string> mjcf_text(const std::filesystem::path& file) {
-  if (is_yaml(file) || !std::filesystem::is_regular_file(file)) return {};
-  std::string text = base::given_text(file, base::max_text_bytes);
-  if (!robot::is_mjcf(text)) return {};
-  return text;
+std::optional<scenario::RobotFile> mjcf_file(const std::filesystem::path& file,
+                                             const std::vector<std::string>& overrides) {
+  const bool other = is_yaml(file) || file.extension() == ".xacro";
+  if (other || !std::filesystem::is_regular_file(file)) return {};
+  scenario::RobotFile read = scenario::robot_file(file, overrides);
+  if (read.mjcf.empty()) return {};
+  return read;
 }
 
-ExitCode check_mjcf_gains(const std::filesystem::path& file, const std::string& text,
-                          const std::vector<std::string>& overrides, double step_s, bool json) {
-  const Findings found = findings_of(file, text, overrides, step_s);
+ExitCode check_mjcf_gains(const std::filesystem::path& file, const scenario::RobotFile& model,
+                          double step_s, bool json) {
+  const Findings found = findings_of(file, model, step_s);
   print(json, json_of(found, file.string()), text_of(found, file.string()));
   return own_row(found).stable ? ExitCode::done : ExitCode::check_said_no;
 }

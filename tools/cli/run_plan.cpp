@@ -194,8 +194,9 @@ linear::LawAnswers law_answers(scenario::Scenario& scenario, const std::string& 
   if (law_program.empty()) return {};
   const auto program = std::make_shared<LawProgram>(scenario, law_program);
   scenario.controller.announced = program->law();
-  return [program](double period_s, bool weightless, auto measurements, const auto& reference) {
-    return program->answers(period_s, weightless, measurements, reference);
+  return [program](double period_s, controller::Gravity gravity, auto measurements,
+                   const auto& reference) {
+    return program->answers(period_s, gravity, measurements, reference);
   };
 }
 

@@ -477,9 +477,9 @@ TEST(DesignOfAnAskedLaw, SaysWhyItCannot) {
   };
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   const linear::LawAnswers answers = linear::answers_of(scenario);
-  const auto deaf = [&](double period_s, bool weightless, auto measurements, auto reference) {
+  const auto deaf = [&](double period_s, auto gravity, auto measurements, auto reference) {
     reference.gains.clear();
-    return answers(period_s, weightless, measurements, reference);
+    return answers(period_s, gravity, measurements, reference);
   };
   EXPECT_THAT(why(scenario, deaf), HasSubstr("the program's torques are the same with others"));
   scenario::Scenario without = scenario;
@@ -488,8 +488,8 @@ TEST(DesignOfAnAskedLaw, SaysWhyItCannot) {
   const scenario::Scenario unstable =
       shipped("practical_rigid", {"controller.gains.kd=[10000, 600]"});
   EXPECT_THAT(why(unstable, answers_of(unstable)), HasSubstr("begin with softer ones"));
-  const auto limited = [&](double period_s, bool weightless, auto measurements, auto reference) {
-    auto torques = answers(period_s, weightless, measurements, reference);
+  const auto limited = [&](double period_s, auto gravity, auto measurements, auto reference) {
+    auto torques = answers(period_s, gravity, measurements, reference);
     for (Vector& each : torques) each = each.cwiseMax(-0.01).cwiseMin(0.01);
     return torques;
   };

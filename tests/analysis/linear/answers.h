@@ -17,21 +17,21 @@ inline LawAnswers answers_of(const scenario::Scenario& scenario) {
   model.gravity.setZero();
   scenario::Scenario without_gravity = scenario;
   without_gravity.model = std::make_shared<const robot::Model>(model);
-  return
-      [=](double period_s, bool weightless, std::span<const messages::AnyMeasurement> measurements,
-          const messages::ReferencePoint& reference) {
-        scenario::Scenario at =
-            controller::with_gains(weightless ? without_gravity : scenario, reference.gains);
-        at.loop.period_s = period_s;
-        const controller::ScenarioLaw law = controller::scenario_law(at);
-        messages::ReferencePoint held = reference;
-        held.gains.clear();  // are the scenario's
-        std::vector<Vector> torques;
-        for (const messages::AnyMeasurement& each : measurements) {
-          torques.push_back(law->step(std::ssize(torques), each, held).command.tau);
-        }
-        return torques;
-      };
+  return [=](double period_s, controller::Gravity gravity,
+             std::span<const messages::AnyMeasurement> measurements,
+             const messages::ReferencePoint& reference) {
+    scenario::Scenario at = controller::with_gains(
+        gravity == controller::Gravity::of_scenario ? scenario : without_gravity, reference.gains);
+    at.loop.period_s = period_s;
+    const controller::ScenarioLaw law = controller::scenario_law(at);
+    messages::ReferencePoint held = reference;
+    held.gains.clear();  // are the scenario's
+    std::vector<Vector> torques;
+    for (const messages::AnyMeasurement& each : measurements) {
+      torques.push_back(law->step(std::ssize(torques), each, held).command.tau);
+    }
+    return torques;
+  };
 }
 
 }  // namespace tachless::linear

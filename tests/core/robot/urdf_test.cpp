@@ -688,6 +688,18 @@ TEST(Urdf, TakesNumbersWithBlanksAroundThem) {
   EXPECT_EQ(body_of(model, "second").p_PB, Eigen::Vector3d(0, 0, 1));
 }
 
+/// A sign may lead a number. std::from_chars takes no '+', but takes inf and nan.
+TEST(Urdf, TakesNumbersWithASignAndNoneThatIsNotFinite) {
+  const auto with = [](const std::string& number) {
+    std::string text = right_arm;
+    return text.replace(text.find("\"2\" effort"), 3, "\"" + number + "\"");
+  };
+  EXPECT_EQ(model_from_urdf(with("+2.5e0"), "t").upper[0], 2.5);
+  for (const char* wrong : {"+-2", "++2", "+", "", "inf", "nan", "1e999", "0x2", "2,5", "2 5"}) {
+    EXPECT_THAT(complaint(with(wrong)), HasSubstr("allowed: a finite number")) << wrong;
+  }
+}
+
 TEST(Urdf, WarnsOnceOfDefinitionsOfXacroThatNothingUses) {
   std::string text = right_arm;
   text.insert(text.find("<link name=\"base\""),

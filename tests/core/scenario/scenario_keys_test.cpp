@@ -67,7 +67,7 @@ std::string scenario_key_table() {
     std::string allowed = base::allowed_text(key);
     if constexpr (has_names_of_choice<Member>) {
       using Entry = typename Member::mapped_type;
-      allowed = base::allowed_text(base::Key<Member, Entry>("", nullptr).in(key.range));
+      allowed = base::allowed_text(base::shape_of<Entry>, key.range);
     }
     table += fmt::format("| `{}` | {} | {} | {} | {} |\n", path, key.unit, fallback_text(key),
                          allowed, key.meaning);

@@ -14,7 +14,7 @@ class ALogWindow : public testing::Test {
  protected:
   static constexpr std::int64_t num_ticks = 200;
 
-  Verdict put(std::int64_t tick, Slot slot, std::uint64_t content = 0) {
+  Receipt put(std::int64_t tick, Slot slot, std::uint64_t content = 0) {
     return window.on_message(slot, tick, BytesOf(content));
   }
   void put_all_but(std::int64_t tick, std::initializer_list<Slot> missing) {
@@ -99,9 +99,9 @@ TEST_F(ALogWindow, AcknowledgesAtOnceWhenThePlantRepeats) {
   put_all_but(0, {});
   write();
   EXPECT_FALSE(window.take_ack());
-  EXPECT_EQ(put(0, Slot::tick), Verdict::repeated);
+  EXPECT_EQ(put(0, Slot::tick), Receipt::repeated);
   EXPECT_FALSE(window.take_ack());
-  EXPECT_EQ(put(0, Slot::truth), Verdict::repeated);
+  EXPECT_EQ(put(0, Slot::truth), Receipt::repeated);
   EXPECT_EQ(window.take_ack()->tick, 0);
 }
 
@@ -115,16 +115,16 @@ TEST_F(ALogWindow, AcknowledgesAtOnceWhenAGapIsFilled) {
 }
 
 TEST_F(ALogWindow, IgnoresWhatItsWindowCannotHold) {
-  EXPECT_EQ(put(64, Slot::tick), Verdict::not_asked);
-  EXPECT_EQ(put(-1, Slot::tick), Verdict::not_asked);
-  EXPECT_EQ(put(63, Slot::tick), Verdict::fresh);
+  EXPECT_EQ(put(64, Slot::tick), Receipt::not_asked);
+  EXPECT_EQ(put(-1, Slot::tick), Receipt::not_asked);
+  EXPECT_EQ(put(63, Slot::tick), Receipt::fresh);
   for (std::int64_t k = 0; k < 63; ++k) put_all_but(k, {});
   EXPECT_EQ(write(), 63);
 }
 
 TEST_F(ALogWindow, SeesAContradiction) {
   put(0, Slot::command, 1);
-  EXPECT_EQ(put(0, Slot::command, 2), Verdict::conflicting);
+  EXPECT_EQ(put(0, Slot::command, 2), Receipt::conflicting);
   EXPECT_EQ(number_in(window.bytes(0, Slot::command)), 1U);
 }
 

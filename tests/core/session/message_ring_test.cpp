@@ -13,10 +13,10 @@ MessageRing ring() { return MessageRing(std::array<std::size_t, 2>{8, 8}); }
 
 TEST(MessageRing, KeepsEachKindOfATick) {
   MessageRing messages = ring();
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::fresh);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Receipt::fresh);
   EXPECT_TRUE(messages.has(3, 0));
   EXPECT_FALSE(messages.has(3, 1));
-  EXPECT_EQ(messages.put(3, 1, BytesOf(8)), Verdict::fresh);
+  EXPECT_EQ(messages.put(3, 1, BytesOf(8)), Receipt::fresh);
   EXPECT_EQ(number_in(messages.bytes(3, 0)), 7U);
   EXPECT_EQ(number_in(messages.bytes(3, 1)), 8U);
 }
@@ -24,20 +24,20 @@ TEST(MessageRing, KeepsEachKindOfATick) {
 TEST(MessageRing, TellsARepetitionFromAContradictionAndKeepsTheFirst) {
   MessageRing messages = ring();
   messages.put(3, 0, BytesOf(7));
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::repeated);
-  EXPECT_EQ(messages.put(3, 0, BytesOf(9)), Verdict::conflicting);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Receipt::repeated);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(9)), Receipt::conflicting);
   EXPECT_EQ(messages.put(3, 0, BytesOf(7).operator std::span<const std::byte>().first(4)),
-            Verdict::conflicting);
+            Receipt::conflicting);
   EXPECT_EQ(number_in(messages.bytes(3, 0)), 7U);
 }
 
 TEST(MessageRing, KeepsADigestWhereACopyHasOnlyToBeRecognised) {
   MessageRing messages(std::array<std::size_t, 1>{MessageRing::digest_only});
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::fresh);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Receipt::fresh);
   EXPECT_TRUE(messages.has(3, 0));
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::repeated);
-  EXPECT_EQ(messages.put(3, 0, BytesOf(9)), Verdict::conflicting);
-  EXPECT_EQ(messages.put(4, 0, BytesOf(9)), Verdict::fresh);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Receipt::repeated);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(9)), Receipt::conflicting);
+  EXPECT_EQ(messages.put(4, 0, BytesOf(9)), Receipt::fresh);
   EXPECT_TRUE(messages.bytes(3, 0).empty());
 }
 
@@ -46,8 +46,8 @@ TEST(MessageRing, KeepsExactlyTheLast64Ticks) {
   for (std::int64_t tick = 0; tick < 65; ++tick) messages.put(tick, 0, BytesOf(tick));
   EXPECT_FALSE(messages.has(0, 0));
   EXPECT_TRUE(messages.has(1, 0));
-  EXPECT_EQ(messages.put(0, 0, BytesOf(0)), Verdict::too_old);
-  EXPECT_EQ(messages.put(0, 1, BytesOf(0)), Verdict::too_old);
+  EXPECT_EQ(messages.put(0, 0, BytesOf(0)), Receipt::too_old);
+  EXPECT_EQ(messages.put(0, 1, BytesOf(0)), Receipt::too_old);
   EXPECT_TRUE(messages.has(64, 0));
   EXPECT_FALSE(messages.has(64, 1));
 }

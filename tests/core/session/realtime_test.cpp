@@ -54,10 +54,10 @@ TEST(Pace, IsOverWithTheLastTickOrWhenItsTimeHasCome) {
 
 class Picking : public testing::Test {
  protected:
-  Verdict measure(std::int64_t tick, std::uint64_t content = 1) {
+  Receipt measure(std::int64_t tick, std::uint64_t content = 1) {
     return picker_.on_input(measurement_input, tick, BytesOf(content));
   }
-  Verdict refer(std::int64_t tick, std::uint64_t content = 1) {
+  Receipt refer(std::int64_t tick, std::uint64_t content = 1) {
     return picker_.on_input(reference_input, tick, BytesOf(content));
   }
   std::int64_t due() { return picker_.due().value_or(-1); }
@@ -66,9 +66,9 @@ class Picking : public testing::Test {
 };
 
 TEST_F(Picking, ActsWhenBothAreThere) {
-  EXPECT_EQ(measure(0), Verdict::fresh);
+  EXPECT_EQ(measure(0), Receipt::fresh);
   EXPECT_EQ(due(), -1);
-  EXPECT_EQ(refer(0), Verdict::fresh);
+  EXPECT_EQ(refer(0), Receipt::fresh);
   EXPECT_EQ(due(), 0);
   picker_.on_acted(0);
   EXPECT_EQ(due(), -1);
@@ -85,7 +85,7 @@ TEST_F(Picking, PassesOverWhatIsLost) {
   refer(3), measure(3);
   EXPECT_EQ(due(), 3);
   picker_.on_acted(3);
-  EXPECT_EQ(measure(1), Verdict::too_old) << "no tick is returned to";
+  EXPECT_EQ(measure(1), Receipt::too_old) << "no tick is returned to";
   EXPECT_EQ(due(), -1);
 }
 
@@ -119,12 +119,12 @@ TEST_F(Picking, ActsOnNothingOlderThanItsMemoryThoughItsPlaceIsNotTaken) {
 
 TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
   measure(0), refer(0);
-  EXPECT_EQ(measure(0), Verdict::repeated);
-  EXPECT_EQ(measure(0, 9), Verdict::conflicting);
-  EXPECT_EQ(refer(0, 9), Verdict::conflicting);
-  EXPECT_EQ(measure(1000), Verdict::not_asked);
-  EXPECT_EQ(measure(-1), Verdict::not_asked);
-  EXPECT_EQ(refer(1000), Verdict::not_asked);
+  EXPECT_EQ(measure(0), Receipt::repeated);
+  EXPECT_EQ(measure(0, 9), Receipt::conflicting);
+  EXPECT_EQ(refer(0, 9), Receipt::conflicting);
+  EXPECT_EQ(measure(1000), Receipt::not_asked);
+  EXPECT_EQ(measure(-1), Receipt::not_asked);
+  EXPECT_EQ(refer(1000), Receipt::not_asked);
 }
 
 TEST_F(Picking, NeverActsOnATickTwice) {
@@ -136,9 +136,9 @@ TEST(MissedCommandMonitor, TakesTheCommandOfThePresentTickOnce) {
   MissedCommandMonitor watch(20);
   watch.begin(0);
   EXPECT_FALSE(watch.is_commanded());
-  EXPECT_EQ(watch.on_command(0, BytesOf(1)), Verdict::fresh);
+  EXPECT_EQ(watch.on_command(0, BytesOf(1)), Receipt::fresh);
   EXPECT_TRUE(watch.is_commanded());
-  EXPECT_EQ(watch.on_command(0, BytesOf(1)), Verdict::repeated);
+  EXPECT_EQ(watch.on_command(0, BytesOf(1)), Receipt::repeated);
   watch.end();
   EXPECT_EQ(watch.missed(), 0);
   EXPECT_EQ(watch.longest_miss(), 0);
@@ -147,11 +147,11 @@ TEST(MissedCommandMonitor, TakesTheCommandOfThePresentTickOnce) {
 TEST(MissedCommandMonitor, TellsLateFromNotAsked) {
   MissedCommandMonitor watch(20);
   watch.begin(5);
-  EXPECT_EQ(watch.on_command(6, BytesOf(1)), Verdict::not_asked);
-  EXPECT_EQ(watch.on_command(4, BytesOf(1)), Verdict::too_old);
-  EXPECT_EQ(watch.on_command(-1, BytesOf(1)), Verdict::not_asked);
+  EXPECT_EQ(watch.on_command(6, BytesOf(1)), Receipt::not_asked);
+  EXPECT_EQ(watch.on_command(4, BytesOf(1)), Receipt::too_old);
+  EXPECT_EQ(watch.on_command(-1, BytesOf(1)), Receipt::not_asked);
   EXPECT_EQ(watch.on_command(std::numeric_limits<std::int64_t>::max(), BytesOf(1)),
-            Verdict::not_asked);
+            Receipt::not_asked);
   EXPECT_FALSE(watch.is_commanded());
 }
 
@@ -159,10 +159,10 @@ TEST(MissedCommandMonitor, NoticesASecondCommander) {
   MissedCommandMonitor watch(20);
   watch.begin(5);
   watch.on_command(5, BytesOf(1));
-  EXPECT_EQ(watch.on_command(5, BytesOf(2)), Verdict::conflicting);
+  EXPECT_EQ(watch.on_command(5, BytesOf(2)), Receipt::conflicting);
   watch.end();
   watch.begin(6);
-  EXPECT_EQ(watch.on_command(5, BytesOf(2)), Verdict::conflicting) << "late as well";
+  EXPECT_EQ(watch.on_command(5, BytesOf(2)), Receipt::conflicting) << "late as well";
 }
 
 TEST(MissedCommandMonitor, CallsForTheStopAfterMoreThanMaxMissedInARow) {

@@ -31,12 +31,12 @@ ReferenceResponder::Answer ask(ReferenceResponder& responder, std::int64_t tick,
 
 struct Asked {
   std::int64_t tick;
-  Verdict verdict;
+  Receipt receipt;
   Ticks compute = {}, repeat = {};
 };
 
 TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
-  constexpr auto fresh = Verdict::fresh, again = Verdict::repeated, no = Verdict::not_asked;
+  constexpr auto fresh = Receipt::fresh, again = Receipt::repeated, no = Receipt::not_asked;
   const std::vector<std::pair<bool, std::vector<Asked>>> runs = {
       // Lockstep: ticks that the plant cannot have reached are ignored; a repeated tick is
       // answered.
@@ -68,7 +68,7 @@ TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
     for (const Asked& each : run) {
       SCOPED_TRACE((realtime ? "realtime " : "lockstep ") + std::to_string(each.tick));
       const auto answer = ask(responder, each.tick);
-      EXPECT_EQ(answer.verdict, each.verdict);
+      EXPECT_EQ(answer.receipt, each.receipt);
       EXPECT_EQ(ticks(answer.compute), each.compute);
       EXPECT_EQ(ticks(answer.repeat), each.repeat);
       for (const std::int64_t k : each.repeat) EXPECT_EQ(number_in(responder.kept(k)), 100U + k);
@@ -83,16 +83,16 @@ TEST(ReferenceResponder, RepeatsNothingInAnUndisturbedRunAndKeeps64Ticks) {
   }
   EXPECT_EQ(responder.newest(), num_ticks - 1);
   EXPECT_EQ(ticks(ask(responder, num_ticks - 1).repeat), Ticks{num_ticks - 1});
-  EXPECT_EQ(ask(responder, num_ticks).verdict, Verdict::not_asked);
-  EXPECT_EQ(ask(responder, num_ticks - 65).verdict, Verdict::too_old);
-  EXPECT_EQ(ask(responder, num_ticks - 64).verdict, Verdict::repeated);
+  EXPECT_EQ(ask(responder, num_ticks).receipt, Receipt::not_asked);
+  EXPECT_EQ(ask(responder, num_ticks - 65).receipt, Receipt::too_old);
+  EXPECT_EQ(ask(responder, num_ticks - 64).receipt, Receipt::repeated);
 }
 
 TEST(ReferenceResponder, NoticesASecondPlant) {
   for (const bool realtime : {false, true}) {
     ReferenceResponder responder(num_ticks, 8, realtime);
     ask(responder, 0, 1);
-    EXPECT_EQ(ask(responder, 0, 2).verdict, Verdict::conflicting);
+    EXPECT_EQ(ask(responder, 0, 2).receipt, Receipt::conflicting);
     EXPECT_THROW(responder.on_computed(1, BytesOf(0)), std::logic_error);
     EXPECT_THROW(responder.on_computed(realtime ? 0 : 3, BytesOf(0)), std::logic_error);
   }
@@ -135,7 +135,7 @@ TEST_F(ACommandResponder, ComputesWhenBothInputsAreThere) {
 TEST_F(ACommandResponder, RepeatsTheKeptAnswerToARepeatedMeasurement) {
   run_through(2);
   const auto answer = measure(0);
-  EXPECT_EQ(answer.verdict, Verdict::repeated);
+  EXPECT_EQ(answer.receipt, Receipt::repeated);
   EXPECT_EQ(answer.action, Action::repeat);
   EXPECT_EQ(number_in(responder.command(0)), 100U);
   EXPECT_EQ(number_in(responder.state(1)), 1U);
@@ -149,32 +149,32 @@ TEST_F(ACommandResponder, HasNothingToRepeatBeforeTheReferenceIsThere) {
 TEST_F(ACommandResponder, DoesNotComputeAgainForARepeatedReference) {
   run_through(2);
   EXPECT_EQ(refer(1).action, Action::nothing);
-  EXPECT_EQ(refer(1).verdict, Verdict::repeated);
+  EXPECT_EQ(refer(1).receipt, Receipt::repeated);
 }
 
 TEST_F(ACommandResponder, IgnoresTicksOutOfTurn) {
-  EXPECT_EQ(measure(1).verdict, Verdict::not_asked);
-  EXPECT_EQ(refer(2).verdict, Verdict::not_asked);
-  EXPECT_EQ(refer(1).verdict, Verdict::fresh);
-  EXPECT_EQ(measure(-1).verdict, Verdict::not_asked);
+  EXPECT_EQ(measure(1).receipt, Receipt::not_asked);
+  EXPECT_EQ(refer(2).receipt, Receipt::not_asked);
+  EXPECT_EQ(refer(1).receipt, Receipt::fresh);
+  EXPECT_EQ(measure(-1).receipt, Receipt::not_asked);
   run_through(199);
-  EXPECT_EQ(refer(200).verdict, Verdict::not_asked);
+  EXPECT_EQ(refer(200).receipt, Receipt::not_asked);
   refer(199);
   measure(199);
   compute();
-  EXPECT_EQ(measure(200).verdict, Verdict::not_asked);
+  EXPECT_EQ(measure(200).receipt, Receipt::not_asked);
 }
 
 TEST_F(ACommandResponder, SeesTwoPlantsAndTwoReferences) {
   run_through(1);
-  EXPECT_EQ(measure(0, 9).verdict, Verdict::conflicting);
+  EXPECT_EQ(measure(0, 9).receipt, Receipt::conflicting);
   EXPECT_EQ(measure(0, 9).action, Action::nothing);
-  EXPECT_EQ(refer(1, 9).verdict, Verdict::conflicting);
+  EXPECT_EQ(refer(1, 9).receipt, Receipt::conflicting);
 }
 
 TEST_F(ACommandResponder, ForgetsAfter64Ticks) {
   run_through(100);
-  EXPECT_EQ(measure(36).verdict, Verdict::too_old);
+  EXPECT_EQ(measure(36).receipt, Receipt::too_old);
   EXPECT_EQ(measure(37).action, Action::repeat);
 }
 

@@ -188,15 +188,15 @@ class SimulatedRun {
     trace_ += std::to_string((kind * 64 + tick) * 64 + count) + " ";
   }
 
-  void note(Verdict verdict) { conflicts_ += verdict == Verdict::conflicting ? 1 : 0; }
+  void note(Receipt receipt) { conflicts_ += receipt == Receipt::conflicting ? 1 : 0; }
 
   void plant_receives(const Message& message) {
     if (message.kind == Kind::ack) {
       note(tick_master_.on_ack(message.tick, message.content, now_));
     } else if (message.kind == Kind::command) {
-      const Verdict verdict = tick_master_.on_command(message.tick, BytesOf(message.content), now_);
-      note(verdict);
-      if (verdict != Verdict::fresh) return;
+      const Receipt receipt = tick_master_.on_command(message.tick, BytesOf(message.content), now_);
+      note(receipt);
+      if (receipt != Receipt::fresh) return;
       truths_[message.tick] = mix(plant_state_, message.content);
       publish(plant, {Kind::truth, message.tick, truths_[message.tick]});
       plant_state_ = truths_[message.tick];
@@ -207,7 +207,7 @@ class SimulatedRun {
   void reference_receives(const Message& message) {
     if (message.kind != Kind::tick) return;
     const auto answer = reference_.on_tick(message.tick, BytesOf(message.content));
-    note(answer.verdict);
+    note(answer.receipt);
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
       publish(reference, {Kind::reference, k, number_in(reference_.kept(k))});
     }
@@ -228,8 +228,8 @@ class SimulatedRun {
     } else {
       return;
     }
-    note(answer.verdict);
-    if (answer.verdict == Verdict::fresh) inputs_[{message.kind, message.tick}] = message.content;
+    note(answer.receipt);
+    if (answer.receipt == Receipt::fresh) inputs_[{message.kind, message.tick}] = message.content;
     if (answer.action == CommandResponder::Action::nothing) return;
     if (answer.action == CommandResponder::Action::repeat) return publish_answers(message.tick);
     const std::int64_t k = controller_.next();

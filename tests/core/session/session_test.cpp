@@ -23,7 +23,7 @@ namespace tachless::session {
 namespace {
 
 using namespace std::chrono_literals;
-using session::Verdict;
+using session::Receipt;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -130,7 +130,7 @@ class ALink : public testing::Test {
   /// Returns what a conflict between two messages for tick 5 throws.
   std::string conflict(messages::Role from, const bus::Datagram& second) {
     try {
-      session_.count(Verdict::conflicting, from, second, 5);
+      session_.count(Receipt::conflicting, from, second, 5);
     } catch (const base::Failure& failure) {
       EXPECT_EQ(failure.code(), base::ExitCode::protocol_violated);
       return failure.what();
@@ -220,9 +220,9 @@ TEST_F(ALink, DeliversAMessageToTheHandlerOfItsChannel) {
 }
 
 TEST_F(ALink, CountsWhatIsNotFresh) {
-  for (const Verdict verdict : {Verdict::fresh, Verdict::repeated, Verdict::repeated,
-                                Verdict::not_asked, Verdict::too_old}) {
-    session_.count(verdict);
+  for (const Receipt receipt : {Receipt::fresh, Receipt::repeated, Receipt::repeated,
+                                Receipt::not_asked, Receipt::too_old}) {
+    session_.count(receipt);
   }
   EXPECT_EQ(session_.statistics().duplicates, 2);
   std::map<std::string_view, std::int64_t> dropped;
@@ -234,7 +234,7 @@ TEST_F(ALink, CountsWhatIsNotFresh) {
 
 TEST_F(ALink, FailsWhenTwoProcessesHaveOneRole) {
   const bus::Datagram second{"ARM_COMMAND", {}, "10.0.0.3:1"};
-  EXPECT_NO_THROW(session_.count(Verdict::repeated, messages::Role::controller, second, 5));
+  EXPECT_NO_THROW(session_.count(Receipt::repeated, messages::Role::controller, second, 5));
   EXPECT_THAT(conflict(messages::Role::controller, second),
               AllOf(HasSubstr("two processes are the controller of run"), HasSubstr("tick 5"),
                     HasSubstr("ARM_COMMAND, one of them from 10.0.0.3:1"),
@@ -244,7 +244,7 @@ TEST_F(ALink, FailsWhenTwoProcessesHaveOneRole) {
 TEST_F(ALink, NamesTheOtherOfTwoProcessesAlsoWhenItWasFirst) {
   join_the_plant();
   const bus::Datagram strange{"ARM_POSITION", {}, "10.0.0.3:1"}, own{"ARM_POSITION", {}, "other"};
-  session_.count(Verdict::fresh, messages::Role::plant, strange, 5);
+  session_.count(Receipt::fresh, messages::Role::plant, strange, 5);
   EXPECT_THAT(conflict(messages::Role::plant, own),
               AllOf(HasSubstr("one of them from 10.0.0.3:1; the run's own is the plant"),
                     HasSubstr("other)")));

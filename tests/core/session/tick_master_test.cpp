@@ -69,17 +69,17 @@ TEST_F(ARequester, StartsEachTickWithTheFirstTimeout) {
 }
 
 TEST_F(ARequester, TakesTheCommandOfTheTickAskedForAndNoOther) {
-  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Verdict::not_asked);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Receipt::not_asked);
   tick_master.on_asked(now);
-  EXPECT_EQ(tick_master.on_command(1, BytesOf(5), now), Verdict::not_asked);
-  EXPECT_EQ(tick_master.on_command(-1, BytesOf(5), now), Verdict::not_asked);
+  EXPECT_EQ(tick_master.on_command(1, BytesOf(5), now), Receipt::not_asked);
+  EXPECT_EQ(tick_master.on_command(-1, BytesOf(5), now), Receipt::not_asked);
   EXPECT_FALSE(tick_master.is_commanded());
-  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Verdict::fresh);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Receipt::fresh);
   EXPECT_TRUE(tick_master.is_commanded());
-  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Verdict::repeated);
-  EXPECT_EQ(tick_master.on_command(0, BytesOf(6), now), Verdict::conflicting);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), now), Receipt::repeated);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(6), now), Receipt::conflicting);
   tick_master.on_completed(now);
-  EXPECT_EQ(tick_master.on_command(0, BytesOf(6), now), Verdict::conflicting);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(6), now), Receipt::conflicting);
 }
 
 TEST_F(ARequester, NeverRunsMoreThan48TicksAhead) {
@@ -157,15 +157,15 @@ TEST_F(ARequester, ForgetsARequestOfTheLoggerThatIsFulfilled) {
   tick_master.on_ack(-1, 0b11, now);
   tick_master.on_ack(0, 0b1, now);
   EXPECT_EQ(repeated_ticks(), (Ticks{1}));
-  EXPECT_EQ(tick_master.on_ack(-1, 0b11, now + 1s), Verdict::too_old);
+  EXPECT_EQ(tick_master.on_ack(-1, 0b11, now + 1s), Receipt::too_old);
   EXPECT_EQ(repeated_ticks(), Ticks{});
 }
 
 TEST_F(ARequester, RefusesAnAcknowledgementOfTheFuture) {
   run_one();
-  EXPECT_EQ(tick_master.on_ack(1, 0, now), Verdict::not_asked);
-  EXPECT_EQ(tick_master.on_ack(-2, 0, now), Verdict::not_asked);
-  EXPECT_EQ(tick_master.on_ack(0, 0, now), Verdict::fresh);
+  EXPECT_EQ(tick_master.on_ack(1, 0, now), Receipt::not_asked);
+  EXPECT_EQ(tick_master.on_ack(-2, 0, now), Receipt::not_asked);
+  EXPECT_EQ(tick_master.on_ack(0, 0, now), Receipt::fresh);
 }
 
 TEST_F(ARequester, EndsWhenTheLastTickIsAcknowledged) {

@@ -79,13 +79,13 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
-    if (const auto model = mjcf_text(input)) {
+    if (const auto model = mjcf_file(input, overrides)) {
       if (full || paper || !witness.empty() || !law_program.empty()) {
         throw base::bad_usage(
             "{}: a MuJoCo model; --full, --paper, --witness and --controller are of a scenario",
             input.string());
       }
-      return check_mjcf_gains(input, *model, overrides, period_s, json);
+      return check_mjcf_gains(input, *model, period_s, json);
     }
     if (period_s > 0) {
       throw base::bad_usage(
