@@ -387,7 +387,7 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
     if (there) result.push_back(std::move(what));
   };
   const double payload_kg = scenario.plant.payload.mass_kg;
-  add(payload_kg > 0,
+  add(payload_kg > 0 && scenario.controller.law != "loria_ortega_adaptive",
       fmt::format("the payload of {:g} kg is not in it: the law does not know of it", payload_kg));
   const auto& drive = scenario.plant.drive;
   const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
