@@ -85,6 +85,7 @@ std::vector<FieldAt> fields_of(std::string_view channel, std::span<const std::by
   messages::for_each_type(messages::Messages(), list_if);
   list_if(std::type_identity<messages::truth::PlantTruth>());
   list_if(std::type_identity<messages::truth::Contact>());
+  list_if(std::type_identity<messages::truth::ArmTorque>());
   return fields.take();
 }
 
