@@ -10,6 +10,7 @@
 
 #include "messages/codec.h"
 #include "messages/messages.h"
+#include "messages/truth/arm_torque.h"
 #include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
