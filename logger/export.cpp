@@ -20,6 +20,7 @@
 #include "base/text.h"
 #include "logger/mcap.h"
 #include "logger/table.h"
+#include "logger/tick_messages.h"
 
 namespace tachless::logger {
 namespace {
@@ -116,9 +117,11 @@ class McapTable {
         joints_(log.scenario().model->joint_names) {
     for (std::string& name : joints_) name = base::json_text(nlohmann::json(name));
     for (const Slot slot : messages::all_slots) {
+      bool described_any = false;
       std::string properties = R"("tick":{"type":"integer"})";
       for (const Quantity& each : quantities_) {
         if (each.slot != slot) continue;
+        described_any = true;
         const nlohmann::json described =
             fmt::format("{} [{}]", each.description, fmt::join(each.units, ", "));
         properties +=
@@ -126,7 +129,7 @@ class McapTable {
                         each.name, base::json_text(described));
       }
       const std::string& topic = log.summary().of(slot).channel;
-      if (topic.empty()) continue;
+      if (topic.empty() || (may_be_absent(slot) && !described_any)) continue;
       channels_[index(slot)] =
           file_.add_channel(topic, fmt::format("tachless.{}", topic),
                             fmt::format(R"({{"type":"object","properties":{{{}}}}})", properties));
@@ -197,6 +200,22 @@ class McapTable {
   std::string text_;  ///< text of the current message
 };
 
+/// Removes the torques that the log's arm does not tell. Starts the log over.
+void drop_untold(std::vector<Quantity>& quantities, RunLog& log) {
+  log.rewind();
+  if (!has_slot(log.scenario(), Slot::arm_torque)) return;
+  TickRecord record;
+  bool told = false;
+  while (!told && log.next(record)) told = record.arm_torque.has_value();
+  std::erase_if(quantities, [&](const Quantity& quantity) {
+    if (!may_be_absent(quantity.slot)) return false;
+    std::array<double, max_joints> values;
+    if (told) quantity.read(record, values.data());
+    return !told || std::isnan(values[0]);
+  });
+  log.rewind();
+}
+
 /// Writes a row for each tick into the file `to`.
 void write_rows(const std::filesystem::path& to, bool mcap, const std::vector<Quantity>& quantities,
                 RunLog& log) {
@@ -231,8 +250,8 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool for
         "output by -",
         path.string());
   }
-  const auto quantities = quantities_of(log.scenario(), log.info());
-  log.rewind();
+  auto quantities = quantities_of(log.scenario(), log.info());
+  drop_untold(quantities, log);
   std::error_code error;
   if (path != "-" && !force && std::filesystem::is_regular_file(path, error)) {
     throw base::bad_usage("{}: exists already; name another file, or overwrite it with --force",

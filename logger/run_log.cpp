@@ -229,7 +229,7 @@ class RunLog::Window {
       }
     }
     if (!std::exchange(finished_, true)) {
-      for (const Slot slot : messages::all_slots) count_missing(slot, summary_.last_tick + 1);
+      for (const Slot slot : messages::all_slots) finish(slot);
     }
     return false;
   }
@@ -393,6 +393,11 @@ class RunLog::Window {
       count_missing(slot, record.tick);
       last_seen_[index(slot)] = record.tick;
     }
+  }
+
+  void finish(Slot slot) {
+    count_missing(slot, summary_.last_tick + 1);
+    if (may_be_absent(slot) && piece(slot).absent()) piece(slot).channel.clear();
   }
 
   /// Counts the ticks that lack the piece, after the last tick that had it and before `tick`.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <set>
 #include <stdexcept>
 #include <type_traits>
@@ -15,6 +16,8 @@
 
 namespace tachless::logger {
 namespace {
+
+using messages::truth::Told;
 
 /// Units in a column's name, on a revolute and on a prismatic joint: rad/s gives rad_per_s,
 /// m_per_s.
@@ -95,6 +98,23 @@ struct Builder {
       }
     });
   }
+
+  /// The torques that a real arm tells; NaN if it does not tell them.
+  void add_arm_torque() {
+    using messages::truth::ArmTorque;
+    const Vector none = Vector::Constant(layout.num_joints, NAN);
+    messages::for_each_field<ArmTorque>(
+        [&]<class Member>(const messages::Field<ArmTorque, Member>& field) {
+          if constexpr (std::is_same_v<Member, Vector>) {
+            const auto one = field.member == &ArmTorque::accepted ? Told::accepted : Told::measured;
+            add<Vector>(std::string(field.symbol), field.unit, std::string(field.meaning),
+                        Slot::arm_torque,
+                        [=, member = field.member](const TickRecord& record) -> const Vector& {
+                          return record.arm_torque->tells(one) ? *record.arm_torque.*member : none;
+                        });
+          }
+        });
+  }
 };
 
 }  // namespace
@@ -152,6 +172,7 @@ std::vector<Quantity> quantities_of(const scenario::Scenario& scenario,
   });
   to.add_message<Truth>("", "", Truth::num_states);
   if (has_slot(scenario, Slot::contact)) to.add_message<messages::truth::Contact>("", "");
+  if (has_slot(scenario, Slot::arm_torque)) to.add_arm_torque();
   std::vector<std::string> names;
   for (const Quantity& each : to.quantities) names.push_back(each.name);
   const auto joints = joints_in_columns(names, model.joint_names);

@@ -8,6 +8,7 @@
 #include <string>
 #include <type_traits>
 
+#include "logger/tick_ranges.h"
 #include "messages/measurements.h"
 #include "messages/slot.h"
 #include "messages/truth/tick_record.h"
@@ -17,8 +18,9 @@
 
 namespace tachless::logger {
 
-/// Returns whether a run of the scenario has that message in each tick.
+/// Returns whether a run of the scenario has that message in each tick, or may have it.
 inline bool has_slot(const scenario::Scenario& scenario, messages::Slot slot) {
+  if (may_be_absent(slot)) return scenario.loop.mode == scenario::Mode::realtime;
   return slot != messages::Slot::contact || !scenario.plant.mujoco.model.empty();
 }
 

@@ -18,6 +18,9 @@ constexpr bool is_due_while_stopped(messages::Slot slot) {
          slot == messages::Slot::truth || slot == messages::Slot::contact;
 }
 
+/// Returns true for messages that no scenario promises: a real arm may tell no torques.
+constexpr bool may_be_absent(messages::Slot slot) { return slot == messages::Slot::arm_torque; }
+
 /// Ticks in a row: first to last, both included.
 struct TickRange {
   std::int64_t first = 0;

@@ -35,7 +35,7 @@ void TickTally::settle_before(std::int64_t end) {
     bool complete = true;
     for (const Slot slot : messages::all_slots) {
       if (entry.tick == settled_ && entry.has[index(slot)]) continue;
-      if (slot == Slot::contact && !contact_) continue;
+      if (may_be_absent(slot) || (slot == Slot::contact && !contact_)) continue;
       if (settled_ >= stopped_from_ && !is_due_while_stopped(slot)) continue;
       complete = false;
       if (settled_ <= expected_) missing_[index(slot)].add(settled_);

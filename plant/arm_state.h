@@ -32,6 +32,11 @@ struct ArmState {
   bool missing = false;
   /// Contact, of a simulator that knows contacts. Only the log uses it.
   std::optional<Contact> contact{};
+  /// Torques that a real arm tells with its reading, for the log alone [N m; N]; empty: not told.
+  /// They are in the driver's signs. `accepted` is the torque that the arm took and that acts,
+  /// without the torque that the arm adds itself, as RobotDriver::hold takes it. `measured` comes
+  /// from sensors or currents, gravity included.
+  Vector accepted{}, measured{};
 };
 
 }  // namespace tachless::plant

@@ -94,7 +94,7 @@ std::unique_ptr<RobotDriver> emulator(const scenario::Scenario& scenario, const 
 
 bool all_finite(const ArmState& state) {
   return state.q.allFinite() && state.v.allFinite() && state.theta.allFinite() &&
-         state.thetadot.allFinite();
+         state.thetadot.allFinite() && state.accepted.allFinite() && state.measured.allFinite();
 }
 
 Failure not_finite(std::int64_t tick) {
@@ -253,7 +253,11 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
   } else {
     measure_speed(asked);
   }
-  if (own_torque_) drive_.set_added(own_torque_->at(state_.q, speed_));
+  if (own_torque_) {
+    const Vector added = own_torque_->at(state_.q, speed_);
+    drive_.set_added(added);
+    if (state_.accepted.size() != 0) state_.accepted += added;
+  }
   const std::int64_t newest = std::max<std::int64_t>(tick, 0);
   past_[newest] = state_;
   sensed_ = std::max<std::int64_t>(newest - past_.size() + 1, 0);
@@ -283,9 +287,17 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
         state_.q.size(), state_.v.size(), state_.theta.size(), state_.thetadot.size(), when(tick),
         scenario_.num_joints, num_motors);
   }
+  for (const auto& [name, torque] :
+       {std::pair{"accepted", &state_.accepted}, {"measured", &state_.measured}}) {
+    if (torque->size() == 0 || torque->size() == state_.q.size()) continue;
+    throw Failure(ExitCode::protective_stop,
+                  "the driver read {} {} torques {}; the scenario has {} joints: give "
+                  "ArmState::{} as many numbers, or none",
+                  torque->size(), name, when(tick), scenario_.num_joints, name);
+  }
   if (!all_finite(state_)) {
     throw Failure(ExitCode::protective_stop,
-                  "the robot's driver read a number that is not finite {}; see its encoders",
+                  "the robot's driver read a number that is not finite {}; see its sensors",
                   when(tick));
   }
 }
@@ -307,8 +319,8 @@ void GuardedRobot::apply_conventions() {
     if (positions->size() == 0) continue;
     *positions = robot.joint_signs.cwiseProduct(*positions) + robot.joint_offsets_rad;
   }
-  for (auto* velocities : {&state_.v, &state_.thetadot}) {
-    if (velocities->size() != 0) *velocities = robot.joint_signs.cwiseProduct(*velocities);
+  for (auto* each : {&state_.v, &state_.thetadot, &state_.accepted, &state_.measured}) {
+    if (each->size() != 0) *each = robot.joint_signs.cwiseProduct(*each);
   }
 }
 

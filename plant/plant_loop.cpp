@@ -58,7 +58,8 @@ PlantLoop::PlantLoop(const scenario::Scenario& scenario, session::Session& sessi
       layout_(messages::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
       tick_port_(messages::port<messages::Tick>(prefix_, layout_)),
       command_port_(messages::port<messages::TorqueCommand>(prefix_, layout_)),
-      truth_port_(messages::port<messages::truth::PlantTruth>(prefix_, layout_)) {
+      truth_port_(messages::port<messages::truth::PlantTruth>(prefix_, layout_)),
+      arm_torque_port_(messages::port<messages::truth::ArmTorque>(prefix_, layout_)) {
   const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
   session_.statistics().plant().saturated_ticks.assign(num_joints, 0);
   session_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
@@ -113,6 +114,9 @@ PlantLoop::Truth PlantLoop::publish_truth(std::int64_t tick, messages::truth::Dr
   Truth published;
   if (contact_port_) {
     published.contact = session_.publish(*contact_port_, stamp(tick), contact_of(robot_.state()));
+  }
+  if (const auto told = arm_torque_of(robot_.state())) {
+    session_.publish(arm_torque_port_, stamp(tick), *told);
   }
   published.truth = session_.publish(truth_port_, stamp(tick), truth);
   return published;

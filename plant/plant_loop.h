@@ -51,8 +51,9 @@ class PlantLoop {
     Bytes truth, contact;  ///< empty: not published
   };
   /// Publishes the robot's state at the beginning of the tick and the torque over it. With
-  /// plant.mujoco it publishes the contact first. Call it once per tick, because it counts
-  /// saturation. A tick without a reading has no state and no TRUTH.
+  /// plant.mujoco it publishes the contact first, and of a real arm the torques that it tells. Call
+  /// it once per tick, because it counts saturation. A tick without a reading has no state and no
+  /// TRUTH.
   /// @return the bytes, valid until the next call
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Truth publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
@@ -72,7 +73,8 @@ class PlantLoop {
   messages::Port<messages::Tick> tick_port_;
   messages::Port<messages::TorqueCommand> command_port_;
   messages::Port<messages::truth::PlantTruth> truth_port_;
-  std::optional<messages::Port<messages::truth::Contact>> contact_port_;      ///< with plant.mujoco
+  std::optional<messages::Port<messages::truth::Contact>> contact_port_;  ///< with plant.mujoco
+  messages::Port<messages::truth::ArmTorque> arm_torque_port_;
   std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
 };
 

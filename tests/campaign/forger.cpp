@@ -10,6 +10,7 @@
 
 #include "messages/codec.h"
 #include "messages/messages.h"
+#include "messages/truth/arm_torque.h"
 #include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
@@ -85,6 +86,7 @@ std::vector<FieldAt> fields_of(std::string_view channel, std::span<const std::by
   messages::for_each_type(messages::Messages(), list_if);
   list_if(std::type_identity<messages::truth::PlantTruth>());
   list_if(std::type_identity<messages::truth::Contact>());
+  list_if(std::type_identity<messages::truth::ArmTorque>());
   return fields.take();
 }
 

@@ -3,6 +3,7 @@
 #include <type_traits>
 
 #include "messages/messages.h"
+#include "messages/truth/arm_torque.h"
 #include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
@@ -10,8 +11,9 @@
 namespace tachless::fuzz {
 
 template <class... Value>
-messages::TypeList<Value..., messages::truth::PlantTruth, messages::truth::Contact> with_truth(
-    messages::TypeList<Value...>);
+messages::TypeList<Value..., messages::truth::PlantTruth, messages::truth::Contact,
+                   messages::truth::ArmTorque>
+    with_truth(messages::TypeList<Value...>);
 using Messages = decltype(with_truth(messages::Messages()));
 
 template <class Value>

@@ -73,6 +73,7 @@ std::vector<Message> sample_messages() {
     truth.q = truth.v = truth.tau = truth.disturbance = x;
     add(all, truth, k);
     add(all, messages::truth::Contact{"MuJoCo 2.2.2", "tip, wall", 5}, k);
+    add(all, messages::truth::ArmTorque{x, x}, k);
   }
   messages::Participant participant;
   participant.instance = 5;

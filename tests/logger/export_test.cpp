@@ -180,6 +180,27 @@ TEST_F(Export, AMissingPieceIsAnEmptyCellAndIsCounted) {
   EXPECT_NE(csv.column("q_measured_shoulder_rad")[4], "");
 }
 
+TEST_F(Export, HasTheTorquesThatAnArmTold) {
+  using messages::truth::Told;
+  for (const auto told :
+       {std::optional(Told::both), std::optional(Told::measured), std::optional<Told>()}) {
+    const ExportResult result = run(short_arm_run(told).bytes(), csv_, true);
+    const Table exported = table(csv_);
+    const auto has = [&](const char* column) {
+      return std::ranges::count(exported.columns, column) == 1;
+    };
+    EXPECT_EQ(has("tau_accepted_elbow_Nm"), told == Told::both);
+    EXPECT_EQ(has("tau_measured_elbow_Nm"), told.has_value());
+    if (told) {
+      EXPECT_EQ(exported.column("tau_measured_elbow_Nm")[7], "7.5");
+    }
+    EXPECT_EQ(result.text(), "40 ticks") << "a torque that no arm tells is no gap";
+    const auto mcap = directory_.path() / "run.mcap";
+    run(short_arm_run(told).bytes(), mcap, true);
+    EXPECT_EQ(read_file(mcap).find("ARM_ARM_TORQUE") != std::string::npos, told.has_value());
+  }
+}
+
 TEST_F(Export, PrismaticJointsAreInMetresAndNewtons) {
   auto recorded = short_rigid_run();
   // The numbers are the same, but the robot's second joint slides.

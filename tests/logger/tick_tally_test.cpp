@@ -42,6 +42,17 @@ TEST(TickTally, MissesTheContactOfARunThatHasIt) {
   }
 }
 
+TEST(TickTally, MissesNoTorqueThatAnArmMayNotTell) {
+  TickTally tally(10);
+  for (std::int64_t k = 0; k < 10; ++k) {
+    for (const Slot slot : messages::all_slots) {
+      if (slot != Slot::arm_torque) tally.on_message(slot, k, BytesOf(1));
+    }
+  }
+  tally.finish(9);
+  EXPECT_EQ(tally.num_complete(), 10);
+}
+
 TEST(TickTally, NamesWhatIsMissing) {
   TickTally tally(3000);
   for (std::int64_t k = 0; k < 3000; ++k) {

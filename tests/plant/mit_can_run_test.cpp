@@ -80,6 +80,16 @@ TEST_F(MitCanRun, GoesOnOverLostFramesAndIsReplayedBitForBit) {
     Program replay("tachless", {"replay", (out() / "lcmlog").string()}, directory_.path());
     EXPECT_EQ(replay.wait(), 0) << replay.errors();
     EXPECT_THAT(replay.output(), HasSubstr("bit for bit"));
+    auto log = logger::RunLog::open(out() / "lcmlog");
+    messages::TickRecord record;
+    std::int64_t told = 0;
+    while (log.next(record)) {
+      if (!record.arm_torque) continue;
+      ++told;
+      EXPECT_EQ(record.arm_torque->told, messages::truth::Told::measured);
+      EXPECT_FALSE(record.arm_torque->measured.isZero());
+    }
+    EXPECT_GT(told, log.info().num_ticks / 2);
     std::filesystem::remove_all(out());
   }
 }

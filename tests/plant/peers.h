@@ -57,6 +57,7 @@ class Peers : public bus::Transport {
   std::string measurement = "POSITION";    ///< measurement that it asks for
 
   std::vector<messages::truth::PlantTruth> truths;
+  std::vector<messages::truth::ArmTorque> arm_torques;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
   std::vector<messages::Participant> heard_plant;
 
@@ -126,6 +127,9 @@ class Peers : public bus::Transport {
       truths.emplace_back();
       ASSERT_EQ(truths_.decode(payload, stamp, truths.back()), messages::Rejection::none);
       truth_ticks.push_back(stamp.tick);
+    } else if (channel == "ARM_ARM_TORQUE") {
+      arm_torques.emplace_back();
+      ASSERT_EQ(arm_torques_.decode(payload, stamp, arm_torques.back()), messages::Rejection::none);
     }
   }
 
@@ -172,6 +176,7 @@ class Peers : public bus::Transport {
   messages::Codec<messages::PositionMeasurement> positions_{layout_};
   messages::Codec<messages::Tick> ticks_{layout_};
   messages::Codec<messages::truth::PlantTruth> truths_{layout_};
+  messages::Codec<messages::truth::ArmTorque> arm_torques_{layout_};
   std::list<session::Membership> members_;
   std::list<Message> messages_;
   bus::Subscriptions channels_;

@@ -151,6 +151,32 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   EXPECT_LT(robot.torques[0].norm(), 1);
 }
 
+TEST(RobotDriver, TellsTheLogTheTorquesThatTheArmAcceptedAndMeasured) {
+  const scenario::Scenario s =
+      limited({"robot.gravity_m_per_s2=9.81", "robot.compensates.gravity=true",
+               "robot.joint_signs=[-1, 1]", "plant.drive.torque_limit_Nm=1000"});
+  for (const bool accepts : {true, false}) {
+    Peers peers(s);
+    Recording robot;
+    if (accepts) robot.state.accepted = Eigen::Vector2d(3, 4);
+    robot.state.measured = Eigen::Vector2d(5, 6);
+    ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
+    ASSERT_GE(peers.arm_torques.size(), 30U);
+    const messages::truth::ArmTorque& told = peers.arm_torques[5];
+    using messages::truth::Told;
+    EXPECT_EQ(told.told, accepts ? Told::both : Told::measured);
+    // The arm takes the torque without the gravity that it adds, and measures the whole torque.
+    const Vector gravity = robot::gravity_torque(*s.model, peers.truths[5].q);
+    EXPECT_EQ(told.accepted,
+              accepts ? Vector(Eigen::Vector2d(-3, 4) + gravity) : Vector(Vector::Zero(2)));
+    EXPECT_EQ(told.measured, Vector(Eigen::Vector2d(-5, 6)));
+  }
+  Peers peers(s);
+  Recording silent;
+  ASSERT_EQ(run(s, peers, nullptr, &silent).fault, "");
+  EXPECT_TRUE(peers.arm_torques.empty());
+}
+
 TEST(RobotDriver, IsSentTheTorqueWithoutWhatTheArmAddsByItsOwnModel) {
   const TemporaryDirectory directory;
   std::string urdf =
@@ -577,6 +603,15 @@ TEST_F(AFailingRobot, IsStoppedWhenItReadsAnotherNumberOfJoints) {
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("the driver read 7 positions and 2 velocities of links, 0 "
                                        "and 0 of motors at tick 10; the scenario has 2 links"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenItTellsTheTorquesOfOtherJoints) {
+  robot_.fault = [this] { robot_.state.measured = Vector::Zero(7); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("the driver read 7 measured torques at tick 10; the "
+                                       "scenario has 2 joints: give ArmState::measured"));
   expect_stopped(robot_);
 }
 

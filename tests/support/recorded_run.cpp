@@ -119,6 +119,21 @@ RecordedRun short_rigid_run(std::int64_t run) {
                       run);
 }
 
+RecordedRun short_arm_run(std::optional<messages::truth::Told> told) {
+  RecordedRun run =
+      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.002", "loop.mode=realtime"}, "POSITION");
+  const messages::Layout layout = messages::layout(2, false);
+  for (std::size_t k = 0; told && k < run.ticks.size(); ++k) {
+    const auto number = static_cast<double>(k);
+    const messages::truth::ArmTorque torque{Vector::Constant(2, number),
+                                            Vector::Constant(2, number + 0.5), *told};
+    const messages::Stamp stamp{run.messages[1 + 6 * k].utime, run.run, run.ticks[k].tick};
+    run.messages.push_back(message(layout, run.info.robot + "_ARM_TORQUE", stamp, torque));
+    run.ticks[k].arm_torque = torque;
+  }
+  return run;
+}
+
 RecordedRun short_flexible_run() {
   return recorded_run("paper_flexible.yaml", {"loop.duration_s=0.0004"}, "LINK_STATE",
                       "error_1:rad,nu_1:rad/s,error_2:rad,nu_2:rad/s");

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -44,6 +45,9 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
 
 /// Returns 40 ticks of paper_rigid.
 RecordedRun short_rigid_run(std::int64_t run = 7);
+/// Returns 40 ticks of paper_rigid in realtime. If `told` is set, an arm tells these torques: k and
+/// k + 1/2 in tick k.
+RecordedRun short_arm_run(std::optional<messages::truth::Told> told);
 /// Returns 40 ticks of paper_flexible.
 RecordedRun short_flexible_run();
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <set>
+#include <tuple>
 #include <variant>
 #include <vector>
 
@@ -136,6 +137,19 @@ void add_drives(RecordedRun& run, const logger::TickRecord& record, double t_s) 
   }
 }
 
+void add_arm_torque(RecordedRun& run, const messages::truth::ArmTorque& arm, double t_s) {
+  using messages::truth::Told;
+  for (const auto& [one, values, into] :
+       {std::tuple{Told::accepted, &arm.accepted, &run.accepted_torque},
+        std::tuple{Told::measured, &arm.measured, &run.measured_torque}}) {
+    if (!arm.tells(one)) continue;
+    into->resize(run.joints.name.size());
+    for (std::size_t joint = 0; joint < into->size(); ++joint) {
+      (*into)[joint].add(t_s, (*values)[static_cast<Eigen::Index>(joint)]);
+    }
+  }
+}
+
 void add_lyapunov(RecordedRun& run, const controller::LyapunovFunction& lyapunov,
                   const logger::TickRecord& record, double t_s) {
   const auto& truth = record.truth;
@@ -203,6 +217,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record, t_s);
     if (record.contact) run.contact_force.add(t_s, record.contact->force);
+    if (record.arm_torque) add_arm_torque(run, *record.arm_torque, t_s);
     run.contacts.add(record, t_s);
     const bool changed = !log.summary().gains.empty();  // the bound holds from the start alone
     if (lyapunov && !changed && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);

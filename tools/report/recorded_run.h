@@ -66,8 +66,10 @@ struct RecordedRun : logger::RunDescription {
   std::optional<Decay> lyapunov_decay;
 
   std::vector<study::Envelope> disturbance;  ///< per joint [N m]; empty: the scenario has none
-  std::vector<ModelTorque> model_torque;     ///< empty: flexible joints, or less than 2 s
-  std::vector<Stretches> saturated;          ///< per joint
+  /// Torques that a real arm told, per joint [N m]; empty: not told.
+  std::vector<study::Envelope> accepted_torque, measured_torque;
+  std::vector<ModelTorque> model_torque;  ///< empty: flexible joints, or less than 2 s
+  std::vector<Stretches> saturated;       ///< per joint
   Contacts contacts;
   study::Envelope contact_force;  ///< [N]
   Stretches command_missed;

@@ -171,11 +171,27 @@ bool add_limit(const RecordedRun& run, std::size_t joint, double peak, Chart& ch
   return true;
 }
 
+/// Draws the torques that the arm told of a joint. Returns true if there are some.
+bool add_told(const Overlay& all, const RecordedRun& run, std::size_t own, Chart& chart) {
+  std::size_t colour = 2;
+  for (const auto& [name, torque] :
+       {std::pair{"accepted", &run.accepted_torque}, std::pair{"measured", &run.measured_torque}}) {
+    if (torque->empty()) continue;
+    chart.curves.push_back(
+        all.curve(run, (*torque)[own].points(all.budget), name, words(name), 1.0));
+    chart.curves.back().dash = {2, 3};
+    if (all.alone()) chart.curves.back().colour = palette[colour];
+    ++colour;
+  }
+  return colour > 2;
+}
+
 ReportSection torque_section(const Overlay& all) {
   ReportSection section{"torque", "Torque", "The log holds no torques."};
   bool limited = false;
   bool saturated = false;
   bool disturbed = false;
+  bool told = false;
   add_joints(
       section, all, "Torque applied to joint {} over time", [&](const Joint& joint, Chart& chart) {
         chart.y_label = joint.label("τ", joint.effort);
@@ -189,6 +205,7 @@ ReportSection torque_section(const Overlay& all) {
             if (all.alone()) chart.curves.back().colour = palette[1];
             disturbed = true;
           }
+          told = add_told(all, run, own, chart) || told;
           limited =
               add_limit(run, own, all.live ? HUGE_VAL : signals.torque.peak(), chart) || limited;
           for (const auto& [from, to] : run.seconds(run.saturated[own].listed)) {
@@ -198,8 +215,9 @@ ReportSection torque_section(const Overlay& all) {
         });
         cut_kick(chart, joint.effort);
       });
-  section.text = html("<p>Torque that acted over each tick, after delay and limit.{}{}{}</p>",
+  section.text = html("<p>Torque that acted over each tick, after delay and limit.{}{}{}{}</p>",
                       disturbed ? " Dashed: the torque of plant.disturbances, or of contacts." : "",
+                      told ? " Fine dots: torques that the arm told with its readings." : "",
                       limited ? " Dotted: the drive's limit." : "",
                       saturated ? " Bars at the top: the command exceeded the limit." : "");
   return section;

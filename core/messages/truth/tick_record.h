@@ -10,6 +10,7 @@
 #include "messages/measurements.h"
 #include "messages/messages.h"
 #include "messages/slot.h"
+#include "messages/truth/arm_torque.h"
 #include "messages/truth/contact.h"
 #include "messages/truth/plant_truth.h"
 
@@ -26,15 +27,17 @@ struct TickRecord {
   std::optional<TorqueCommand> command;
   std::optional<LawSignals> controller_state;
   std::optional<truth::PlantTruth> truth;
-  std::optional<truth::Contact> contact;  ///< only with plant.mujoco
+  std::optional<truth::Contact> contact;       ///< only with plant.mujoco
+  std::optional<truth::ArmTorque> arm_torque;  ///< only of a real arm that tells torques
 };
 
 /// Types of the messages in a TickRecord besides the measurement.
-using TickMessages =
-    TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth, truth::Contact>;
+using TickMessages = TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth,
+                              truth::Contact, truth::ArmTorque>;
 
 template <class... Value>
-TypeList<Value..., truth::PlantTruth, truth::Contact> with_truth(TypeList<Value...>);
+TypeList<Value..., truth::PlantTruth, truth::Contact, truth::ArmTorque> with_truth(
+    TypeList<Value...>);
 /// Every type of message.
 using AllMessages = decltype(with_truth(Messages()));
 
@@ -55,13 +58,14 @@ constexpr Slot slot_of() {
   if constexpr (std::is_same_v<Value, LawSignals>) return Slot::controller_state;
   if constexpr (std::is_same_v<Value, truth::PlantTruth>) return Slot::truth;
   if constexpr (std::is_same_v<Value, truth::Contact>) return Slot::contact;
+  if constexpr (std::is_same_v<Value, truth::ArmTorque>) return Slot::arm_torque;
 }
 
 /// Returns the record's messages in the order of Slot; `Record` is TickRecord, const or not.
 template <class Record>
 auto by_slot(Record& record) {
   return std::tie(record.clock, record.measurement, record.reference, record.command,
-                  record.controller_state, record.truth, record.contact);
+                  record.controller_state, record.truth, record.contact, record.arm_torque);
 }
 
 /// Type of a message's member in the record.

@@ -302,6 +302,8 @@ plant::ArmState FrankaDriver::exchange(const Vector& tau) {
   plant::ArmState state;
   state.q = vector_of(now_.q);
   state.v = vector_of(now_.dq);
+  state.accepted = vector_of(now_.tau_J_d);
+  state.measured = vector_of(now_.tau_J);
   state.time_s = now_.time.toSec();
   return state;
 }

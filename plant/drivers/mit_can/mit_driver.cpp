@@ -227,12 +227,14 @@ plant::ArmState MitDriver::read() {
   const auto n = static_cast<Eigen::Index>(motors_.size());
   state.q.resize(n);
   state.v.resize(n);
+  state.measured.resize(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Motor& motor = motors_[static_cast<std::size_t>(i)];
     state.missing = state.missing || !motor.answered;
     if (motor.answered && !stopped_) require_sound(motor);
     state.q[i] = motor.answer.q;
     state.v[i] = motor.answer.v;
+    state.measured[i] = motor.answer.tau;
   }
   return state;
 }

@@ -20,6 +20,7 @@
 #include "report/report_sections.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"
+#include "tests/support/recorded_run.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/tools/report/count.h"
 
@@ -152,6 +153,23 @@ TEST_F(Report, ShowsTheTrackingFigureWithoutALibraryAndNamesThePackages) {
   EXPECT_THAT(live_page(runs[0], {}, libraries), Not(HasSubstr("<script")));
   EXPECT_THAT(::testing::internal::GetCapturedStderr(),
               HasSubstr("the live page has no charts that move"));
+}
+
+TEST_F(Report, DrawsTheTorquesThatAnArmTold) {
+  using messages::truth::Told;
+  for (const auto told :
+       {std::optional(Told::both), std::optional(Told::measured), std::optional<Told>()}) {
+    std::vector<RecordedRun> runs;
+    runs.push_back(run("told", logger::short_arm_run(told).messages));
+    const std::size_t joints = 2;
+    EXPECT_EQ(runs[0].accepted_torque.size(), told == Told::both ? joints : 0);
+    EXPECT_EQ(runs[0].measured_torque.size(), told ? joints : 0);
+    if (told) {
+      EXPECT_EQ(runs[0].measured_torque[1].points()[7].y, 7.5);
+    }
+    const std::string page = page_of(std::move(runs));
+    EXPECT_EQ(count(page, "torques that the arm told") > 0, told.has_value());
+  }
 }
 
 TEST_F(Report, ShowsARunToItsEndThoughTicksAreMissing) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <limits>
+#include <tachless_truth/arm_torque_t.hpp>
 #include <tachless_truth/contact_t.hpp>
 #include <tachless_truth/plant_truth_t.hpp>
 
@@ -20,6 +21,7 @@ constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr std::size_t reals = body + 8;
 
 using ContactType = codec_checks::Pair<messages::truth::Contact, tachless_truth::contact_t>;
+using ArmTorqueType = codec_checks::Pair<messages::truth::ArmTorque, tachless_truth::arm_torque_t>;
 using TruthType = codec_checks::Pair<messages::truth::PlantTruth, tachless_truth::plant_truth_t>;
 
 TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
@@ -114,7 +116,30 @@ TEST(ContactCodec, PutsEveryFieldInItsOwnMember) {
 TEST(ContactCodec, SurvivesEveryCutAndEveryFlippedBit) {
   codec_checks::survives_damage<ContactType>();
 }
+TEST(ArmTorqueCodec, AgreesWithGeneratedCodeByteForByte) {
+  codec_checks::agrees_with_generated_code<ArmTorqueType>();
+}
+TEST(ArmTorqueCodec, PutsEveryFieldInItsOwnMember) {
+  const messages::Layout layout{7, 0, 1};
+  const auto message = codec_checks::message_of<ArmTorqueType>(layout);
+  const auto value = codec_checks::random_value<messages::truth::ArmTorque>(layout);
+  EXPECT_EQ(codec_checks::reals_of(value.accepted), message.accepted);
+  EXPECT_EQ(codec_checks::reals_of(value.measured), message.measured);
+  EXPECT_EQ(message.told, 3);
+}
+TEST(ArmTorqueCodec, SurvivesEveryCutAndEveryFlippedBit) {
+  codec_checks::survives_damage<ArmTorqueType>();
+}
+TEST(ArmTorqueCodec, RejectsATorqueThatNobodyTells) {
+  const messages::Layout layout{2, 0, 1};
+  for (const int told : {0, 4, 255}) {
+    Bytes bytes = sample<ArmTorqueType>(layout);
+    bytes.back() = static_cast<std::byte>(told);
+    EXPECT_EQ(verdict<ArmTorqueType>(layout, bytes), Rejection::bad_value) << told;
+  }
+}
 TEST(TruthChannel, IsItsOwn) {
+  EXPECT_EQ(messages::channel<messages::truth::ArmTorque>("ARM"), "ARM_ARM_TORQUE");
   EXPECT_EQ(messages::channel<messages::truth::Contact>("ARM"), "ARM_CONTACT");
   EXPECT_EQ(messages::channel<messages::truth::PlantTruth>("ARM"), "ARM_TRUTH");
 }
