@@ -230,7 +230,7 @@ TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
   controller::LawProgram law(scenario, program());
   for (int time = 0; time < 3; ++time) {
     EXPECT_THAT(
-        [&] { law.answers(scenario.loop.period_s, false, measured, reference); },
+        [&] { law.answers(scenario.loop.period_s, Gravity::of_scenario, measured, reference); },
         ::testing::ThrowsMessage<base::Failure>(HasSubstr("its torque at tick 0 is not finite")))
         << time;
   }
