@@ -59,7 +59,6 @@ const std::map<std::string, Names> users = {
     {"tinyxml.h", {"core/robot"}},
     {"unsupported/", {"analysis/numerics/decompositions.cpp"}},
     {"ur_client_library/", {"plant/drivers/ur"}},
-    {"urdf_model/", {"core/robot/urdf_xml.cpp"}},
     {"yaml-cpp/", {"core/scenario/yaml_tree.cpp"}}};
 
 /// Libraries that may include the ground truth, directly or through other headers.

@@ -33,7 +33,8 @@ std::uint64_t mix(std::uint64_t a, std::uint64_t b) {
 enum class Kind { tick, measurement, reference, command, state, truth, ack };
 enum Node : int { plant, reference, controller, logger, num_nodes };
 
-constexpr int messages_a_tick = num_slots - 1;  // no contact
+constexpr int messages_a_tick =
+    static_cast<int>(index(Slot::truth)) + 1;  // neither contact nor torques told
 
 struct Message {
   Kind kind = Kind::tick;
