@@ -142,6 +142,13 @@ law::Settings law_settings(const scenario::Scenario& scenario) {
   return settings;
 }
 
+/// Returns "[100, 100]", a list with that example for each joint.
+std::string example_of(int num_joints, std::string_view example) {
+  std::string list = "[" + std::string(example);
+  for (int i = 1; i < num_joints; ++i) list += ", " + std::string(example);
+  return list + "]";
+}
+
 bool has_torque_limits(const scenario::Scenario& scenario) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   return limit && limit->allFinite();
@@ -151,10 +158,14 @@ void require_compatible(const scenario::Scenario& scenario, const LawFacts& law)
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
     const auto rigid =
         names_of<LawFacts>(laws(), [](const LawFacts& of) { return !of.needs_flexible_joints; });
-    throw scenario.complaint("controller.law",
-                             fmt::format("{} needs robot.joints: {{flexible: …}}, and the joints "
-                                         "are rigid; allowed on rigid joints: {}",
-                                         law.name, base::joined(rigid)));
+    throw scenario.complaint(
+        "controller.law",
+        fmt::format("{} needs flexible joints, and the joints are rigid; give "
+                    "the springs and rotors, --set 'robot.joints={{flexible: "
+                    "{{stiffness_Nm_per_rad: {}, rotor_inertia_kgm2: {}}}}}', "
+                    "or a law allowed on rigid joints: {}",
+                    law.name, example_of(scenario.model->num_joints, "10000"),
+                    example_of(scenario.model->num_joints, "0.1"), base::joined(rigid)));
   }
   if (scenario.controller.law != controller::external_law_name) {
     scenario.require_law({std::string(law.name), std::string(law.measurement), {}});
@@ -162,9 +173,10 @@ void require_compatible(const scenario::Scenario& scenario, const LawFacts& law)
   if (law.needs_torque_limit && !has_torque_limits(scenario)) {
     throw scenario.complaint(
         "plant.drive.torque_limit_Nm",
-        fmt::format("not given for each joint, and {} keeps the torques within "
-                    "these limits; allowed: a torque of each joint",
-                    law.name));
+        fmt::format(
+            "not given for each joint, and {} keeps the torques within "
+            "these limits; give a torque of each joint, --set plant.drive.torque_limit_Nm='{}'",
+            law.name, example_of(scenario.model->num_joints, "100")));
   }
   if (law.regulation_only &&
       !std::holds_alternative<reference::trajectory::Hold>(scenario.reference)) {

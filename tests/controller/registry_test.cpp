@@ -286,6 +286,7 @@ TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {
     scenario.robot.flexible.reset();
     EXPECT_THAT(refusal(scenario),
                 AllOf(HasSubstr("arm.yaml:20: controller.law:"), HasSubstr("flexible"),
+                      HasSubstr("stiffness_Nm_per_rad: [10000, 10000]"),
                       HasSubstr("allowed on rigid joints: berghuis_nijmeijer")));
   }
 }
