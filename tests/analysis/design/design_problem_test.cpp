@@ -139,7 +139,8 @@ TEST(DesignProblem, OfAnAskedLawBeginsAtTheScenariosGainsAndHasNoPoleToBoundThem
   scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
   scenario.controller.measurement = "POSITION";
   scenario.controller.gains = {{"kp", Eigen::Vector2d(0, 50)}};
-  const auto answers = [](double, bool, std::span<const messages::AnyMeasurement> measured,
+  const auto answers = [](double, controller::Gravity,
+                          std::span<const messages::AnyMeasurement> measured,
                           const messages::ReferencePoint& reference) {
     std::vector<Vector> torques;
     for (const messages::AnyMeasurement& each : measured) {
