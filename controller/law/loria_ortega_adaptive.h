@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/elementary.h"
 #include "controller/law/filtered_error.h"
 
 namespace tachless::controller::law {
@@ -245,7 +246,9 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
     constexpr int postures = 8;
     constexpr double least = 1e-4;  // of an entry that turns at 1 rad/s or 1 rad/s^2: about 1
     const auto some = [&](double phase) -> Vector {
-      return 3 * Vector::LinSpaced(robot_.num_joints, phase, 2 * phase + 1).array().sin();
+      return 3 * Vector::LinSpaced(robot_.num_joints, phase, 2 * phase + 1).unaryExpr([](double x) {
+        return base::sin(x);
+      });
     };
     for (int k = 1; k <= postures; ++k) {
       const Vector torque = torque_of(column, some(k), {some(k + 0.3), some(k + 0.7)});
