@@ -152,15 +152,16 @@ function(tachless_test_options name)
 endfunction()
 
 # tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW] [THREADS] [APART]
-# [COMPUTES]): adds a GoogleTest program and its CTest entry. SLOW: the test starts whole programs, or computes for more than some seconds.
+# [COMPUTES] [TWICE]): adds a GoogleTest program and its CTest entry. SLOW: the test starts whole programs, or computes for more than some seconds.
 # It gets the label `slow` and belongs to the target `slow_tests`. All others get the label `fast` and belong
 # to the target `fast_tests`. They also run under the address and undefined-behaviour sanitizers. THREADS:
 # more than one thread runs the project's code. Such a test gets the label `threads`, belongs to the target
 # `thread_tests`, and runs under the thread sanitizer. APART: the sources use equal names and are compiled one
 # by one. COMPUTES: inline code of the test takes most of its time under the sanitizers. The linker takes an
-# inline function from the test's object, so the library's calls of that function count too.
+# inline function from the test's object, so the library's calls of that function count too. TWICE: a fast test
+# that has fewer samples under the sanitizers. The release build runs it among the slow tests too.
 function(tachless_test name)
-  cmake_parse_arguments(arg "SLOW;THREADS;APART;COMPUTES" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "SLOW;THREADS;APART;COMPUTES;TWICE" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
   target_link_libraries(${name} PRIVATE ${arg_LIBS} base)
@@ -182,6 +183,10 @@ function(tachless_test name)
   else()
     list(APPEND arg_LABELS fast)
     add_dependencies(fast_tests ${name})
+  endif()
+  if(arg_TWICE AND CMAKE_BUILD_TYPE STREQUAL Release)
+    list(APPEND arg_LABELS slow)
+    add_dependencies(slow_tests ${name})
   endif()
   if(arg_THREADS)
     list(APPEND arg_LABELS threads)

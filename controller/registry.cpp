@@ -110,6 +110,13 @@ std::vector<std::string_view> parameter_names(const LawFacts& law) {
   return names_of(law.parameters);
 }
 
+scenario::Gains gains_of_law(scenario::Gains gains, const LawFacts& law) {
+  std::erase_if(gains, [names = parameter_names(law)](const auto& gain) {
+    return std::ranges::find(names, gain.first) == names.end();
+  });
+  return gains;
+}
+
 robot::Model rigid_model(const scenario::Scenario& scenario) {
   robot::Model model = known_model(scenario);
   model.rotor_inertia = scenario.robot.flexible ? scenario.robot.flexible->rotor_inertia

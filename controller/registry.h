@@ -17,6 +17,7 @@
 #include "controller/law/parts.h"
 #include "messages/measurements.h"
 #include "robot/model.h"
+#include "scenario/gains.h"
 #include "scenario/scenario.h"
 
 /// The laws by name, their declarations, and the law of a scenario. This header includes no law;
@@ -114,6 +115,9 @@ const LawFacts& law_facts(const scenario::Scenario& scenario);
 
 /// Returns the names of the law's parameters in their declared order.
 std::vector<std::string_view> parameter_names(const LawFacts& law);
+
+/// Returns those of the gains that the law has.
+scenario::Gains gains_of_law(scenario::Gains gains, const LawFacts& law);
 
 /// Returns the model for laws of rigid joints: the scenario's URDF and gravity, with rotor inertia
 /// added (M = M_l + J). Laws of rigid joints treat a flexible robot as rigid. The payload is not in

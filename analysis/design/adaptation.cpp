@@ -1,11 +1,8 @@
 #include "design/adaptation.h"
 
-#include <fmt/format.h>
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -92,14 +89,14 @@ class Adaptation {
     for (const double mass : masses) {
       if (!given) gains_["mass_max"] = each(mass);
       for (double share = 1; share > 0.05; share /= 1.5) {
-        set_weights(share);
+        set_weights(share, gains_);
         if (follows()) return true;  // no region is computed for these gains
         std::string why_not;
-        if (falls_at_some() && lyapunov::weighted_region(with_all(), why_not)) return true;
+        if (falls_at_some() && lyapunov::weighted_region(with(gains_), why_not)) return true;
       }
     }
     if (!given) gains_["mass_max"] = each(masses.front());
-    set_weights(1);
+    set_weights(1, gains_);
     return false;
   }
 
@@ -114,12 +111,7 @@ class Adaptation {
     constexpr std::array<std::string_view, 6> all{"kp", "kd", "a", "b", "w", "damping"};
     return std::ranges::find(all, name) != all.end();
   }
-  /// Rounds to three digits.
-  static double rounded(double value) {
-    const std::string text = fmt::format("{:.3g}", value);
-    std::from_chars(text.data(), text.data() + text.size(), value);
-    return value;
-  }
+  static double rounded(double value) { return design::rounded(value, 3); }
 
   [[nodiscard]] bool asked(const Kind& kind) const {
     const auto above_0 = [&](const char* name) {
@@ -151,7 +143,6 @@ class Adaptation {
     return largest;
   }
 
-  void set_weights(double share) { set_weights(share, gains_); }
   void set_weights(double share, Gains& gains) const {
     const double eps_1 = share * bandwidth_ / 5;
     gains["eps_1"] = each(rounded(eps_1));
@@ -162,14 +153,13 @@ class Adaptation {
   [[nodiscard]] bool falls_at_some() const {
     constexpr int samples = 20;
     std::string why_not;
-    const auto loop = lyapunov::form_loop(with_all(), why_not);
+    const auto loop = lyapunov::form_loop(with(gains_), why_not);
     if (!loop) return false;
     std::vector<lyapunov::ErrorForm> forms;
     for (int k = 0; k < samples * loop->corners(); ++k) forms.push_back(loop->form(k));
     return lyapunov::region_of(forms, *loop->weights()).level > 0;
   }
 
-  [[nodiscard]] scenario::Scenario with_all() const { return with(gains_); }
   [[nodiscard]] scenario::Scenario with(const Gains& gains) const {
     scenario::Scenario scenario = scenario_;
     scenario.controller.gains = gains;
@@ -194,11 +184,8 @@ scenario::Scenario with_constant_estimates(const scenario::Scenario& scenario) {
   const auto w = scenario.controller.gains.find("w");
   const bool follows = w != scenario.controller.gains.end() && w->second[0] > 0;
   constant.controller.law = follows ? LoriaOrtegaScheduled::name : LoriaOrtegaRigid::name;
-  const controller::LawFacts& law = controller::law_facts(constant.controller.law);
-  std::erase_if(constant.controller.gains, [&](const auto& gain) {
-    const auto names = controller::parameter_names(law);
-    return std::ranges::find(names, gain.first) == names.end();
-  });
+  constant.controller.gains = controller::gains_of_law(
+      scenario.controller.gains, controller::law_facts(constant.controller.law));
   return constant;
 }
 

@@ -115,6 +115,13 @@ ReferencePoint rest_in_range(const robot::Model& model, int k) {
   return linear::constant_reference(q);
 }
 
+double rounded(double value, int digits) {
+  const std::string text = fmt::format("{:.{}g}", value, digits);
+  // Parses subnormal numbers too.
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
 DesignProblem::DesignProblem(const scenario::Scenario& scenario, const DesignGoal& goal,
                              const linear::LawAnswers& answers)
     : scenario_(scenario),
@@ -225,11 +232,7 @@ Gains DesignProblem::gains(const VectorXd& theta) const {
 Gains DesignProblem::rounded(Gains all) const {
   for (auto& [name, values] : all) {
     if (!law_.tuned && values.size() != model_.num_joints) continue;
-    for (double& value : values) {
-      const std::string text = fmt::format("{:.4g}", value);
-      // Parses subnormal numbers too.
-      std::from_chars(text.data(), text.data() + text.size(), value);
-    }
+    for (double& value : values) value = design::rounded(value, 4);
   }
   return all;
 }

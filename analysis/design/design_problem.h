@@ -17,6 +17,9 @@ using linear::ScenarioLoop;
 
 using Gains = std::map<std::string, Vector>;
 
+/// Returns the number with so many significant digits.
+double rounded(double value, int digits);
+
 /// The gains of a scenario's law as the variables of a search: which gains vary, their start and
 /// their bounds. The class also computes the law's feedback terms as a function of the variables.
 class DesignProblem {

@@ -8,6 +8,7 @@
 #include <random>
 #include <utility>
 
+#include "controller/law/loria_ortega_adaptive.h"
 #include "linear/scenario_loop.h"
 #include "lyapunov/law_loop.h"
 #include "lyapunov/weighted_region.h"
@@ -379,6 +380,28 @@ class ErrorLoop {
   std::optional<MatrixCondition> fine_;
 };
 
+/// Returns whether the unknown parameters of loria_ortega_adaptive can be those of the payload: its
+/// mass, first moments and inertia about the frame of the link.
+bool is_in_box(const plant::PayloadSpec& payload, const scenario::Gains& gains) {
+  const auto gain = [&](const char* name) {
+    const auto found = gains.find(name);
+    return found == gains.end() ? 0 : found->second[0];
+  };
+  const auto bound = [&](const char* rate, const char* most) {
+    return gain(rate) > 0 ? gain(most) : 0;
+  };
+  if (!payload.link.empty() || gain("load_joint") != 0) return false;
+  const Eigen::Vector3d centre(payload.center_of_mass_m.data());
+  const auto& I = payload.inertia_kgm2;
+  Eigen::Matrix3d inertia;
+  inertia << I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5];
+  inertia += payload.mass_kg *
+             (centre.squaredNorm() * Eigen::Matrix3d::Identity() - centre * centre.transpose());
+  return payload.mass_kg <= bound("gamma_mass", "mass_max") &&
+         payload.mass_kg * centre.cwiseAbs().maxCoeff() <= bound("gamma_moment", "moment_max") &&
+         inertia.cwiseAbs().maxCoeff() <= bound("gamma_inertia", "inertia_max");
+}
+
 }  // namespace
 
 std::vector<std::string> provisos(const scenario::Scenario& scenario, bool disturbed) {
@@ -387,8 +410,11 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
     if (there) result.push_back(std::move(what));
   };
   const double payload_kg = scenario.plant.payload.mass_kg;
-  add(payload_kg > 0 && scenario.controller.law != "loria_ortega_adaptive",
-      fmt::format("the payload of {:g} kg is not in it: the law does not know of it", payload_kg));
+  const bool adapts = scenario.controller.law == controller::law::LoriaOrtegaAdaptive::name;
+  add(payload_kg > 0 && !(adapts && is_in_box(scenario.plant.payload, scenario.controller.gains)),
+      fmt::format("the payload of {:g} kg is not in it: {}", payload_kg,
+                  adapts ? "it is outside of the box of the unknown parameters"
+                         : "the law does not know of it"));
   const auto& drive = scenario.plant.drive;
   const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
   if (const auto& flexible = scenario.robot.flexible) {

@@ -40,7 +40,7 @@ std::optional<std::int64_t> fingerprint_of(std::span<const std::byte> payload);
 messages::Stamp stamp_of(std::span<const std::byte> payload);
 
 /// Returns LCM's hash of the type of `Value`'s message, as lcm-gen computes it. It is instantiated
-/// for messages::Messages and, in messages/truth, for PlantTruth and Contact.
+/// for messages::Messages and, in messages/truth, for the types of that folder.
 template <class Value>
 std::int64_t fingerprint();
 
@@ -54,8 +54,8 @@ using messages::all_finite;
 
 /// Encoder and decoder of one message type for one layout. Its memory is preallocated, so
 /// fixed-size messages cost no allocation after construction. It is instantiated for
-/// messages::Messages and, in messages/truth, for PlantTruth and Contact. Only one thread at a time
-/// may use a codec.
+/// messages::Messages and, in messages/truth, for the types of that folder. Only one thread at a
+/// time may use a codec.
 template <class Value>
 class Codec {
  public:

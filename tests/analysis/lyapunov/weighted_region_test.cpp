@@ -394,6 +394,19 @@ TEST(WeightedRegion, OfTheAdaptiveLawHasNoneWithWeightsThatTheBoxForbids) {
                                                 "controller.gains.mass_max=0.001")));
 }
 
+/// The payload of 0.5 kg sits in the frame of the last link.
+TEST(WeightedRegion, SaysWhereThePayloadIsOutsideOfTheBox) {
+  const auto said = [](const std::string& change) {
+    return lyapunov::provisos(linear::testing::shipped("practical_adaptive", {change}), false);
+  };
+  const auto outside = ::testing::Contains(
+      HasSubstr("the payload of 0.5 kg is not in it: it is outside of the box"));
+  EXPECT_THAT(said("controller.gains.mass_max=0.5"), ::testing::IsEmpty());
+  EXPECT_THAT(said("controller.gains.mass_max=0.4"), outside);
+  EXPECT_THAT(said("plant.payload.center_of_mass_m=[0.1, 0, 0]"), outside);
+  EXPECT_THAT(said("plant.payload.inertia_kgm2=[0.01, 0, 0, 0.01, 0, 0.01]"), outside);
+}
+
 TEST(WeightedRegion, IsPrintedByCertify) {
   const scenario::Scenario scenario =
       linear::testing::shipped("practical_adaptive", half_a_kilogram);

@@ -275,7 +275,6 @@ TEST(LoriaOrtegaBounded, TakesUpAnUnknownTorqueFromStartsFarAway) {
 
 /// Over 100 starts 40 and 0 stay away.
 TEST(LoriaOrtegaBounded, NeedsSomeOfTheLimitForItsFeedback) {
-  if (starts < 8) GTEST_SKIP() << "takes too long with sanitizers";
   const auto away = [](const Vector& torque_limit) {
     const Ends found =
         ends(Sine{{0, 0}}, gains_with(vector(82, 6.3)),

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -220,10 +221,8 @@ struct Design {
   /// Returns whether the scenario has gains of another law, which `run` would refuse.
   [[nodiscard]] bool has_other_gains(const scenario::Scenario& scenario) const {
     if (!law_program.empty()) return false;
-    const auto own = controller::parameter_names(controller::law_facts(scenario.controller.law));
-    return std::ranges::any_of(scenario.controller.gains, [&](const auto& gain) {
-      return std::ranges::find(own, gain.first) == own.end();
-    });
+    const auto& [law, gains] = std::tie(scenario.controller.law, scenario.controller.gains);
+    return controller::gains_of_law(gains, controller::law_facts(law)).size() != gains.size();
   }
 
   /// Returns the scenario with the design's gains, as text.
