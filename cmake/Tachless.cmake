@@ -49,15 +49,24 @@ set(TACHLESS_COMMON_HEADERS <Eigen/Dense> <fmt/format.h> <algorithm> <array> <ch
 file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
 # Further headers that most sources of analysis/ and tools/ include.
 set(TACHLESS_SCENARIO_HEADERS <core/scenario/scenario.h> <core/messages/measurements.h>)
-foreach(headers IN ITEMS common scenario)
-  add_library(${headers}_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
-  target_link_libraries(${headers}_headers PRIVATE tachless_options Eigen3::Eigen)
-  target_include_directories(${headers}_headers PRIVATE ${PROJECT_SOURCE_DIR}/core)
-  target_precompile_headers(${headers}_headers PRIVATE ${TACHLESS_COMMON_HEADERS})
-endforeach()
-target_precompile_headers(scenario_headers PRIVATE ${TACHLESS_SCENARIO_HEADERS})
+# tachless_precompile(name [header …]): precompiles the common headers, and further ones.
+function(tachless_precompile name)
+  add_library(${name} OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
+  target_link_libraries(${name} PRIVATE tachless_options Eigen3::Eigen)
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/core)
+  target_precompile_headers(${name} PRIVATE ${TACHLESS_COMMON_HEADERS} ${ARGN})
+endfunction()
+tachless_precompile(common_headers)
+tachless_precompile(scenario_headers ${TACHLESS_SCENARIO_HEADERS})
 # analysis/CMakeLists.txt gives the reason.
 target_compile_options(scenario_headers PRIVATE $<$<CONFIG:Release>:-O1>)
+# The headers of tools/, which compute little. Under the sanitizers, -O0 halves the time to compile.
+set(TACHLESS_TOOL_HEADERS scenario_headers)
+if(CMAKE_CXX_FLAGS MATCHES "sanitize=address")
+  tachless_precompile(tool_headers ${TACHLESS_SCENARIO_HEADERS})
+  target_compile_options(tool_headers PRIVATE -O0)
+  set(TACHLESS_TOOL_HEADERS tool_headers)
+endif()
 set(TACHLESS_HEADERS common_headers)
 
 # Compiles a target with the headers above and their options, and its sources in batches.
@@ -152,16 +161,15 @@ function(tachless_test_options name)
 endfunction()
 
 # tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW] [THREADS] [APART]
-# [COMPUTES] [TWICE]): adds a GoogleTest program and its CTest entry. SLOW: the test starts whole programs, or computes for more than some seconds.
-# It gets the label `slow` and belongs to the target `slow_tests`. All others get the label `fast` and belong
-# to the target `fast_tests`. They also run under the address and undefined-behaviour sanitizers. THREADS:
-# more than one thread runs the project's code. Such a test gets the label `threads`, belongs to the target
+# [COMPUTES]): adds a GoogleTest program and its CTest entry. SLOW: the test starts whole programs, or computes
+# for more than some seconds. It gets the label `slow` and belongs to the target `slow_tests`. All others get the
+# label `fast` and belong to the target `fast_tests`. They also run under the address and undefined-behaviour
+# sanitizers. THREADS: more than one thread runs the project's code. Such a test gets the label `threads`, belongs to the target
 # `thread_tests`, and runs under the thread sanitizer. APART: the sources use equal names and are compiled one
 # by one. COMPUTES: inline code of the test takes most of its time under the sanitizers. The linker takes an
-# inline function from the test's object, so the library's calls of that function count too. TWICE: a fast test
-# that has fewer samples under the sanitizers. The release build runs it among the slow tests too.
+# inline function from the test's object, so the library's calls of that function count too.
 function(tachless_test name)
-  cmake_parse_arguments(arg "SLOW;THREADS;APART;COMPUTES;TWICE" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "SLOW;THREADS;APART;COMPUTES" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
   target_link_libraries(${name} PRIVATE ${arg_LIBS} base)
@@ -183,10 +191,6 @@ function(tachless_test name)
   else()
     list(APPEND arg_LABELS fast)
     add_dependencies(fast_tests ${name})
-  endif()
-  if(arg_TWICE AND CMAKE_BUILD_TYPE STREQUAL Release)
-    list(APPEND arg_LABELS slow)
-    add_dependencies(slow_tests ${name})
   endif()
   if(arg_THREADS)
     list(APPEND arg_LABELS threads)
