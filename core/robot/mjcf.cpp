@@ -22,25 +22,12 @@ std::string text_of(const Eigen::Vector3d& v) {
   return fmt::format("{} {} {}", v.x(), v.y(), v.z());
 }
 
-TiXmlElement origin_of(const MjcfPose& pose) {
-  TiXmlElement origin("origin");
-  origin.SetAttribute("xyz", text_of(pose.p));
+void add_origin(XmlElement& to, const MjcfPose& pose) {
+  XmlElement& origin = add(to, "origin", "xyz", text_of(pose.p));
   const Eigen::Quaterniond& q = pose.q;
   if (!q.vec().isZero(0)) {
-    origin.SetAttribute("quat_xyzw", fmt::format("{} {} {} {}", q.x(), q.y(), q.z(), q.w()));
+    set(origin, "quat_xyzw", fmt::format("{} {} {} {}", q.x(), q.y(), q.z(), q.w()));
   }
-  return origin;
-}
-
-TiXmlElement& add_to(TiXmlElement& parent, const TiXmlElement& child) {
-  return *parent.InsertEndChild(child)->ToElement();
-}
-
-/// Returns an element with one attribute.
-TiXmlElement with(const char* element, const char* attribute, const std::string& value) {
-  TiXmlElement made(element);
-  made.SetAttribute(attribute, value);
-  return made;
 }
 
 class Converter {
@@ -55,11 +42,11 @@ class Converter {
     const std::string name = document_.root().Attribute("model") == nullptr
                                  ? "robot"
                                  : document_.root().Attribute("model");
-    robot_.SetAttribute("name", base::printable(name));
-    add_to(robot_, with("link", "name", world));
-    for (const TiXmlElement* each : document_.sections("worldbody")) {
+    set(robot_, "name", base::printable(name));
+    add(robot_, "link", "name", world);
+    for (const XmlElement* each : document_.sections("worldbody")) {
       (void)document_.attributes(*each, "main");
-      for (const TiXmlElement* child : document_.children(*each)) {
+      for (const XmlElement* child : document_.children(*each)) {
         read_child(*child, {world, {}, "main", {}, false});
       }
     }
@@ -67,10 +54,7 @@ class Converter {
     for (const auto& [joint, mimic] : drives_.mimics()) add_mimic(joint, mimic);
     read_keyframe();
     compare_gravcomp();
-    TiXmlPrinter printer;
-    printer.SetIndent(" ");
-    robot_.Accept(&printer);
-    made_.urdf = printer.CStr();
+    made_.urdf = xml_text(urdf_, true);
     for (const std::string& each : drives_.warnings()) made_.warnings.push_back(each);
     return std::move(made_);
   }
@@ -93,12 +77,17 @@ class Converter {
     std::optional<MjcfAttributes> inertial;
   };
 
+  /// A mesh as a URDF draws it.
+  struct Mesh {
+    std::string filename, scale;  ///< the scale is empty if it is not given
+  };
+
   struct Moving {
-    TiXmlElement* element = nullptr;
+    XmlElement* element = nullptr;
     double ref = 0;  ///< position at which the bodies are as written [rad; m]
   };
 
-  void warn(const TiXmlElement& at, const std::string& problem) {
+  void warn(const XmlElement& at, const std::string& problem) {
     made_.warnings.push_back(base::one_line(document_.where(at) + ": " + problem));
   }
 
@@ -119,7 +108,7 @@ class Converter {
 
   /// Warns of options that a scenario has instead. Refuses those that switch mechanics off.
   void check_options() {
-    for (const TiXmlElement* each : document_.sections("option")) {
+    for (const XmlElement* each : document_.sections("option")) {
       const MjcfAttributes option = document_.own_attributes(*each);
       const Eigen::Vector3d usual(0, 0, -9.81);
       if (option.vector("gravity", usual) != usual) {
@@ -130,8 +119,8 @@ class Converter {
       for (const char* name : {"density", "viscosity"}) {
         if (option.number(name, 0) != 0) warn(*each, fmt::format("{} is not read", name));
       }
-      for (const TiXmlElement* flag : document_.children(*each)) {
-        if (flag->ValueStr() != "flag") continue;
+      for (const XmlElement* flag : document_.children(*each)) {
+        if (name_of(*flag) != "flag") continue;
         const MjcfAttributes flags = document_.own_attributes(*flag);
         for (const char* name : {"equality", "frictionloss", "passive", "spring", "damper"}) {
           if (flags.text(name, "enable") == "enable") continue;
@@ -147,9 +136,9 @@ class Converter {
     namespace fs = std::filesystem;
     const MjcfAttributes& compiler = document_.compiler();
     const fs::path folder = compiler.text("meshdir", compiler.text("assetdir"));
-    for (const TiXmlElement* each : document_.in_sections("asset")) {
-      const bool mesh = each->ValueStr() == "mesh";
-      if (!mesh && each->ValueStr() != "material") continue;
+    for (const XmlElement* each : document_.in_sections("asset")) {
+      const bool mesh = name_of(*each) == "mesh";
+      if (!mesh && name_of(*each) != "material") continue;
       const MjcfAttributes asset = document_.attributes(*each, "main");
       if (!mesh) {
         colours_[asset.text("name")] = asset.text("rgba");
@@ -158,9 +147,9 @@ class Converter {
       fs::path file = asset.text("file");
       const std::string stem = file.stem().string();
       if (compiler.flag("strippath", false)) file = file.filename();
-      TiXmlElement drawn = with("mesh", "filename", (folder / file).string());
+      Mesh drawn{(folder / file).string(), ""};
       if (asset.has("scale")) {
-        drawn.SetAttribute("scale", text_of(asset.vector("scale", Eigen::Vector3d::Ones())));
+        drawn.scale = text_of(asset.vector("scale", Eigen::Vector3d::Ones()));
       }
       if (!file.empty()) meshes_.emplace(asset.text("name", stem), std::move(drawn));
     }
@@ -168,21 +157,21 @@ class Converter {
 
   /// Reads a child of <worldbody>, of a body, or of a <frame>, that is a body, a frame or, in the
   /// world, a geom.
-  void read_child(const TiXmlElement& child, const Place& place) {
-    const std::string& kind = child.ValueStr();
+  void read_child(const XmlElement& child, const Place& place) {
+    const std::string& kind = name_of(child);
     if (kind == "body") {
       read_body(child, place);
     } else if (kind == "frame") {
       const Place inner = inside(child, place);
-      for (const TiXmlElement* each : document_.children(child)) read_child(*each, inner);
+      for (const XmlElement* each : document_.children(child)) read_child(*each, inner);
     } else if (kind == "geom" && place.link == world && !place.moves) {
-      TiXmlElement& link = *robot_.FirstChildElement("link");
+      XmlElement& link = *robot_.FirstChildElement("link");
       add_visuals(link, document_.attributes(child, place.childclass), place.frame);
     }
   }
 
   /// Returns the surroundings of the elements in a <frame>.
-  [[nodiscard]] Place inside(const TiXmlElement& frame, Place place) const {
+  [[nodiscard]] Place inside(const XmlElement& frame, Place place) const {
     const MjcfAttributes a = document_.attributes(frame, "main");
     const MjcfPose pose = document_.pose(a);
     place.frame = place.frame * pose;
@@ -191,9 +180,9 @@ class Converter {
     return place;
   }
 
-  void read_content(const TiXmlElement& of, const Place& place, BodyContent& content) const {
-    for (const TiXmlElement* each : document_.children(of)) {
-      const std::string& kind = each->ValueStr();
+  void read_content(const XmlElement& of, const Place& place, BodyContent& content) const {
+    for (const XmlElement* each : document_.children(of)) {
+      const std::string& kind = name_of(*each);
       if (kind == "frame") {
         read_content(*each, inside(*each, place), content);
       } else if (kind == "joint" || kind == "freejoint") {
@@ -203,23 +192,23 @@ class Converter {
       } else if (kind == "inertial") {
         const MjcfAttributes inertial = document_.attributes(*each, "main");
         if (content.inertial) inertial.refuse("the body has two; remove one");
-        if (of.ValueStr() == "frame") inertial.refuse("it is in a <frame>; put it into the body");
+        if (name_of(of) == "frame") inertial.refuse("it is in a <frame>; put it into the body");
         content.inertial = inertial;
       }
     }
   }
 
   static std::string type_of(const MjcfAttributes& joint) {
-    if (joint.element().ValueStr() == "freejoint") return "free";
+    if (name_of(joint.element()) == "freejoint") return "free";
     const std::string type = joint.text("type", "hinge");
     if (type == "hinge" || type == "slide" || type == "free" || type == "ball") return type;
     joint.refuse(fmt::format("type=\"{:.60}\"; allowed: hinge, slide", type));
   }
 
   /// Returns whether a hinge or slide joint is in this body or below it.
-  [[nodiscard]] bool carries_an_arm(const TiXmlElement& of, const std::string& around) const {
-    for (const TiXmlElement* each : document_.children(of)) {
-      const std::string& kind = each->ValueStr();
+  [[nodiscard]] bool carries_an_arm(const XmlElement& of, const std::string& around) const {
+    for (const XmlElement* each : document_.children(of)) {
+      const std::string& kind = name_of(*each);
       if (kind == "joint") {
         const std::string type = type_of(document_.attributes(*each, around));
         if (type == "hinge" || type == "slide") return true;
@@ -231,7 +220,7 @@ class Converter {
     return false;
   }
 
-  void read_body(const TiXmlElement& body, const Place& around) {
+  void read_body(const XmlElement& body, const Place& around) {
     const MjcfAttributes a = document_.attributes(body, "main");
     Place place = around;
     place.childclass = a.text("childclass", around.childclass);
@@ -248,21 +237,21 @@ class Converter {
     MjcfPose at = around.frame * document_.pose(a);
     place.frame = add_joints(body, link, content, around.link, at);
     place.link = link;
-    TiXmlElement& made = add_to(robot_, with("link", "name", link));
+    XmlElement& made = add(robot_, "link", "name", link);
     if (place.moves) add_inertial(made, a, content);
     for (const auto& [geom, frame] : content.geoms) add_visuals(made, geom, frame);
-    for (const TiXmlElement* each : document_.children(body)) read_child(*each, place);
+    for (const XmlElement* each : document_.children(body)) read_child(*each, place);
   }
 
   /// Leaves a free body out of the robot. Its coordinates stay in the keyframe's.
-  void leave_out(const TiXmlElement& body, const MjcfAttributes& a) {
+  void leave_out(const XmlElement& body, const MjcfAttributes& a) {
     warn(body, fmt::format("body '{}' is free and carries no joint of the robot; it is left out",
                            a.text("name")));
     count_coordinates(body);
   }
-  void count_coordinates(const TiXmlElement& of) {
-    for (const TiXmlElement* each : document_.children(of)) {
-      const std::string& kind = each->ValueStr();
+  void count_coordinates(const XmlElement& of) {
+    for (const XmlElement* each : document_.children(of)) {
+      const std::string& kind = name_of(*each);
       if (kind == "freejoint") num_coordinates_ += 7;
       if (kind == "joint") {
         num_coordinates_ += type_of(document_.attributes(*each, "main")) == "ball" ? 4 : 7;
@@ -272,7 +261,7 @@ class Converter {
   }
 
   /// Returns a name after a check that no other link or joint has it, and that a URDF may have it.
-  std::string checked_name(std::string name, std::set<std::string>& taken, const TiXmlElement& at) {
+  std::string checked_name(std::string name, std::set<std::string>& taken, const XmlElement& at) {
     if (!is_urdf_name(name)) {
       document_.refuse(at, fmt::format("'{:.60}' is not a name; allowed: up to 200 printable "
                                        "characters, a letter, digit, _ . or / first, no quotes and "
@@ -288,7 +277,7 @@ class Converter {
 
   /// Adds the joints of a body, or one that fixes it, with a link between each two of them.
   /// @param at the body's frame in the link `parent`  @return the body's frame in its link
-  MjcfPose add_joints(const TiXmlElement& body, const std::string& link, const BodyContent& content,
+  MjcfPose add_joints(const XmlElement& body, const std::string& link, const BodyContent& content,
                       std::string parent, MjcfPose at) {
     if (content.joints.empty()) {
       add_joint(checked_name(link + "_mount", joints_, body), "fixed", parent, link, at);
@@ -305,7 +294,7 @@ class Converter {
           ends ? link : checked_name(fmt::format("{}_{}", link, k), links_, body);
       at.p += at.q * (anchor - shift);
       read_joint(joint, frame.q, parent, child, at);
-      if (!ends) add_to(robot_, with("link", "name", child));
+      if (!ends) add(robot_, "link", "name", child);
       parent = child;
       shift = anchor;
       at = {};
@@ -316,14 +305,14 @@ class Converter {
     return {};
   }
 
-  TiXmlElement& add_joint(const std::string& name, const char* type, const std::string& parent,
-                          const std::string& child, const MjcfPose& at) {
-    TiXmlElement joint = with("joint", "name", name);
-    joint.SetAttribute("type", type);
-    joint.InsertEndChild(with("parent", "link", parent));
-    joint.InsertEndChild(with("child", "link", child));
-    joint.InsertEndChild(origin_of(at));
-    return add_to(robot_, joint);
+  XmlElement& add_joint(const std::string& name, const char* type, const std::string& parent,
+                        const std::string& child, const MjcfPose& at) {
+    XmlElement& joint = add(robot_, "joint", "name", name);
+    set(joint, "type", type);
+    add(joint, "parent", "link", parent);
+    add(joint, "child", "link", child);
+    add_origin(joint, at);
+    return joint;
   }
 
   /// Adds a joint between two links. @param at the joint's frame where the joint is at `ref`
@@ -352,33 +341,31 @@ class Converter {
     const double ref = unit * joint.number("ref", 0);
     if (ref != 0) {
       const MjcfPose back =
-          hinge ? MjcfPose{rotation_about(axis.normalized(), -ref), {}}
+          hinge ? MjcfPose{rotation_about(axis.normalized(), -ref), Eigen::Vector3d::Zero()}
                 : MjcfPose{Eigen::Quaterniond::Identity(), -ref * axis.normalized()};
       at = at * back;
     }
     const auto range = joint.range("range", "limited");
-    TiXmlElement& made = add_joint(name,
-                                   !hinge  ? "prismatic"
-                                   : range ? "revolute"
-                                           : "continuous",
-                                   parent, child, at);
-    made.InsertEndChild(with("axis", "xyz", text_of(axis)));
-    TiXmlElement limit("limit");
+    XmlElement& made = add_joint(name,
+                                 !hinge  ? "prismatic"
+                                 : range ? "revolute"
+                                         : "continuous",
+                                 parent, child, at);
+    add(made, "axis", "xyz", text_of(axis));
+    XmlElement& limit = add(made, "limit");
     if (range) {
-      limit.SetAttribute("lower", fmt::format("{}", unit * range->first));
-      limit.SetAttribute("upper", fmt::format("{}", unit * range->second));
+      set(limit, "lower", fmt::format("{}", unit * range->first));
+      set(limit, "upper", fmt::format("{}", unit * range->second));
     }
     if (const auto effort = drives_.effort_of(joint, name)) {
-      limit.SetAttribute("effort", fmt::format("{}", *effort));
+      set(limit, "effort", fmt::format("{}", *effort));
     }
-    made.InsertEndChild(limit);
-    TiXmlElement dynamics("dynamics");
+    XmlElement& dynamics = add(made, "dynamics");
     for (const auto& [ours, theirs] : {std::pair{"damping", "damping"},
                                        {"friction", "frictionloss"},
                                        {"armature", "armature"}}) {
-      dynamics.SetAttribute(ours, fmt::format("{}", joint.coefficient(theirs)));
+      set(dynamics, ours, fmt::format("{}", joint.coefficient(theirs)));
     }
-    made.InsertEndChild(dynamics);
     moving_[name] = {&made, ref};
   }
 
@@ -388,15 +375,14 @@ class Converter {
     if (found == moving_.end() || other == moving_.end()) {
       document_.refuse(*mimic.equality, "a joint that is no hinge or slide; remove the equality");
     }
-    TiXmlElement made = with("mimic", "joint", mimic.joint);
-    made.SetAttribute("multiplier", fmt::format("{}", mimic.multiplier));
-    made.SetAttribute("offset", fmt::format("{}", found->second.ref + mimic.offset -
-                                                      mimic.multiplier * other->second.ref));
-    found->second.element->InsertEndChild(made);
+    XmlElement& made = add(*found->second.element, "mimic", "joint", mimic.joint);
+    set(made, "multiplier", fmt::format("{}", mimic.multiplier));
+    const double offset = found->second.ref + mimic.offset - mimic.multiplier * other->second.ref;
+    set(made, "offset", fmt::format("{}", offset));
   }
 
   /// Adds the mass of a body that moves: its <inertial>, or its geoms where <compiler> takes these.
-  void add_inertial(TiXmlElement& link, const MjcfAttributes& body, const BodyContent& content) {
+  void add_inertial(XmlElement& link, const MjcfAttributes& body, const BodyContent& content) {
     const std::string from_geom = document_.compiler().text("inertiafromgeom", "auto");
     MassProperties mass;
     if (content.inertial && from_geom != "true") {
@@ -413,58 +399,45 @@ class Converter {
     mass = corrected(document_, mass);
     if (mass.mass == 0 && mass.I_Bcm.isZero(0)) return;
     gravcomp_.emplace_back(document_.where(body.element()), body.number("gravcomp", 0));
-    TiXmlElement inertial("inertial");
-    inertial.InsertEndChild(with("origin", "xyz", text_of(mass.p_Bcm)));
-    inertial.InsertEndChild(with("mass", "value", fmt::format("{}", mass.mass)));
-    TiXmlElement inertia("inertia");
-    for (const auto& [name, i, j] : {std::tuple{"ixx", 0, 0},
-                                     {"iyy", 1, 1},
-                                     {"izz", 2, 2},
-                                     {"ixy", 0, 1},
-                                     {"ixz", 0, 2},
-                                     {"iyz", 1, 2}}) {
-      inertia.SetAttribute(name, fmt::format("{}", mass.I_Bcm(i, j)));
-    }
-    inertial.InsertEndChild(inertia);
-    link.InsertEndChild(inertial);
+    XmlElement& inertial = add(link, "inertial");
+    add(inertial, "origin", "xyz", text_of(mass.p_Bcm));
+    add(inertial, "mass", "value", fmt::format("{}", mass.mass));
+    add_inertia(inertial, mass.I_Bcm);
   }
 
   /// Adds the pictures of a geom in the groups that MuJoCo shows at first.
-  void add_visuals(TiXmlElement& link, const MjcfAttributes& geom, const MjcfPose& frame) {
+  void add_visuals(XmlElement& link, const MjcfAttributes& geom, const MjcfPose& frame) {
     constexpr double last_shown = 2;
     if (geom.number("group", 0) > last_shown) return;
     const MjcfShape shape = shape_of(document_, geom);
     const MjcfPose at = frame * shape.pose;
     const Eigen::Vector3d& size = shape.size;
-    const auto add = [&](const TiXmlElement& drawn, const MjcfPose& where) {
-      TiXmlElement visual("visual"), geometry("geometry");
-      visual.InsertEndChild(origin_of(where));
-      geometry.InsertEndChild(drawn);
-      visual.InsertEndChild(geometry);
+    const auto drawn = [&](const MjcfPose& where, const char* kind, const char* attribute,
+                           const std::string& value) -> XmlElement& {
+      XmlElement& visual = add(link, "visual");
+      add_origin(visual, where);
+      XmlElement& geometry = add(visual, "geometry");
       const auto colour = colours_.find(geom.text("material"));
       const std::string rgba = geom.text("rgba", colour == colours_.end() ? "" : colour->second);
-      if (!rgba.empty()) {
-        TiXmlElement material = with("material", "name", "");
-        material.InsertEndChild(with("color", "rgba", rgba));
-        visual.InsertEndChild(material);
-      }
-      link.InsertEndChild(visual);
+      if (!rgba.empty()) add(add(visual, "material", "name", ""), "color", "rgba", rgba);
+      return add(geometry, kind, attribute, value);
     };
     if (geom.has("mesh")) {
       const auto mesh = meshes_.find(geom.text("mesh"));
-      if (mesh != meshes_.end()) add(mesh->second, at);
+      if (mesh == meshes_.end()) return;
+      XmlElement& element = drawn(at, "mesh", "filename", mesh->second.filename);
+      if (!mesh->second.scale.empty()) set(element, "scale", mesh->second.scale);
     } else if (shape.type == "box") {
-      add(with("box", "size", text_of(2 * size)), at);
+      drawn(at, "box", "size", text_of(2 * size));
     } else if (shape.type == "sphere") {
-      add(with("sphere", "radius", fmt::format("{}", size[0])), at);
+      drawn(at, "sphere", "radius", fmt::format("{}", size[0]));
     } else if (shape.type == "cylinder" || shape.type == "capsule") {
-      TiXmlElement cylinder = with("cylinder", "radius", fmt::format("{}", size[0]));
-      cylinder.SetAttribute("length", fmt::format("{}", 2 * size[1]));
-      add(cylinder, at);
+      XmlElement& cylinder = drawn(at, "cylinder", "radius", fmt::format("{}", size[0]));
+      set(cylinder, "length", fmt::format("{}", 2 * size[1]));
       if (shape.type == "cylinder") return;
       for (const double end : {-size[1], size[1]}) {
-        add(with("sphere", "radius", fmt::format("{}", size[0])),
-            at * MjcfPose{Eigen::Quaterniond::Identity(), {0, 0, end}});
+        drawn(at * MjcfPose{Eigen::Quaterniond::Identity(), {0, 0, end}}, "sphere", "radius",
+              fmt::format("{}", size[0]));
       }
     }
   }
@@ -472,8 +445,8 @@ class Converter {
   /// Reads the posture of the keyframe "home", or else of the first.
   void read_keyframe() {
     std::optional<MjcfAttributes> chosen;
-    for (const TiXmlElement* each : document_.in_sections("keyframe")) {
-      if (each->ValueStr() != "key") {
+    for (const XmlElement* each : document_.in_sections("keyframe")) {
+      if (name_of(*each) != "key") {
         document_.refuse(*each, "<keyframe> has <key> alone; remove the element");
       }
       const MjcfAttributes key = document_.attributes(*each, "main");
@@ -498,9 +471,10 @@ class Converter {
 
   MjcfDocument document_;
   MjcfDrives drives_;
-  TiXmlElement robot_{"robot"};
+  XmlDocument urdf_;
+  XmlElement& robot_ = add(urdf_, "robot");
   Description made_;
-  std::map<std::string, TiXmlElement> meshes_;  ///< by asset's name, as URDF draws them
+  std::map<std::string, Mesh> meshes_;          ///< by asset's name
   std::map<std::string, std::string> colours_;  ///< rgba by material
   std::set<std::string> links_, joints_;
   std::map<std::string, Moving> moving_;                       ///< hinges and slides

@@ -29,13 +29,13 @@ std::string rule_name(const std::string& element) {
 }
 
 /// Adds own attributes to those of a class. An own orientation replaces one of another form.
-void override_with(MjcfAttributes::Values& values, const TiXmlElement& element) {
+void override_with(MjcfAttributes::Values& values, const XmlElement& element) {
   const auto own = [&](const char* name) { return element.Attribute(name) != nullptr; };
   if (std::ranges::any_of(orientations, own)) {
     for (const char* name : orientations) values.erase(name);
   }
   for (const auto* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
-    values[a->Name()] = a->ValueStr();
+    values[a->Name()] = a->Value();
   }
 }
 
@@ -132,7 +132,7 @@ std::optional<std::pair<double, double>> MjcfAttributes::range(const std::string
 void MjcfAttributes::refuse(const std::string& problem) const {
   const std::string name = text("name");
   document_->refuse(*element_,
-                    fmt::format("<{}>{}: {}", element_->ValueStr(),
+                    fmt::format("<{}>{}: {}", name_of(*element_),
                                 name.empty() ? "" : fmt::format(" '{:.60}'", name), problem));
 }
 
@@ -147,37 +147,29 @@ MjcfDocument::MjcfDocument(const std::string& text, std::string source,
   read_includes(*root_, included);
   check_names(*root_, "mujoco");
   MjcfAttributes::Values options;
-  const TiXmlElement* last = root_;
-  for (const TiXmlElement* each : sections("compiler")) {
+  const XmlElement* last = root_;
+  for (const XmlElement* each : sections("compiler")) {
     check_names(*each, "compiler");
     override_with(options, *each);
     last = each;
   }
   compiler_.emplace(*this, *last, options);
   classes_["main"] = {};
-  for (const TiXmlElement* each : sections("default")) read_top_defaults(*each);
+  for (const XmlElement* each : sections("default")) read_top_defaults(*each);
 }
 
 void MjcfDocument::parse(const std::string& text, const std::string& file) {
   const std::string of = file.empty() ? "" : file + ": ";
-  if (const std::string why = why_too_large(text); !why.empty()) refuse_urdf(source_, of + why);
-  TiXmlDocument& document = files_.emplace_back();
-  document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
-  if (document.Error()) {
-    refuse_urdf(source_, fmt::format("{}line {}: malformed XML: {}; correct the file's XML", of,
-                                     document.ErrorRow(), document.ErrorDesc()));
-  }
-  if (const int line = line_of_unread_markup(document); line != 0) {
-    refuse_urdf(source_, fmt::format("{}line {}: malformed XML: a < without the name of an "
-                                     "element; correct the file's XML",
-                                     of, line));
+  XmlDocument& document = files_.emplace_back();
+  if (const std::string problem = parse_xml(text, document); !problem.empty()) {
+    refuse_urdf(source_, of + problem);
   }
   names_[&document] = file;
 }
 
-void MjcfDocument::read_includes(const TiXmlElement& of, const IncludedText& included) {
+void MjcfDocument::read_includes(const XmlElement& of, const IncludedText& included) {
   for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
-    if (e->ValueStr() != "include") {
+    if (name_of(*e) != "include") {
       read_includes(*e, included);
       continue;
     }
@@ -193,7 +185,7 @@ void MjcfDocument::read_includes(const TiXmlElement& of, const IncludedText& inc
       }
     }
     parse(included(file), file);
-    const TiXmlElement* const root = files_.back().RootElement();
+    const XmlElement* const root = files_.back().RootElement();
     if (root == nullptr) {
       refuse(*e, fmt::format("{:.60} has no element; give an MJCF, or remove the <include>", file));
     }
@@ -202,8 +194,8 @@ void MjcfDocument::read_includes(const TiXmlElement& of, const IncludedText& inc
   }
 }
 
-std::vector<const TiXmlElement*> MjcfDocument::children(const TiXmlElement& of) const {
-  std::vector<const TiXmlElement*> all;
+std::vector<const XmlElement*> MjcfDocument::children(const XmlElement& of) const {
+  std::vector<const XmlElement*> all;
   for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
     if (const auto found = included_.find(e); found != included_.end()) {
       const auto inner = children(*found->second);
@@ -215,23 +207,23 @@ std::vector<const TiXmlElement*> MjcfDocument::children(const TiXmlElement& of) 
   return all;
 }
 
-std::vector<const TiXmlElement*> MjcfDocument::sections(std::string_view section) const {
-  std::vector<const TiXmlElement*> found = children(*root_);
-  std::erase_if(found, [&](const TiXmlElement* e) { return e->ValueStr() != section; });
+std::vector<const XmlElement*> MjcfDocument::sections(std::string_view section) const {
+  std::vector<const XmlElement*> found = children(*root_);
+  std::erase_if(found, [&](const XmlElement* e) { return name_of(*e) != section; });
   return found;
 }
 
-std::vector<const TiXmlElement*> MjcfDocument::in_sections(std::string_view section) const {
-  std::vector<const TiXmlElement*> all;
-  for (const TiXmlElement* each : sections(section)) {
+std::vector<const XmlElement*> MjcfDocument::in_sections(std::string_view section) const {
+  std::vector<const XmlElement*> all;
+  for (const XmlElement* each : sections(section)) {
     const auto inner = children(*each);
     all.insert(all.end(), inner.begin(), inner.end());
   }
   return all;
 }
 
-void MjcfDocument::check_names(const TiXmlElement& element, std::string_view of) const {
-  const std::string& name = element.ValueStr();
+void MjcfDocument::check_names(const XmlElement& element, std::string_view of) const {
+  const std::string& name = name_of(element);
   const MjcfRule& rule = mjcf_rule(of);
   const auto has = [](const std::vector<std::string_view>& names, std::string_view each) {
     return std::ranges::find(names, each) != names.end();
@@ -247,12 +239,12 @@ void MjcfDocument::check_names(const TiXmlElement& element, std::string_view of)
   }
   for (const auto* node = element.FirstChild(); node != nullptr; node = node->NextSibling()) {
     const auto letter = [](unsigned char c) { return std::isalpha(c) != 0; };
-    if (node->ToText() != nullptr && std::ranges::any_of(node->ValueStr(), letter)) {
+    if (node->ToText() != nullptr && std::ranges::any_of(std::string_view(node->Value()), letter)) {
       refuse(element, fmt::format("text in <{:.60}>; remove it", name));
     }
   }
-  for (const TiXmlElement* child : children(element)) {
-    const std::string& each = child->ValueStr();
+  for (const XmlElement* child : children(element)) {
+    const std::string& each = name_of(*child);
     if (has(rule.children, each) || has(rule.others, each)) continue;
     if (has(rule.refused, each)) {
       refuse(*child, fmt::format("<{}> in <{}> is not read; give the model with it written out, as "
@@ -266,7 +258,7 @@ void MjcfDocument::check_names(const TiXmlElement& element, std::string_view of)
   }
 }
 
-void MjcfDocument::read_top_defaults(const TiXmlElement& section) {
+void MjcfDocument::read_top_defaults(const XmlElement& section) {
   const char* const given = section.Attribute("class");
   const std::string name = given == nullptr ? top_class_ : given;
   if (name != top_class_ && (top_class_ != "main" || !classes_["main"].empty())) {
@@ -281,15 +273,15 @@ void MjcfDocument::read_top_defaults(const TiXmlElement& section) {
   classes_["main"] = classes_[name];
 }
 
-void MjcfDocument::read_class(const TiXmlElement& element, const std::string& name,
+void MjcfDocument::read_class(const XmlElement& element, const std::string& name,
                               std::map<std::string, MjcfAttributes::Values> values) {
   check_names(element, "default");
   if (classes_.contains(name) && name != "main") {
     refuse(element, fmt::format("two classes \"{:.60}\"; rename one", name));
   }
-  std::map<std::string, const TiXmlElement*> seen;
-  for (const TiXmlElement* each : children(element)) {
-    const std::string& kind = each->ValueStr();
+  std::map<std::string, const XmlElement*> seen;
+  for (const XmlElement* each : children(element)) {
+    const std::string& kind = name_of(*each);
     const auto& others = mjcf_rule("default").others;
     if (kind == "default" || std::ranges::find(others, kind) != others.end()) continue;
     const std::string key = rule_name(kind);
@@ -300,8 +292,8 @@ void MjcfDocument::read_class(const TiXmlElement& element, const std::string& na
     override_with(values[key], *each);
   }
   classes_[name] = values;
-  for (const TiXmlElement* each : children(element)) {
-    if (each->ValueStr() != "default") continue;
+  for (const XmlElement* each : children(element)) {
+    if (name_of(*each) != "default") continue;
     const char* const inner = each->Attribute("class");
     if (inner == nullptr)
       refuse(*each, "a <default> in another has no class; give it class=\"...\"");
@@ -309,9 +301,9 @@ void MjcfDocument::read_class(const TiXmlElement& element, const std::string& na
   }
 }
 
-MjcfAttributes MjcfDocument::attributes(const TiXmlElement& element, const std::string& around,
+MjcfAttributes MjcfDocument::attributes(const XmlElement& element, const std::string& around,
                                         std::string_view rule) const {
-  const std::string key = rule.empty() ? rule_name(element.ValueStr()) : std::string(rule);
+  const std::string key = rule.empty() ? rule_name(name_of(element)) : std::string(rule);
   check_names(element, key);
   const char* const own = element.Attribute("class");
   const auto of_class = classes_.find(own == nullptr ? around : own);
@@ -326,7 +318,7 @@ MjcfAttributes MjcfDocument::attributes(const TiXmlElement& element, const std::
   return {*this, element, std::move(values)};
 }
 
-MjcfAttributes MjcfDocument::own_attributes(const TiXmlElement& element) const {
+MjcfAttributes MjcfDocument::own_attributes(const XmlElement& element) const {
   MjcfAttributes::Values values;
   override_with(values, element);
   return {*this, element, std::move(values)};
@@ -384,13 +376,13 @@ MjcfPose MjcfDocument::pose(const MjcfAttributes& of) const {
   return pose;
 }
 
-std::string MjcfDocument::where(const TiXmlElement& at) const {
+std::string MjcfDocument::where(const XmlElement& at) const {
   const std::string& file = names_.at(at.GetDocument());
   return fmt::format("{}: {}line {}", source_, file.empty() ? "" : file + ": ",
-                     std::max(at.Row(), 1));
+                     std::max(at.GetLineNum(), 1));
 }
 
-void MjcfDocument::refuse(const TiXmlElement& at, const std::string& problem) const {
+void MjcfDocument::refuse(const XmlElement& at, const std::string& problem) const {
   throw std::invalid_argument(base::one_line(where(at) + ": " + problem));
 }
 

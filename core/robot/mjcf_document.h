@@ -1,7 +1,5 @@
 #pragma once
 
-#include <tinyxml.h>
-
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <list>
@@ -13,6 +11,7 @@
 #include <vector>
 
 #include "robot/mjcf.h"
+#include "robot/xml.h"
 
 namespace tachless::robot {
 
@@ -22,10 +21,10 @@ class MjcfDocument;
 class MjcfAttributes {
  public:
   using Values = std::map<std::string, std::string>;
-  MjcfAttributes(const MjcfDocument& document, const TiXmlElement& element, Values values)
+  MjcfAttributes(const MjcfDocument& document, const XmlElement& element, Values values)
       : document_(&document), element_(&element), values_(std::move(values)) {}
 
-  [[nodiscard]] const TiXmlElement& element() const { return *element_; }
+  [[nodiscard]] const XmlElement& element() const { return *element_; }
   [[nodiscard]] bool has(const std::string& name) const { return values_.contains(name); }
   [[nodiscard]] std::string text(const std::string& name, const std::string& otherwise = "") const;
   [[nodiscard]] double number(const std::string& name, double otherwise) const;
@@ -48,7 +47,7 @@ class MjcfAttributes {
 
  private:
   const MjcfDocument* document_;
-  const TiXmlElement* element_;
+  const XmlElement* element_;
   Values values_;
 };
 
@@ -71,40 +70,40 @@ class MjcfDocument {
   MjcfDocument& operator=(const MjcfDocument&) = delete;
 
   /// Returns the children of an element, with an included file's elements in place of <include>.
-  [[nodiscard]] std::vector<const TiXmlElement*> children(const TiXmlElement& of) const;
+  [[nodiscard]] std::vector<const XmlElement*> children(const XmlElement& of) const;
   /// Returns the children of all sections of a name, such as "equality".
-  [[nodiscard]] std::vector<const TiXmlElement*> in_sections(std::string_view section) const;
-  [[nodiscard]] std::vector<const TiXmlElement*> sections(std::string_view section) const;
+  [[nodiscard]] std::vector<const XmlElement*> in_sections(std::string_view section) const;
+  [[nodiscard]] std::vector<const XmlElement*> sections(std::string_view section) const;
   /// Returns the attributes of an element after a check of the names in it.
   /// @param around default class for elements that name no class
   /// @param rule key of `mjcf_rule`; empty: the element's name
-  [[nodiscard]] MjcfAttributes attributes(const TiXmlElement& element, const std::string& around,
+  [[nodiscard]] MjcfAttributes attributes(const XmlElement& element, const std::string& around,
                                           std::string_view rule = {}) const;
   /// Returns the attributes that an element has itself. Their names are not checked.
-  [[nodiscard]] MjcfAttributes own_attributes(const TiXmlElement& element) const;
+  [[nodiscard]] MjcfAttributes own_attributes(const XmlElement& element) const;
   [[nodiscard]] const MjcfAttributes& compiler() const { return *compiler_; }
-  [[nodiscard]] const TiXmlElement& root() const { return *root_; }
+  [[nodiscard]] const XmlElement& root() const { return *root_; }
   /// Returns `pos` and the orientation that an element gives in one of MuJoCo's forms.
   [[nodiscard]] MjcfPose pose(const MjcfAttributes& of) const;
   /// Returns the factor from the file's unit of angles to radians.
   [[nodiscard]] double angle_unit() const;
   /// Returns "source: line N", with the included file's name if there is one.
-  [[nodiscard]] std::string where(const TiXmlElement& at) const;
-  [[noreturn]] void refuse(const TiXmlElement& at, const std::string& problem) const;
+  [[nodiscard]] std::string where(const XmlElement& at) const;
+  [[noreturn]] void refuse(const XmlElement& at, const std::string& problem) const;
 
  private:
   void parse(const std::string& text, const std::string& file);
-  void read_includes(const TiXmlElement& of, const IncludedText& included);
-  void check_names(const TiXmlElement& element, std::string_view of) const;
-  void read_top_defaults(const TiXmlElement& section);
-  void read_class(const TiXmlElement& element, const std::string& name,
+  void read_includes(const XmlElement& of, const IncludedText& included);
+  void check_names(const XmlElement& element, std::string_view of) const;
+  void read_top_defaults(const XmlElement& section);
+  void read_class(const XmlElement& element, const std::string& name,
                   std::map<std::string, MjcfAttributes::Values> values);
 
   std::string source_;
-  std::list<TiXmlDocument> files_;
-  std::map<const TiXmlDocument*, std::string> names_;            ///< of included files
-  std::map<const TiXmlElement*, const TiXmlElement*> included_;  ///< root of the file, by <include>
-  const TiXmlElement* root_ = nullptr;
+  std::list<XmlDocument> files_;
+  std::map<const XmlDocument*, std::string> names_;          ///< of included files
+  std::map<const XmlElement*, const XmlElement*> included_;  ///< root of the file, by <include>
+  const XmlElement* root_ = nullptr;
   std::optional<MjcfAttributes> compiler_;
   /// Attributes by element, by class.
   std::map<std::string, std::map<std::string, MjcfAttributes::Values>> classes_;

@@ -10,34 +10,34 @@
 
 namespace tachless::robot {
 
-MjcfAttributes actuator_attributes(const MjcfDocument& document, const TiXmlElement& actuator) {
+MjcfAttributes actuator_attributes(const MjcfDocument& document, const XmlElement& actuator) {
   MjcfAttributes read = document.attributes(actuator, "main", "actuator");
   for (const char* name : {"armature", "damping"}) {
     const auto given = read.numbers(name, 1, 3);
     if (std::ranges::all_of(given, [](double x) { return x == 0; })) continue;
     read.refuse(fmt::format("the {} of <{}> is not read; add gear^2 times it to that of its joint",
-                            name, actuator.ValueStr()));
+                            name, name_of(actuator)));
   }
   return read;
 }
 
 MjcfDrives::MjcfDrives(const MjcfDocument& document) : document_(document) {
-  for (const TiXmlElement* each : document.in_sections("tendon")) read_tendon(*each);
-  for (const TiXmlElement* each : document.in_sections("equality")) read_equality(*each);
-  for (const TiXmlElement* each : document.in_sections("actuator")) read_actuator(*each);
+  for (const XmlElement* each : document.in_sections("tendon")) read_tendon(*each);
+  for (const XmlElement* each : document.in_sections("equality")) read_equality(*each);
+  for (const XmlElement* each : document.in_sections("actuator")) read_actuator(*each);
 }
 
-void MjcfDrives::warn(const TiXmlElement& at, const std::string& problem) {
+void MjcfDrives::warn(const XmlElement& at, const std::string& problem) {
   warnings_.push_back(base::one_line(document_.where(at) + ": " + problem));
 }
 
-void MjcfDrives::read_tendon(const TiXmlElement& tendon) {
-  if (tendon.ValueStr() == "spatial") {
+void MjcfDrives::read_tendon(const XmlElement& tendon) {
+  if (name_of(tendon) == "spatial") {
     document_.refuse(tendon, "<spatial> is not read; remove the tendon");
   }
-  if (tendon.ValueStr() != "fixed") {
+  if (name_of(tendon) != "fixed") {
     document_.refuse(
-        tendon, fmt::format("<{:.60}> in <tendon> is not read; allowed: fixed", tendon.ValueStr()));
+        tendon, fmt::format("<{:.60}> in <tendon> is not read; allowed: fixed", name_of(tendon)));
   }
   const MjcfAttributes a = document_.attributes(tendon, "main", "tendon/fixed");
   for (const char* name : {"stiffness", "damping", "frictionloss", "armature"}) {
@@ -48,13 +48,13 @@ void MjcfDrives::read_tendon(const TiXmlElement& tendon) {
   if (a.range("range", "limited")) a.refuse("a range of a tendon is not read; remove it");
 }
 
-void MjcfDrives::read_equality(const TiXmlElement& equality) {
+void MjcfDrives::read_equality(const XmlElement& equality) {
   const char* const active = equality.Attribute("active");
   if (active != nullptr && std::string_view(active) == "false") return;
-  if (equality.ValueStr() != "joint") {
+  if (name_of(equality) != "joint") {
     document_.refuse(equality, fmt::format("<{:.60}> in <equality> is not read; allowed: joint; "
                                            "remove it, or give it active=\"false\"",
-                                           equality.ValueStr()));
+                                           name_of(equality)));
   }
   const MjcfAttributes a = document_.attributes(equality, "main", "equality/joint");
   if (!a.flag("active", true)) return;
@@ -98,7 +98,7 @@ std::optional<double> MjcfDrives::smaller_side(const MjcfAttributes& of, const s
 
 std::optional<double> MjcfDrives::force_of(const MjcfAttributes& actuator) {
   if (const auto force = smaller_side(actuator, "forcerange", "forcelimited")) return force;
-  const std::string& kind = actuator.element().ValueStr();
+  const std::string& kind = name_of(actuator.element());
   const bool follows = actuator.text("gaintype", "fixed") == "fixed" &&
                        actuator.text("biastype", "none") == "none" &&
                        actuator.text("dyntype", "none") == "none";
@@ -109,12 +109,12 @@ std::optional<double> MjcfDrives::force_of(const MjcfAttributes& actuator) {
   return *control * std::abs(gain.front());
 }
 
-void MjcfDrives::read_actuator(const TiXmlElement& element) {
+void MjcfDrives::read_actuator(const XmlElement& element) {
   const MjcfAttributes actuator = actuator_attributes(document_, element);
   const std::string joint = actuator.text("joint", actuator.text("jointinparent"));
   if (joint.empty()) {
     warn(element, fmt::format("<{}> '{}' acts on no joint; its force limit is not read",
-                              element.ValueStr(), actuator.text("name")));
+                              name_of(element), actuator.text("name")));
     return;
   }
   named_.emplace_back(joint, &element);
@@ -147,7 +147,7 @@ void MjcfDrives::require_joints(const std::set<std::string>& joints) const {
     const auto near = base::nearest(name, joints);
     document_.refuse(
         *element,
-        fmt::format("<{}> names joint '{:.60}', which is not in the robot; {}", element->ValueStr(),
+        fmt::format("<{}> names joint '{:.60}', which is not in the robot; {}", name_of(*element),
                     name,
                     near ? "the nearest is " + *near : "its joints are " + base::joined(joints)));
   }

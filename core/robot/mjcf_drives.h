@@ -14,11 +14,11 @@ namespace tachless::robot {
 struct MjcfMimic {
   std::string joint;  ///< the other joint
   double multiplier = 1, offset = 0;
-  const TiXmlElement* equality = nullptr;
+  const XmlElement* equality = nullptr;
 };
 
 /// Returns the attributes of an actuator. Refuses an actuator with armature or damping.
-MjcfAttributes actuator_attributes(const MjcfDocument& document, const TiXmlElement& actuator);
+MjcfAttributes actuator_attributes(const MjcfDocument& document, const XmlElement& actuator);
 
 /// The actuators, tendons and equalities of an MJCF: force limits of joints, and mimic joints.
 class MjcfDrives {
@@ -36,10 +36,10 @@ class MjcfDrives {
   [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:
-  void warn(const TiXmlElement& at, const std::string& problem);
-  void read_tendon(const TiXmlElement& tendon);
-  void read_equality(const TiXmlElement& equality);
-  void read_actuator(const TiXmlElement& element);
+  void warn(const XmlElement& at, const std::string& problem);
+  void read_tendon(const XmlElement& tendon);
+  void read_equality(const XmlElement& equality);
+  void read_actuator(const XmlElement& element);
   std::optional<double> force_of(const MjcfAttributes& actuator);
   std::optional<double> smaller_side(const MjcfAttributes& of, const std::string& range,
                                      const std::string& limited);
@@ -48,7 +48,7 @@ class MjcfDrives {
   std::map<std::string, double> efforts_;  ///< by joint
   std::map<std::string, MjcfMimic> mimics_;
   /// joints, with the elements that name them
-  std::vector<std::pair<std::string, const TiXmlElement*>> named_;
+  std::vector<std::pair<std::string, const XmlElement*>> named_;
   std::vector<std::string> warnings_;
 };
 

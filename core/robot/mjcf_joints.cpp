@@ -10,11 +10,11 @@ using Joints = std::map<std::string, JointNumbers>;
 
 /// Adds the named joints of a body and of the bodies in it.
 /// @param around class of joints without one
-void add_joints(const MjcfDocument& document, const TiXmlElement& of, std::string around,
+void add_joints(const MjcfDocument& document, const XmlElement& of, std::string around,
                 Joints& joints) {
   around = document.attributes(of, "main").text("childclass", around);
-  for (const TiXmlElement* each : document.children(of)) {
-    const std::string& kind = each->ValueStr();
+  for (const XmlElement* each : document.children(of)) {
+    const std::string& kind = name_of(*each);
     if (kind == "body" || kind == "frame") add_joints(document, *each, around, joints);
     if (kind != "joint") continue;
     const MjcfAttributes joint = document.attributes(*each, around);
@@ -33,11 +33,11 @@ void add_joints(const MjcfDocument& document, const TiXmlElement& of, std::strin
 Joints read_mjcf_joints(const std::string& text, const std::string& source,
                         const IncludedText& included) {
   const MjcfDocument document(text, source, included);
-  for (const TiXmlElement* each : document.in_sections("actuator")) {
+  for (const XmlElement* each : document.in_sections("actuator")) {
     (void)actuator_attributes(document, *each);
   }
   Joints joints;
-  for (const TiXmlElement* each : document.sections("worldbody")) {
+  for (const XmlElement* each : document.sections("worldbody")) {
     add_joints(document, *each, "main", joints);
   }
   return joints;

@@ -24,7 +24,7 @@ double entry(const std::vector<double>& numbers, std::size_t i) {
 /// Returns the gains of an actuator on its own side of the gear. Its class may have given them as
 /// kp and kv, or as gainprm and biasprm. Returns nothing where they are not constant.
 std::optional<MjcfServo> gains_of(const MjcfAttributes& actuator) {
-  const std::string& kind = actuator.element().ValueStr();
+  const std::string& kind = name_of(actuator.element());
   const bool position = kind == "position" || kind == "intvelocity";
   const auto gain = actuator.numbers("gainprm", 1, 10), bias = actuator.numbers("biasprm", 1, 10);
   MjcfServo servo;
@@ -64,17 +64,17 @@ class ServoReader {
   }
 
   MjcfServos servos() {
-    for (const TiXmlElement* each : document_.sections("option")) read_option(*each);
-    for (const TiXmlElement* each : document_.in_sections("actuator")) read_actuator(*each);
+    for (const XmlElement* each : document_.sections("option")) read_option(*each);
+    for (const XmlElement* each : document_.in_sections("actuator")) read_actuator(*each);
     return std::move(read_);
   }
 
  private:
-  void warn(const TiXmlElement& at, const std::string& problem) {
+  void warn(const XmlElement& at, const std::string& problem) {
     read_.warnings.push_back(base::one_line(document_.where(at) + ": " + problem));
   }
 
-  void read_option(const TiXmlElement& element) {
+  void read_option(const XmlElement& element) {
     const MjcfAttributes option = document_.own_attributes(element);
     read_.integrator = option.text("integrator", read_.integrator);
     if (std::ranges::find(integrators, read_.integrator) == integrators.end()) {
@@ -85,16 +85,16 @@ class ServoReader {
     if (read_.step_s <= 0) {
       option.refuse(fmt::format("timestep=\"{:g}\"; allowed: above 0", read_.step_s));
     }
-    for (const TiXmlElement* flag : document_.children(element)) {
-      if (flag->ValueStr() != "flag") continue;
+    for (const XmlElement* flag : document_.children(element)) {
+      if (name_of(*flag) != "flag") continue;
       const std::string given = document_.own_attributes(*flag).text("eulerdamp", "enable");
       read_.implicit_joint_damping = given == "enable";
     }
   }
 
-  void read_actuator(const TiXmlElement& element) {
+  void read_actuator(const XmlElement& element) {
     const MjcfAttributes actuator = actuator_attributes(document_, element);
-    const std::string kind = element.ValueStr(), name = actuator.text("name");
+    const std::string kind = name_of(element), name = actuator.text("name");
     const std::string joint = actuator.text("joint", actuator.text("jointinparent"));
     if (joint.empty()) {
       return warn(element, fmt::format("<{}> '{}' acts on no joint; it is left out", kind, name));

@@ -1,8 +1,6 @@
 #include "robot/urdf_xml.h"
 
 #include <fmt/format.h>
-#include <tinyxml.h>
-#include "base/elementary.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -13,8 +11,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/elementary.h"
 #include "base/text.h"
 #include "robot/urdf_elements.h"
+#include "robot/xml.h"
 
 namespace tachless::robot {
 namespace {
@@ -29,20 +29,9 @@ std::string_view trimmed(std::string_view text) {
 class Reader {
  public:
   Reader(const std::string& text, const std::string& source) : source_(source) {
-    if (const std::string why = why_too_large(text); !why.empty()) refuse("{}", why);
     refuse_document_type(text);
-    document_.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
-    if (document_.ErrorId() == TiXmlBase::TIXML_ERROR_DOCUMENT_EMPTY && !trimmed(text).empty()) {
-      refuse("not XML text (UTF-8); give a URDF file");
-    }
-    if (document_.Error()) {
-      const std::string_view why = document_.ErrorDesc();
-      refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(),
-             why.substr(0, why.find_last_not_of('.') + 1));
-    }
-    if (const int line = line_of_unread_markup(document_); line != 0) {
-      refuse("line {}: malformed XML: a < without the name of an element; correct the file's XML",
-             line);
+    if (const std::string problem = parse_xml(text, document_); !problem.empty()) {
+      refuse("{}", problem);
     }
     robot_ = document_.FirstChildElement("robot");
     if (robot_ == nullptr) {
@@ -55,16 +44,14 @@ class Reader {
   }
 
   [[nodiscard]] std::string mechanics() const {
-    TiXmlElement kept("robot");
+    XmlDocument kept;
     const char* name = robot_->Attribute("name");
-    kept.SetAttribute("name", name == nullptr ? "robot" : name);  // used nowhere
+    XmlElement& robot =
+        add(kept, "robot", "name", name == nullptr ? "robot" : name);  // used nowhere
     for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
-      if (is_link(*e) || is_joint(*e)) kept.InsertEndChild(mechanics_of(*e));
+      if (is_link(*e) || is_joint(*e)) add_mechanics(robot, *e);
     }
-    TiXmlPrinter printer;
-    printer.SetStreamPrinting();
-    kept.Accept(&printer);
-    return printer.CStr();
+    return xml_text(kept, false);
   }
 
   UrdfTree tree(const std::map<std::string, double>& locked) {
@@ -114,33 +101,34 @@ class Reader {
     refuse_urdf(source_, fmt::format(text, std::forward<Args>(args)...));
   }
 
-  static bool is_link(const TiXmlElement& e) { return e.ValueStr() == "link"; }
-  static bool is_joint(const TiXmlElement& e) { return e.ValueStr() == "joint"; }
+  static bool is_link(const XmlElement& e) { return name_of(e) == "link"; }
+  static bool is_joint(const XmlElement& e) { return name_of(e) == "joint"; }
 
-  [[noreturn]] void refuse_xacro(const TiXmlElement& at, std::string_view what) const {
-    refuse("line {}: \"{}\" is for xacro; run xacro {} > robot.urdf and give robot.urdf", at.Row(),
-           what, source_);
+  [[noreturn]] void refuse_xacro(const XmlElement& at, std::string_view what) const {
+    refuse("line {}: \"{}\" is for xacro; run xacro {} > robot.urdf and give robot.urdf",
+           at.GetLineNum(), what, source_);
   }
   /// Refuses an element that xacro would replace; definitions, when nothing uses them any more, are
   /// inert.
-  void require_expanded(const TiXmlElement& e) {
-    const std::string& name = e.ValueStr();
+  void require_expanded(const XmlElement& e) {
+    const std::string& name = name_of(e);
     if (!name.starts_with("xacro:")) return;
     const bool inert = name == "xacro:property" || name == "xacro:macro" || name == "xacro:arg";
     if (!inert) refuse_xacro(e, "<" + name + ">");
     inert_.insert("<" + name + ">");
   }
   /// The same of what is read of a link or joint, and of its attributes.
-  void require_no_xacro(const TiXmlElement& of) {
+  void require_no_xacro(const XmlElement& of) {
     for (const auto* a = of.FirstAttribute(); a != nullptr; a = a->Next()) {
       for (const char* mark : {"${", "$("}) {
-        if (a->ValueStr().find(mark) != std::string::npos) refuse_xacro(of, a->ValueStr());
+        if (std::string_view(a->Value()).find(mark) != std::string_view::npos)
+          refuse_xacro(of, a->Value());
       }
     }
     for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
       require_expanded(*e);
     }
-    for (const std::string_view name : rule_of(of.ValueStr())->children) {
+    for (const std::string_view name : rule_of(name_of(of))->children) {
       if (const auto* e = of.FirstChildElement(name.data())) require_no_xacro(*e);
     }
   }
@@ -167,8 +155,8 @@ class Reader {
 
   /// Warns of attributes, children and text of a link or joint that are not read. Refuses an
   /// element that is there twice.
-  void check_known(const TiXmlElement& e, const std::string& of) {
-    const ElementRule& rule = *rule_of(e.ValueStr());
+  void check_known(const XmlElement& e, const std::string& of) {
+    const ElementRule& rule = *rule_of(name_of(e));
     const auto has = [](const std::vector<std::string_view>& names, std::string_view name) {
       return std::ranges::find(names, name) != names.end();
     };
@@ -176,34 +164,34 @@ class Reader {
       const std::string name = a->Name();
       if (has(rule.attributes, name) || name.starts_with("xmlns")) continue;
       if (name.starts_with("quat")) {
-        refuse("line {}: {}: its <{}> has {}; allowed: quat_xyzw=\"x y z w\" or rpy", e.Row(),
-               where_, e.ValueStr(), name);
+        refuse("line {}: {}: its <{}> has {}; allowed: quat_xyzw=\"x y z w\" or rpy",
+               e.GetLineNum(), where_, name_of(e), name);
       }
-      warn_unknown(of, fmt::format("the attribute {} of <{}> is not read; {}", name, e.ValueStr(),
+      warn_unknown(of, fmt::format("the attribute {} of <{}> is not read; {}", name, name_of(e),
                                    known_text(name, rule.attributes)));
     }
     std::vector<std::string_view> children = rule.children;
     children.insert(children.end(), rule.others.begin(), rule.others.end());
     std::set<std::string> seen;
     for (const auto* node = e.FirstChild(); node != nullptr; node = node->NextSibling()) {
-      if (node->ToText() != nullptr && !trimmed(node->ValueStr()).empty()) {
+      if (node->ToText() != nullptr && !trimmed(node->Value()).empty()) {
         warn_unknown(
-            of, fmt::format("the text in <{}> is not read; known are {}", e.ValueStr(),
+            of, fmt::format("the text in <{}> is not read; known are {}", name_of(e),
                             base::joined(rule.attributes.empty() ? children : rule.attributes)));
       }
-      const TiXmlElement* const child = node->ToElement();
-      if (child == nullptr || child->ValueStr().starts_with("xacro:")) continue;
-      const std::string& name = child->ValueStr();
+      const XmlElement* const child = node->ToElement();
+      if (child == nullptr || name_of(*child).starts_with("xacro:")) continue;
+      const std::string& name = name_of(*child);
       if (has(rule.children, name)) {
         if (!seen.insert(name).second) {
-          refuse("line {}: {}: its <{}> has two <{}>; remove one", child->Row(), where_,
-                 e.ValueStr(), name);
+          refuse("line {}: {}: its <{}> has two <{}>; remove one", child->GetLineNum(), where_,
+                 name_of(e), name);
         }
         check_known(*child, of);
       } else if (has(rule.others, name)) {
         check_passed_over(*child, of);
       } else {
-        warn_unknown(of, fmt::format("<{}> in <{}> is not read; {}", name, e.ValueStr(),
+        warn_unknown(of, fmt::format("<{}> in <{}> is not read; {}", name, name_of(e),
                                      known_text(name, children)));
       }
     }
@@ -214,27 +202,26 @@ class Reader {
   }
 
   /// Warns of attributes with mechanics in an element that has none.
-  void check_no_mechanics(const TiXmlElement& e, const std::string& of) {
+  void check_no_mechanics(const XmlElement& e, const std::string& of) {
     for (const auto* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
       if (!is_mechanics(a->Name())) continue;
-      warn_unknown(of,
-                   fmt::format("the attribute {} of <{}> is not read", a->Name(), e.ValueStr()));
+      warn_unknown(of, fmt::format("the attribute {} of <{}> is not read", a->Name(), name_of(e)));
     }
   }
 
   /// Warns of mechanics in an element that is not read, such as <visual>.
-  void check_passed_over(const TiXmlElement& e, const std::string& of) {
-    if (e.ValueStr() != "origin") check_no_mechanics(e, of);
+  void check_passed_over(const XmlElement& e, const std::string& of) {
+    if (name_of(e) != "origin") check_no_mechanics(e, of);
     for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
-      if (rule_of(child->ValueStr()) != nullptr && child->ValueStr() != "origin") {
-        warn_unknown(of, fmt::format("<{}> in <{}> is not read", child->ValueStr(), e.ValueStr()));
+      if (rule_of(name_of(*child)) != nullptr && name_of(*child) != "origin") {
+        warn_unknown(of, fmt::format("<{}> in <{}> is not read", name_of(*child), name_of(e)));
       }
       check_passed_over(*child, of);
     }
   }
 
   /// Returns whether a link with mass or a joint between links is somewhere below an element.
-  static bool holds_mechanics(const TiXmlElement& e) {
+  static bool holds_mechanics(const XmlElement& e) {
     for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
       const bool found = is_link(*child) ? child->FirstChildElement("inertial") != nullptr
                                          : is_joint(*child) && child->FirstChildElement("parent");
@@ -244,10 +231,10 @@ class Reader {
   }
 
   /// Warns of what stands beside the links and joints and was probably meant to be read.
-  void check_beside_links(const TiXmlElement& e) {
-    const std::string& name = e.ValueStr();
+  void check_beside_links(const XmlElement& e) {
+    const std::string& name = name_of(e);
     if (name == "include" || name == "xi:include") {
-      refuse("line {}: <{}> is not followed; give a URDF that is whole", e.Row(), name);
+      refuse("line {}: <{}> is not followed; give a URDF that is whole", e.GetLineNum(), name);
     }
     if (name == "transmission") return warn_of_rotor(e);
     // A model of its own may be in them.
@@ -272,7 +259,7 @@ class Reader {
   }
 
   /// Warns of a rotor inertia in Drake's dialect.
-  void warn_of_rotor(const TiXmlElement& transmission) {
+  void warn_of_rotor(const XmlElement& transmission) {
     const auto* const joint = transmission.FirstChildElement("joint");
     const auto* const actuator = transmission.FirstChildElement("actuator");
     if (joint == nullptr || actuator == nullptr) return;
@@ -289,55 +276,53 @@ class Reader {
                     inertia, ratio, inertia * ratio * ratio));
   }
 
-  /// The attributes of `from` and those of its elements that are read, the first of each kind.
-  [[nodiscard]] TiXmlElement mechanics_of(const TiXmlElement& from) const {
-    TiXmlElement kept(from.ValueStr());
+  /// Adds an element with its attributes, and its elements that are read, the first of each kind.
+  static void add_mechanics(XmlElement& to, const XmlElement& from) {
+    XmlElement& kept = add(to, from.Name());
     for (const auto* a = from.FirstAttribute(); a != nullptr; a = a->Next()) {
-      kept.SetAttribute(a->Name(), a->ValueStr());
+      set(kept, a->Name(), a->Value());
     }
-    for (const std::string_view name : rule_of(from.ValueStr())->children) {
-      if (const auto* e = from.FirstChildElement(name.data())) {
-        kept.InsertEndChild(mechanics_of(*e));
-      }
+    for (const std::string_view name : rule_of(name_of(from))->children) {
+      if (const auto* e = from.FirstChildElement(name.data())) add_mechanics(kept, *e);
     }
-    return kept;
   }
 
   /// The name of a link or joint, under which nothing is in `known` yet; messages begin with it.
   template <class Value>
-  std::string named(const TiXmlElement& e, const std::map<std::string, Value>& known) {
+  std::string named(const XmlElement& e, const std::map<std::string, Value>& known) {
     const char* name = e.Attribute("name");
     if (name == nullptr || *name == '\0') {
-      refuse("line {}: a {} has no name; give it name=\"...\"", e.Row(), e.ValueStr());
+      refuse("line {}: a {} has no name; give it name=\"...\"", e.GetLineNum(), name_of(e));
     }
-    where_ = fmt::format("{} '{}'", e.ValueStr(), name);
+    where_ = fmt::format("{} '{}'", name_of(e), name);
     if (!is_urdf_name(name)) {
       refuse(
           "line {}: {}: not a name; allowed: up to 200 printable characters, a letter, digit, _ . "
           "or "
           "/ first, no quotes and none of `\\<>&$;|{{}}[],*?!~^%=",
-          e.Row(), where_);
+          e.GetLineNum(), where_);
     }
     if (known.contains(name)) {
-      refuse("line {}: {} is defined twice; rename one", e.Row(), where_);
+      refuse("line {}: {} is defined twice; rename one", e.GetLineNum(), where_);
     }
     return name;
   }
 
-  const TiXmlElement& child(const TiXmlElement& in, const char* name) const {
-    if (const TiXmlElement* found = in.FirstChildElement(name)) return *found;
-    refuse("line {}: {}: its <{}> has no <{}>; add one", in.Row(), where_, in.ValueStr(), name);
+  const XmlElement& child(const XmlElement& in, const char* name) const {
+    if (const XmlElement* found = in.FirstChildElement(name)) return *found;
+    refuse("line {}: {}: its <{}> has no <{}>; add one", in.GetLineNum(), where_, name_of(in),
+           name);
   }
-  const char* attribute(const TiXmlElement& of, const char* name) const {
+  const char* attribute(const XmlElement& of, const char* name) const {
     if (const char* given = of.Attribute(name)) return given;
-    refuse("line {}: {}: its <{}> has no {}; add one", of.Row(), where_, of.ValueStr(), name);
+    refuse("line {}: {}: its <{}> has no {}; add one", of.GetLineNum(), where_, name_of(of), name);
   }
-  static bool gives(const TiXmlElement* element, const char* name) {
+  static bool gives(const XmlElement* element, const char* name) {
     return element != nullptr && element->Attribute(name) != nullptr;
   }
-  [[noreturn]] void refuse_value(const TiXmlElement& of, const char* name,
+  [[noreturn]] void refuse_value(const XmlElement& of, const char* name,
                                  const char* allowed) const {
-    refuse("line {}: {}: its <{}> has {}=\"{}\"; allowed: {}", of.Row(), where_, of.ValueStr(),
+    refuse("line {}: {}: its <{}> has {}=\"{}\"; allowed: {}", of.GetLineNum(), where_, name_of(of),
            name, of.Attribute(name), allowed);
   }
 
@@ -348,16 +333,16 @@ class Reader {
     if (value && !std::isfinite(*value)) return {};
     return value;
   }
-  double number(const TiXmlElement& element, const char* name) const {
+  double number(const XmlElement& element, const char* name) const {
     const std::optional<double> value = finite(trimmed(attribute(element, name)));
     if (!value) refuse_value(element, name, "a finite number");
     return *value;
   }
-  double number(const TiXmlElement* of, const char* name, double otherwise) const {
+  double number(const XmlElement* of, const char* name, double otherwise) const {
     return gives(of, name) ? number(*of, name) : otherwise;
   }
   /// The numbers of an attribute that is there; none where one of them is no finite number.
-  static std::vector<double> numbers(const TiXmlElement& of, const char* name) {
+  static std::vector<double> numbers(const XmlElement& of, const char* name) {
     std::vector<double> found;
     std::istringstream words(of.Attribute(name));
     for (std::string word; words >> word;) {
@@ -367,7 +352,7 @@ class Reader {
     }
     return found;
   }
-  Eigen::Vector3d vector(const TiXmlElement* of, const char* name,
+  Eigen::Vector3d vector(const XmlElement* of, const char* name,
                          const Eigen::Vector3d& otherwise = Eigen::Vector3d::Zero()) const {
     if (!gives(of, name)) return otherwise;
     const std::vector<double> v = numbers(*of, name);
@@ -376,14 +361,14 @@ class Reader {
   }
 
   /// Reads rpy or quat_xyzw of an <origin>. @param largest of the angles as written [rad]
-  void set_rotation(const TiXmlElement* origin, Eigen::Matrix3d& R, double& largest) const {
+  void set_rotation(const XmlElement* origin, Eigen::Matrix3d& R, double& largest) const {
     const Eigen::Vector3d rpy = vector(origin, "rpy");
     largest = rpy.cwiseAbs().maxCoeff();
     R = rotation_of(rpy);
     if (!gives(origin, "quat_xyzw")) return;
     if (gives(origin, "rpy")) {
-      refuse("line {}: {}: its <origin> has both rpy and quat_xyzw; remove one", origin->Row(),
-             where_);
+      refuse("line {}: {}: its <origin> has both rpy and quat_xyzw; remove one",
+             origin->GetLineNum(), where_);
     }
     const std::vector<double> q = numbers(*origin, "quat_xyzw");
     constexpr double tolerance = 1e-3;
@@ -394,15 +379,15 @@ class Reader {
     R = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized().toRotationMatrix();
   }
 
-  UrdfLink link(const TiXmlElement& e) const {
+  UrdfLink link(const XmlElement& e) const {
     UrdfLink made;
-    const TiXmlElement* inertial = e.FirstChildElement("inertial");
+    const XmlElement* inertial = e.FirstChildElement("inertial");
     if (inertial == nullptr) return made;
-    const TiXmlElement* origin = inertial->FirstChildElement("origin");
+    const XmlElement* origin = inertial->FirstChildElement("origin");
     set_rotation(origin, made.R, made.largest_angle);
     made.mass.p_Bcm = vector(origin, "xyz");
     made.mass.mass = number(child(*inertial, "mass"), "value");
-    const TiXmlElement& I = child(*inertial, "inertia");
+    const XmlElement& I = child(*inertial, "inertia");
     // Read before the list of Eigen begins: it aborts when an exception leaves it unfinished.
     const double xx = number(I, "ixx"), yy = number(I, "iyy"), zz = number(I, "izz");
     const double xy = number(I, "ixy"), xz = number(I, "ixz"), yz = number(I, "iyz");
@@ -410,22 +395,22 @@ class Reader {
     return made;
   }
 
-  UrdfJoint joint(const TiXmlElement& e, const std::string& name,
+  UrdfJoint joint(const XmlElement& e, const std::string& name,
                   const std::map<std::string, double>& locked) {
     UrdfJoint made;
     made.name = name;
     made.parent = attribute(child(e, "parent"), "link");
     made.child = attribute(child(e, "child"), "link");
-    const TiXmlElement* origin = e.FirstChildElement("origin");
+    const XmlElement* origin = e.FirstChildElement("origin");
     set_rotation(origin, made.R, made.largest_angle);
     made.p = vector(origin, "xyz");
     set_type(e, locked, made);
     if (!made.fixed) made.axis = vector(e.FirstChildElement("axis"), "xyz", made.axis);
-    if (const TiXmlElement* mimic = e.FirstChildElement("mimic")) {
+    if (const XmlElement* mimic = e.FirstChildElement("mimic")) {
       made.mimic = MimicRelation{attribute(*mimic, "joint"), number(mimic, "multiplier", 1),
                                  number(mimic, "offset", 0)};
     }
-    if (const TiXmlElement* dynamics = e.FirstChildElement("dynamics")) {
+    if (const XmlElement* dynamics = e.FirstChildElement("dynamics")) {
       if (!gives(dynamics, "friction") && !gives(dynamics, "armature")) {
         (void)attribute(*dynamics, "damping");
       }
@@ -438,7 +423,7 @@ class Reader {
     return made;
   }
 
-  void set_type(const TiXmlElement& e, const std::map<std::string, double>& locked,
+  void set_type(const XmlElement& e, const std::map<std::string, double>& locked,
                 UrdfJoint& made) const {
     const char* given = e.Attribute("type");
     const std::string type = given == nullptr ? "" : given;
@@ -461,7 +446,7 @@ class Reader {
   }
 
   /// @param warns of limits that are not given
-  void set_limits(const TiXmlElement* limit, bool warns, UrdfJoint& made) {
+  void set_limits(const XmlElement* limit, bool warns, UrdfJoint& made) {
     for (const auto& [name, value] : {std::pair{"lower", &made.lower},
                                       {"upper", &made.upper},
                                       {"effort", &made.effort},
@@ -544,8 +529,8 @@ class Reader {
   }
 
   const std::string& source_;
-  TiXmlDocument document_;
-  const TiXmlElement* robot_ = nullptr;
+  XmlDocument document_;
+  const XmlElement* robot_ = nullptr;
   std::set<std::string> inert_;  ///< elements of xacro that have no effect
   std::string where_;            ///< the link or joint that is being read
   UrdfTree tree_;

@@ -9,8 +9,6 @@
 
 #include "robot/model.h"
 
-class TiXmlNode;
-
 /// A URDF's XML as plain values. The reader checks syntax, names, tree, types and numbers.
 /// Coordinates, merged links and possible inertias are in urdf.cpp.
 namespace tachless::robot {
@@ -80,15 +78,6 @@ Model model_of(UrdfTree tree, const std::string& source, const UrdfOptions& opti
 /// own frames. A link without mass and inertia in `links` gets no <inertial>.
 std::string urdf_with_inertials(const std::string& text,
                                 const std::map<std::string, MassProperties>& links);
-
-/// Returns why a text is too large for the XML parser, which recurses and takes quadratic time.
-/// Returns an empty text if it is not.
-std::string why_too_large(std::string_view text);
-
-/// Returns the line of the first markup below `node` that is no element, text or comment; 0 if
-/// there is none. The parser passes over such markup, for example `<&axis …>` or `<?axis …>`. A
-/// document may have a document type and instructions beside its root.
-int line_of_unread_markup(const TiXmlNode& node);
 
 /// Returns true if a link or joint may have this name (not empty). Names get into files, pages and
 /// lines of other programs. A name is printable, short, and has no character with a meaning there.

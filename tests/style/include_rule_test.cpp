@@ -56,7 +56,7 @@ const std::map<std::string, Names> users = {
     {"spdlog/", {"core/base/logging.cpp"}},
     {"tachless/", {"core/messages/wire.cpp"}},
     {"tachless_truth/", {"core/messages/truth"}},
-    {"tinyxml.h", {"core/robot"}},
+    {"tinyxml2.h", {"core/robot"}},
     {"unsupported/", {"analysis/numerics/decompositions.cpp"}},
     {"ur_client_library/", {"plant/drivers/ur"}},
     {"yaml-cpp/", {"core/scenario/yaml_tree.cpp"}}};

@@ -9,7 +9,7 @@
 // listed too.
 
 #include <fmt/core.h>
-#include <tinyxml.h>
+#include <tinyxml2.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -44,12 +44,12 @@ struct Robot {
 };
 
 /// Removes the elements that need other files, such as meshes.
-void strip(TiXmlElement& parent) {
-  for (TiXmlElement* child = parent.FirstChildElement(); child != nullptr;) {
-    TiXmlElement* const next = child->NextSiblingElement();
-    const std::string name = child->ValueStr();
+void strip(tinyxml2::XMLElement& parent) {
+  for (tinyxml2::XMLElement* child = parent.FirstChildElement(); child != nullptr;) {
+    tinyxml2::XMLElement* const next = child->NextSiblingElement();
+    const std::string name = child->Name();
     if (name == "visual" || name == "collision" || name == "gazebo" || name == "transmission") {
-      parent.RemoveChild(child);
+      parent.DeleteChild(child);
     } else {
       strip(*child);
     }
@@ -58,13 +58,13 @@ void strip(TiXmlElement& parent) {
 }
 
 std::string without_shapes(const std::string& urdf) {
-  TiXmlDocument document;
+  tinyxml2::XMLDocument document;
   document.Parse(urdf.c_str());
   if (document.RootElement() == nullptr) return urdf;
   strip(*document.RootElement());
-  TiXmlPrinter printer;
+  tinyxml2::XMLPrinter printer;
   document.Accept(&printer);
-  return printer.Str();
+  return printer.CStr();
 }
 
 /// DART's robot in our coordinates: x = S q + offset, where S has a row for each joint of DART.
