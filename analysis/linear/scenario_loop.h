@@ -27,7 +27,7 @@ namespace tachless::linear {
 
 /// Function that returns the torques with which a law of another program answers measurements, tick
 /// by tick from the first tick of a run. The reference and its gains are constant. One thread at a
-/// time calls it.
+/// time calls the function.
 using LawAnswers = std::function<std::vector<Vector>(double period_s, controller::Gravity,
                                                      std::span<const messages::AnyMeasurement>,
                                                      const messages::ReferencePoint&)>;
@@ -87,7 +87,7 @@ class ScenarioLoop {
 };
 
 /// Returns the robot as the plant has it, with the rotors of rigid joints and the payload.
-/// @throw base::Failure(bad_usage) for a payload on no link.
+/// @throw base::Failure(bad_usage) if the robot has no link of the payload's name
 robot::Model plant_of(const scenario::Scenario& scenario);
 
 }  // namespace tachless::linear
