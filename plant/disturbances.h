@@ -16,7 +16,7 @@ class Disturbances {
   Disturbances(const std::vector<DisturbanceSpec>& specs, double period_s,
                const robot::Model& model);
 
-  /// Returns the time of the first jump after `from_s`, or `until_s` if there is none before it.
+  /// Returns the time of the first jump after `from_s`; `until_s` if no jump is before `until_s`.
   [[nodiscard]] double next_jump(double from_s, double until_s) const;
   /// Selects the disturbances for the time from `from_s` to `until_s`, in which there is no jump.
   void choose(double from_s, double until_s);

@@ -34,7 +34,7 @@ inline constexpr double default_bandwidth_hz = 10;
 /// Result of the search for gains of one structure.
 struct Candidate {
   Structure structure = Structure::diagonal;
-  scenario::Scenario scenario;   ///< with the structure's law
+  scenario::Scenario scenario;   ///< scenario with the structure's law
   std::optional<Design> design;  ///< nothing: no gains were found
   std::string refusal;           ///< why there are none
 };

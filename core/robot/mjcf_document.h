@@ -102,7 +102,7 @@ class MjcfDocument {
 
   std::string source_;
   std::list<TiXmlDocument> files_;
-  std::map<const TiXmlDocument*, std::string> names_;            ///< of included files
+  std::map<const TiXmlDocument*, std::string> names_;  ///< file names of the included documents
   std::map<const TiXmlElement*, const TiXmlElement*> included_;  ///< root of the file, by <include>
   const TiXmlElement* root_ = nullptr;
   std::optional<MjcfAttributes> compiler_;

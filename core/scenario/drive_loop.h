@@ -17,7 +17,7 @@ struct DriveLoopSpec {
   double period_s = 0;
   Vector kp, kd;
   std::optional<double> velocity_filter_hz;  ///< nothing: the difference of two positions
-  int delay_ticks = 1;                       ///< from a position to the torque [the drive's ticks]
+  int delay_ticks = 1;  ///< delay from a position to the torque [ticks of the drive]
   int late_ticks = 0;
   std::optional<Vector> resolution_bits;  ///< nothing: ideal
 

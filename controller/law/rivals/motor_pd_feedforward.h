@@ -29,7 +29,7 @@ class MotorPdFeedforward : public FlexibleLaw<MotorPdFeedforwardGains>, public F
  public:
   static constexpr std::string_view name = "motor_pd_feedforward";
   static constexpr std::array signals{Signal{"error", "rad"},
-                                      Signal{"edot", "rad/s"}};  ///< of the motor
+                                      Signal{"edot", "rad/s"}};  ///< the motor's
   static constexpr std::string_view source =
       "common practice; the idea of a feed-forward of the reference alone is in L. Lanari and J. "
       "T. "
