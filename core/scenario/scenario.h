@@ -195,8 +195,8 @@ struct LoopSpec {
           .in({0, plant::max_delay_ticks})
           .by_default(),
       base::Key{"max_missed", &LoopSpec::max_missed, "ticks",
-                "Realtime: commands missed in a row before the protective stop. Not given, "
-                "`run --plant` takes what the loop was found to bear (searched), if that is less"}
+                "Realtime: commands missed in a row before the protective stop. Not given, `run "
+                "--plant` takes the number that the loop tolerates (searched), if that is less"}
           .in({0, 1e6})
           .by_default(),
       base::Key{"max_missed_share", &LoopSpec::max_missed_share, "",
