@@ -82,7 +82,7 @@ struct Design {
             "diagonal: gains of each joint (loria_ortega_rigid). matrix: one constant matrix "
             "(loria_ortega_matrix). scheduled: gains by M(q_ref) (loria_ortega_scheduled). auto: "
             "compares diagonal and scheduled. Default: the scenario's law; for a URDF auto, or "
-            "diagonal if --stiffness or --rest-error is given")
+            "diagonal if --stiffness, --rest-error or --start-error is given")
         ->check(CLI::IsMember({"auto", "diagonal", "matrix", "scheduled"}));
     command
         .add_option("--from", from,
