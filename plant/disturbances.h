@@ -8,8 +8,8 @@
 
 namespace tachless::plant {
 
-/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints: a function
-/// of the specs, the time and the links' position alone, with jumps in time.
+/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints. The torques
+/// depend on the specs, the time and the links' position alone, and may jump in time.
 class Disturbances {
  public:
   /// @param specs, model must outlive this object; the model has the joints and links of the specs.

@@ -16,7 +16,7 @@ namespace tachless::in_process {
 
 /// Everything that happened in one tick.
 struct TickRecord {
-  std::int64_t tick = 0;                 ///< counted from 0
+  std::int64_t tick = 0;                 ///< number of the tick, from 0
   double time_s = 0;                     ///< tick times period
   plant::ArmState truth;                 ///< exact state at time_s
   messages::AnyMeasurement measurement;  ///< measurement that the law receives

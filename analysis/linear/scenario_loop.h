@@ -20,9 +20,9 @@
 #include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 
-/// Linearised closed loop of a scenario: its plant about its reference, and its law, which may be
-/// any law of the catalogue or an external law. The plant includes payload and friction.
-/// Saturation, quantisation and noise are left out.
+/// Linearised closed loop of a scenario: its plant about its reference, and its law. The law is any
+/// law of the catalogue, or an external law. The plant includes payload and friction. Saturation,
+/// quantisation and noise are left out.
 namespace tachless::linear {
 
 /// Function that returns the torques with which a law of another program answers measurements, tick

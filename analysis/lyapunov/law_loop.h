@@ -14,8 +14,8 @@ namespace tachless::lyapunov {
 /// Error systems and initial state of a scenario's law, for the certificate.
 struct LawLoop {
   /// The error systems; the first is the system of the start. Constant gains have one system. Gains
-  /// that follow the reference have one system for each of 25 evenly spaced instants, and for each
-  /// instant where |v_ref| or the rate of Kp has a large maximum.
+  /// that follow the reference have one system for each examined instant. These are 25 evenly
+  /// spaced instants, and the instants where |v_ref| or the rate of Kp has a large maximum.
   std::vector<ErrorSystem> systems;
   Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
   std::optional<Weights> weights;  ///< the only weights that a law with an integral allows

@@ -11,8 +11,8 @@
 namespace tachless::scenario {
 
 /// The loop inside the drives. At its own rate each drive adds kp (q_des - q) + kd (v_des - v) to
-/// the host's torque. q is the drive's own position, and v a velocity derived from q. The host
-/// sends q_des, v_des and the torque. A scenario has this loop if it gives `plant.drive.loop`.
+/// the host's torque. The position q is the drive's own, and the velocity v is derived from q. The
+/// host sends q_des, v_des and the torque. A scenario has this loop if it gives `plant.drive.loop`.
 struct DriveLoopSpec {
   double period_s = 0;
   Vector kp, kd;

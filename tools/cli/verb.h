@@ -21,8 +21,8 @@ struct Scenario;
 
 namespace tachless::cli {
 
-/// One verb of the command. A new verb needs a line in verbs.inc and, in a file in verb/, a `const
-/// Verb` whose name is the verb's name followed by `_verb`.
+/// One verb of the command. A new verb needs a line in verbs.inc. It also needs a `const Verb` in a
+/// file in verb/, with the verb's name followed by `_verb`.
 struct Verb {
   using Action = std::function<base::ExitCode()>;
 
