@@ -32,11 +32,14 @@ struct ArmState {
   bool missing = false;
   /// Contact, of a simulator that knows contacts. Only the log uses it.
   std::optional<Contact> contact{};
-  /// Torques that a real arm reports with its reading, for the log alone [N m; N]; empty: not
-  /// reported. The torques have the driver's signs. `accepted` is the torque that the arm accepted
-  /// and that acts, without the torque that the arm adds itself, as in RobotDriver::hold.
-  /// `measured` comes from sensors or currents, gravity included.
-  Vector accepted{}, measured{};
+  /// Torque that a real arm accepted and that acts, for the log alone [N m; N]; empty: the arm does
+  /// not report it. The torque has the driver's signs and is without the torque that the arm adds
+  /// itself, as in RobotDriver::hold.
+  Vector accepted{};
+  /// Torque by the arm's sensors or currents, gravity included, for the log alone [N m; N]; empty:
+  /// the arm does not report it. The torque has the driver's signs.
+  Vector measured{};
+};
 };
 
 }  // namespace tachless::plant
