@@ -31,7 +31,7 @@ struct Parameter {
   base::Range range;
   std::string allowed;  ///< allowed values, in words
   bool required = true;
-  std::string_view described_default{};  ///< replacement of a missing value, if the law decides it
+  std::string_view described_default{};  ///< default in words, if the law decides it
 };
 
 /// Declarations of a law, found by its name.
@@ -46,7 +46,7 @@ struct LawFacts {
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< the reference must be constant
   bool has_feedforward_lead = false;
-  bool needs_torque_limit = false;  ///< of each drive
+  bool needs_torque_limit = false;  ///< each drive must have a torque limit
   bool reads_links = false;         ///< needs encoders on the links' side of a flexible robot
   /// Rule of thumb: parameters by name, in the form of a scenario. Empty if the law declares none.
   std::function<std::map<std::string, Vector>(const law::Tuning&)> tuned{};

@@ -47,7 +47,7 @@ class McapWriter {
 
   std::FILE* file_ = nullptr;
   std::uint64_t written_ = 0;
-  std::string schemas_, channels_;  ///< their records, which the summary repeats
+  std::string schemas_, channels_;  ///< records of schemas and channels, which the summary repeats
   std::uint16_t num_channels_ = 0;
   std::string chunk_;  ///< records of the current chunk
   std::uint64_t begin_ns_ = 0, end_ns_ = 0;

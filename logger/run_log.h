@@ -30,7 +30,7 @@ inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
 /// A run of a log, with the contents of its RUN_INFO.
 struct RunDescription {
-  std::int64_t run_id = 0;      ///< of each of its messages
+  std::int64_t run_id = 0;      ///< id in each message of the run
   messages::RunInfo info;       ///< the message
   scenario::Scenario scenario;  ///< read from the message's YAML
   messages::Layout layout;      ///< `num_signals` is the number of signals that RUN_INFO declares
@@ -47,7 +47,7 @@ std::string read_run_info(std::string_view channel, std::span<const std::byte> d
 
 /// Counts of one message of a tick in the log.
 struct PieceSummary {
-  std::string channel;           ///< its channel
+  std::string channel;           ///< channel of the message
   std::uint64_t count = 0;       ///< ticks that have it
   std::uint64_t duplicates = 0;  ///< further copies, the same
   std::uint64_t conflicts = 0;   ///< further copies, different: the first one counts
@@ -59,8 +59,8 @@ struct PieceSummary {
 
 /// A fault that a process announced.
 struct ParticipantFault {
-  messages::Role role = messages::Role::plant;  ///< of the process
-  std::int64_t tick = 0;                        ///< when it was found
+  messages::Role role = messages::Role::plant;  ///< role of the process
+  std::int64_t tick = 0;                        ///< tick at which the process found the fault
   std::string text;                             ///< cause
 };
 
@@ -76,7 +76,7 @@ void append_cause(const std::filesystem::path& log, const scenario::Scenario& sc
 /// Gains of the law that differ from the gains of the tick before.
 struct GainsSince {
   std::int64_t tick = 0;  ///< the first with them
-  std::string gains;      ///< as scenario::gains_text; empty: the scenario's again
+  std::string gains;  ///< gains in the form of scenario::gains_text; empty: the scenario's again
 };
 
 /// Findings of a RunLog. They are final once `RunLog::next` has returned false.
@@ -86,12 +86,12 @@ struct RunSummary {
   std::int64_t first_tick = -1;                              ///< -1 while there is none
   std::int64_t last_tick = -1;                               ///< -1 while there is none
   std::uint64_t ticks = 0;                                   ///< ticks that have a message
-  std::array<PieceSummary, messages::num_slots> pieces;      ///< by message of a tick
+  std::array<PieceSummary, messages::num_slots> pieces;      ///< summary of each message of a tick
   std::map<messages::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
   std::uint64_t wrong_tick = 0;        ///< tick outside the run, or contradicting
                                        ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
-  std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
+  std::uint64_t foreign_messages = 0;  ///< messages of other runs of this robot
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
   std::vector<GainsSince> gains;                       ///< changes; the first `max_listed`

@@ -16,7 +16,7 @@ namespace tachless::plant {
 
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
-  double accuracy = 1e-9;  ///< of an integrator's step, relative
+  double accuracy = 1e-9;  ///< relative accuracy of an integrator's step
   DriveSpec drive;  ///< friction, current loop, scale and offset are used; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   Disturbances* disturbances = nullptr;     ///< none when null; must outlive the arm
@@ -38,7 +38,7 @@ class Arm {
   void set_state(const ArmState& state, double time_s);
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
-  /// @throw std::runtime_error with time and cause when the integrator gives up.
+  /// @throw std::runtime_error with time and cause if the integrator fails.
   void advance(const Vector& tau, double time_s);
 
   /// Switches the drives off and adds viscous braking [N m s/rad] at the motors (at the links if

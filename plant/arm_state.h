@@ -8,9 +8,9 @@
 
 namespace tachless::plant {
 
-/// Contact of a simulated robot: the two geoms that press most.
+/// Contact of a simulated robot: the two geoms with the largest contact force.
 struct Contact {
-  std::string simulator;  ///< its name and version
+  std::string simulator;  ///< name and version of the simulator
   std::string geoms;      ///< "tip, wall", the robot's first; empty: no contact
   double force = 0;       ///< between the two [N]
 };
@@ -32,11 +32,14 @@ struct ArmState {
   bool missing = false;
   /// Contact, of a simulator that knows contacts. Only the log uses it.
   std::optional<Contact> contact{};
-  /// Torques that a real arm tells with its reading, for the log alone [N m; N]; empty: not told.
-  /// They are in the driver's signs. `accepted` is the torque that the arm took and that acts,
-  /// without the torque that the arm adds itself, as RobotDriver::hold takes it. `measured` comes
-  /// from sensors or currents, gravity included.
-  Vector accepted{}, measured{};
+  /// Torque that a real arm accepted and that acts, for the log alone [N m; N]; empty: the arm does
+  /// not report it. The torque has the driver's signs and is without the torque that the arm adds
+  /// itself, as in RobotDriver::hold.
+  Vector accepted{};
+  /// Torque by the arm's sensors or currents, gravity included, for the log alone [N m; N]; empty:
+  /// the arm does not report it. The torque has the driver's signs.
+  Vector measured{};
+};
 };
 
 }  // namespace tachless::plant

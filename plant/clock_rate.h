@@ -72,7 +72,7 @@ class ClockRate {
   }
 
   double period_s_, longest_stall_s_;
-  std::optional<Mark> mark_;  ///< where the window begins
+  std::optional<Mark> mark_;  ///< beginning of the window
   Time begin_, last_asked_;
   double ahead_s_ = 0;    ///< the driver's time at `begin_` by the freshest reading
   double stalled_s_ = 0;  ///< time in the window in which this process stood still

@@ -8,15 +8,15 @@
 
 namespace tachless::plant {
 
-/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints: a function
-/// of the specs, the time and the links' position alone, with jumps in time.
+/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints. The torques
+/// depend on the specs, the time and the links' position alone, and may jump in time.
 class Disturbances {
  public:
   /// @param specs, model must outlive this object; the model has the joints and links of the specs.
   Disturbances(const std::vector<DisturbanceSpec>& specs, double period_s,
                const robot::Model& model);
 
-  /// Returns the time of the first jump after `from_s`, or `until_s` if there is none before it.
+  /// Returns the time of the first jump after `from_s`; `until_s` if no jump is before `until_s`.
   [[nodiscard]] double next_jump(double from_s, double until_s) const;
   /// Selects the disturbances for the time from `from_s` to `until_s`, in which there is no jump.
   void choose(double from_s, double until_s);

@@ -12,7 +12,7 @@ namespace tachless::plant {
 
 /// Torque of the drives over one tick.
 struct AppliedTorque {
-  Vector tau;                                ///< after the limits [N m; N if prismatic]
+  Vector tau;                                ///< torque after the limits [N m; N if prismatic]
   std::array<bool, max_joints> saturated{};  ///< the command exceeded a limit
 };
 
@@ -24,7 +24,7 @@ struct AppliedTorque {
 /// ticks. `applied` may then be read before the command has come. With jitter j the acting command
 /// is up to j ticks older; a seeded generator draws its age for each tick. Without a command the
 /// last one is held. From tick to tick the torque that is sent changes by at most its rate, from
-/// the initial torque on. An arm that adds a torque itself is sent the difference.
+/// the initial torque on. If the arm adds a torque itself, the difference is sent.
 class Drive {
  public:
   /// @param spec its limits, jitter and seed are used
@@ -65,7 +65,7 @@ class Drive {
   void act();
 
   Vector limit_;           ///< [N m; N if prismatic]
-  Vector change_;          ///< that is possible from one tick to the next [N m; N]; empty: any
+  Vector change_;          ///< largest change from one tick to the next [N m; N]; empty: no limit
   std::size_t num_slots_;  ///< command_delay + jitter + 1
   int jitter_;
   std::uint64_t seed_;
@@ -77,7 +77,7 @@ class Drive {
   std::size_t now_ = 0;
   AppliedTorque applied_;
   Vector initial_;
-  Vector added_;   ///< by the arm, over this tick
+  Vector added_;   ///< torque that the arm adds over this tick
   Vector before_;  ///< torque sent over the tick before
 };
 

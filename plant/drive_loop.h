@@ -76,7 +76,7 @@ class EmulatedDriveLoop final : public DriveLoopDriver {
   scenario::DriveLoopSpec loop_;
   Vector count_, limit_;
   VelocityFilter filter_;
-  Command used_;  ///< by the drives
+  Command used_;  ///< command that the drives use
   Vector q_before_, v_;
   std::vector<Vector> under_way_;  ///< torques that the drives have computed, a ring
   std::size_t next_ = 0;

@@ -11,10 +11,10 @@ namespace tachless::plant {
 ///
 /// Nothing is smoothed. A joint slides in a direction, or it sticks with an acceleration of exactly
 /// zero. It changes between the two only at instants that the integrator finds. Torques are smooth
-/// in between, a joint at rest stays where it is, and F v >= 0: friction gives no energy. The
-/// joints that begin to slide follow from Gauss's principle of least constraint: the unique
-/// solution of M a = r - F, |F| <= Fs, a F >= 0, with |F| < Fs only where a = 0. Projected
-/// Gauss-Seidel iteration finds it. The class does not integrate.
+/// between these instants, and a joint at rest does not move. F v >= 0: friction gives no energy.
+/// Gauss's principle of least constraint determines the joints that begin to slide. Its solution is
+/// the unique solution of M a = r - F, |F| <= Fs, a F >= 0, with |F| < Fs only where a = 0.
+/// Projected Gauss-Seidel iteration computes the solution. The class does not integrate.
 class DryFriction {
   using Index = Eigen::Index;
 
@@ -32,24 +32,27 @@ class DryFriction {
   /// @throw std::runtime_error if M is not positive definite.
   void solve(Matrix& M, const double* v, Vector& rhs);
 
-  /// Lets joints that move slide; joints at rest stick until `release`. Call `solve` in between.
+  /// Makes moving joints slide, and joints at rest stick until `release`. Call `solve` between
+  /// `stick` and `release`.
   void stick(const double* v);
 
-  /// Lets sticking joints slide that friction cannot hold, by the torques of the last `solve`.
+  /// Makes the sticking joints slide that friction cannot hold against the torques of the last
+  /// `solve`.
   void release();
 
   [[nodiscard]] bool sticks() const;
 
-  /// Returns a number above 0 if a sliding joint has turned round at `v`. It is also above 0 if
-  /// friction cannot hold a sticking joint by the torques of the last `solve`.
+  /// Returns a number above 0 if the velocity `v` of a sliding joint has changed its sign. The
+  /// number is also above 0 if friction cannot hold a sticking joint against the torques of the
+  /// last `solve`.
   [[nodiscard]] double violation(const double* v) const;
 
-  /// Sets the velocity of joints that have turned round to zero.
+  /// Sets the velocity to zero of each joint whose velocity has changed its sign.
   void stop(double* v) const;
 
  private:
-  /// Relative excess over the static friction from which a sticking joint slides. It is above
-  /// rounding, so that a released joint does move.
+  /// Relative excess over the static friction from which a sticking joint slides. The excess is
+  /// above rounding. A released joint therefore moves.
   static constexpr double beyond = 1e-9;
   /// Tolerance of the iteration, relative to the static friction.
   static constexpr double converged = 1e-13;

@@ -47,7 +47,7 @@ class Encoder {
   [[nodiscard]] Vector read(const Vector& exact, Channel channel, std::int64_t tick) const;
 
   Vector eccentricity_, phase_;
-  Vector count_;  ///< width of one [rad; m if prismatic]; 0 for an ideal encoder
+  Vector count_;  ///< width of one count [rad; m if prismatic]; 0 for an ideal encoder
   double position_noise_;
   double velocity_noise_;
   std::uint64_t seed_;

@@ -114,7 +114,7 @@ class GuardedRobot {
   /// @throw base::Failure when the stop has not succeeded or could not be confirmed. The failure
   /// has the text and exit code of `cause`, or else protective_stop.
   void require_stopped(const base::Failure* cause = nullptr) const;
-  /// Returns the driver's own figures; none of the emulator.
+  /// Returns the driver's own figures; empty for the emulator.
   [[nodiscard]] std::vector<DriverFigure> figures() const;
   /// Returns true if there was a reading, and every joint and motor was slower than 1 mrad/s
   /// (mm/s).
@@ -153,7 +153,7 @@ class GuardedRobot {
 
   const scenario::Scenario& scenario_;
   robot::Model model_;
-  std::unique_ptr<Simulator> mujoco_;      ///< of plant.mujoco; null without it
+  std::unique_ptr<Simulator> mujoco_;      ///< simulator of plant.mujoco; null without this key
   std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
   RobotDriver& driver_;
   Drive drive_;
@@ -161,16 +161,16 @@ class GuardedRobot {
   Encoder encoder_;
   messages::AnyMeasurement measurement_;
   MotionGuard guard_;
-  std::optional<scenario::DriveLoopSpec> drive_loop_;  ///< of plant.drive.loop
+  std::optional<scenario::DriveLoopSpec> drive_loop_;  ///< loop of plant.drive.loop
   DriveLoopDriver* follower_ = nullptr;  ///< `driver_` with plant.drive.loop; else null
   /// The run's motion, if the guard watches the following error or the drives have a loop.
   std::optional<reference::Trajectory> trajectory_;
   ArmState state_;
-  Vector speed_;  ///< of each joint [rad/s; m/s]
+  Vector speed_;  ///< speed of each joint [rad/s; m/s]
   SpeedMeter meter_;
   base::TickRing<ArmState> past_;  ///< states of the last ticks
   std::int64_t sensed_ = 0;        ///< tick of the state that the encoders read
-  std::int64_t tick_ = -1;         ///< of the last `read`
+  std::int64_t tick_ = -1;         ///< tick of the last `read`
   double origin_s_ = 0;            ///< the robot's own time at tick 0
   bool missing_ = false;           ///< the last `read` had no state
   std::array<bool, max_joints> beyond_limit_{}, warned_{};

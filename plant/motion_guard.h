@@ -32,11 +32,11 @@ class SpeedMeter {
 
  private:
   Vector speed_;
-  Vector q_;  ///< at the beginning of the window; empty: no position yet
+  Vector q_;  ///< positions at the beginning of the window; empty: no position yet
   double begin_s_ = 0;
 };
 
-/// Ranges and speeds of a robot's joints, and the error to their reference.
+/// Checks of the joints' ranges, speeds and following errors against their limits.
 class MotionGuard {
  public:
   /// @param robot_file for messages

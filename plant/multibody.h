@@ -24,7 +24,7 @@ class Multibody {
   virtual Terms evaluate(const Vector& q, const Vector& v) = 0;
 };
 
-/// Returns the mechanics by Simbody's realization of a tree of pins and sliders.
+/// Returns the mechanics by Simbody, as a tree of revolute and prismatic joints.
 /// @throw std::exception when Simbody refuses a body's inertia
 std::unique_ptr<Multibody> simbody_multibody(const robot::Model& model);
 

@@ -51,9 +51,9 @@ class PlantLoop {
     Bytes truth, contact;  ///< empty: not published
   };
   /// Publishes the robot's state at the beginning of the tick and the torque over it. With
-  /// plant.mujoco it publishes the contact first, and of a real arm the torques that it tells. Call
-  /// it once per tick, because it counts saturation. A tick without a reading has no state and no
-  /// TRUTH.
+  /// plant.mujoco it publishes the contact first. For a real arm it publishes the torques that the
+  /// arm reports first. Call it once per tick, because it counts saturation. A tick without a
+  /// reading has no state and no TRUTH.
   /// @return the bytes, valid until the next call
   /// @throw base::Failure(protective_stop) when the state is not finite.
   Truth publish_truth(std::int64_t tick, messages::truth::DriveFault fault);
@@ -68,14 +68,14 @@ class PlantLoop {
   const scenario::Scenario& scenario_;
   session::Session& session_;
   GuardedRobot robot_;
-  std::string prefix_;  ///< of the robot's channels
+  std::string prefix_;  ///< prefix of the robot's channels
   messages::Layout layout_;
   messages::Port<messages::Tick> tick_port_;
   messages::Port<messages::TorqueCommand> command_port_;
   messages::Port<messages::truth::PlantTruth> truth_port_;
-  std::optional<messages::Port<messages::truth::Contact>> contact_port_;  ///< with plant.mujoco
+  std::optional<messages::Port<messages::truth::Contact>> contact_port_;  ///< set with plant.mujoco
   messages::Port<messages::truth::ArmTorque> arm_torque_port_;
-  std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< prepared
+  std::optional<messages::Port<messages::AnyMeasurement>> measurement_port_;  ///< set by `prepare`
 };
 
 /// Runs the plant in simulation time: joins, runs all ticks and leaves. The plant advances only

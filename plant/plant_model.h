@@ -46,7 +46,7 @@ Vector protective_stop_damping(const Motors& motors, const robot::Model& model, 
 /// Viscous braking stops it (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
-  /// All arguments but the period outlive this object.
+  /// All arguments except the period must outlive this object.
   /// @param model with the payload (`plant_model`)
   EmulatedRobot(const Spec& plant, const Motors& motors, double period_s,
                 const robot::Model& model);
@@ -57,7 +57,7 @@ class EmulatedRobot final : public RobotDriver {
   [[nodiscard]] bool measures_velocity() const override { return true; }
   void start() override {}
   ArmState read() override;
-  /// @throw std::runtime_error when the integrator, or the simulator, gives up.
+  /// @throw std::runtime_error if the integrator or the simulator fails.
   void hold(const Vector& tau, double until_s) override;
   void stop() override;
   void rest(double until_s) override;
@@ -68,10 +68,10 @@ class EmulatedRobot final : public RobotDriver {
   const Spec& plant_;
   const Motors& motors_;
   const robot::Model& model_;
-  std::unique_ptr<Simulator> own_;  ///< null: a simulator of the caller's
+  std::unique_ptr<Simulator> own_;  ///< null: the caller owns the simulator
   Simulator& simulator_;
   double now_s_ = 0;
-  Vector before_;  ///< torque over the tick before; the initial one at first
+  Vector before_;  ///< torque over the previous tick; at first the initial torque
 };
 
 }  // namespace tachless::plant

@@ -20,7 +20,7 @@ class StopsByItself : public base::Failure {
 
 /// A number that a driver counted or measured in a run, for summary.json and the closing table.
 struct DriverFigure {
-  std::string name;  ///< with its unit: "temperature_joint_3_C"
+  std::string name;  ///< name with the unit: "temperature_joint_3_C"
   double value = 0;  ///< the number, in the unit of the name
 };
 
@@ -44,7 +44,8 @@ class RobotDriver {
   /// `hold` returns.
   [[nodiscard]] virtual bool is_clock() const { return false; }
 
-  /// Enables the drives. All processes have joined, and the first tick is milliseconds ahead.
+  /// Enables the drives. All processes have joined then, and the first tick follows within
+  /// milliseconds.
   virtual void start() = 0;
 
   /// Returns the state at the beginning of a tick. Velocities are measured, or estimated by the

@@ -6,9 +6,9 @@
 namespace tachless::plant {
 
 /// Mechanics of a robot that a program steps, in place of the emulator's own. The encoders, drives,
-/// delays, noise, limits and the protective stop of the scenario stay around them. Time is the
-/// run's time: the mechanics move when `advance` asks, in lockstep and in realtime. Joints are in
-/// the order and units of the scenario's robot. All calls come from one thread.
+/// delays, noise, limits and the protective stop of the scenario still apply. Time is the run's
+/// time: the mechanics move when `advance` asks, in lockstep and in realtime. Joints are in the
+/// order and units of the scenario's robot. All calls come from one thread.
 class Simulator {
  public:
   virtual ~Simulator() = default;

@@ -63,7 +63,7 @@ struct FlexibleDrive {
 /// The drives' torque until the first command acts.
 enum class InitialTorque {
   zero,
-  hold,  ///< torque that holds the initial posture, as of a real arm that opens its brakes
+  hold,  ///< torque that holds the initial posture, as a real arm gives when it opens its brakes
 };
 constexpr std::array<std::string_view, 2> names(InitialTorque /*type*/) { return {"zero", "hold"}; }
 
@@ -123,7 +123,7 @@ constexpr std::array<std::string_view, 4> names(MujocoIntegrator /*type*/) {
 
 /// MuJoCo in place of the emulator's mechanics.
 struct MujocoSpec {
-  std::string model;     ///< as written; empty: the emulator's own mechanics
+  std::string model;     ///< path as written; empty: the emulator's own mechanics
   std::string keyframe;  ///< empty: the model's initial state
   MujocoIntegrator integrator = MujocoIntegrator::model;
   double step_s = 0;  ///< 0: the model's
@@ -312,8 +312,8 @@ constexpr std::array<std::string_view, 3> names(DisturbanceShape /*type*/) {
 struct DisturbanceSpec {
   std::string joint;                           ///< joint that the torque acts on; empty: a force
   std::string link;                            ///< link that the force acts on; empty: a torque
-  std::optional<double> torque_Nm;             ///< of `joint`
-  std::optional<std::vector<double>> force_N;  ///< of `link`, in the world
+  std::optional<double> torque_Nm;             ///< torque on `joint` [N m; N]
+  std::optional<std::vector<double>> force_N;  ///< force on `link`, in the world's axes [N]
   std::vector<double> point_m = {0, 0, 0};     ///< point where the force acts, in the link's frame
   DisturbanceShape shape = DisturbanceShape::constant;
   double start_s = 0;

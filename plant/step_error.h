@@ -6,8 +6,9 @@
 
 namespace tachless::plant {
 
-/// Returns the largest of `largest` and the entries of `error`, each relative to the larger of its
-/// value in `x` and 1; NaN if one of them is NaN. An integrator then refuses the step.
+/// Returns the largest of `largest` and the relative errors. The error of an entry is relative to
+/// the larger of 1 and the entry's magnitude in `x`. Returns NaN if an error is NaN. An integrator
+/// then refuses the step.
 template <class Values>
 double step_error(const Values& error, const Values& x, double largest) {
   for (Eigen::Index i = 0; i < x.size(); ++i) {

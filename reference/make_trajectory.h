@@ -61,8 +61,8 @@ class Motion {
   /// Returns `count` increasing sample times including both ends, or one time if nothing moves. The
   /// times of a periodic motion with few samples are jittered to avoid aliasing.
   [[nodiscard]] std::vector<double> instants(int count) const;
-  /// Returns 50 sample times per period of the fastest sinusoid, which miss a peak by at most 0.2
-  /// %. Between waypoints it returns 4 for each segment.
+  /// Returns 50 sample times per period of the fastest sinusoid. A peak is missed by at most 0.2 %.
+  /// Between waypoints it returns 4 times for each segment.
   [[nodiscard]] std::vector<double> closely(int at_least = 2000, int at_most = 200000) const;
 
  private:

@@ -24,13 +24,14 @@ struct Certificate {
   std::string no_stability;                                 ///< why there is no region
   std::optional<lyapunov::WeightedRegion> weighted;         ///< the region of the other laws
   /// Largest error of each joint that its range allows at the start [rad; m]; half a turn for a
-  /// joint without limits. No region is shown beyond. Empty: not known.
+  /// joint without limits. No region is shown beyond this error. Empty: not known.
   Eigen::VectorXd start_range;
   /// The answer whether every start converges; nothing: not known of this law, or not examined.
   std::optional<lyapunov::GlobalConvergence> global;
   std::optional<lyapunov::SampledRegion> nonlinear;  ///< where it was asked for
   std::string no_nonlinear;                          ///< why there is none; empty: not asked for
-  std::optional<DrivePrediction> drives;             ///< with plant.drive.loop, of a stable loop
+  /// Nothing: without plant.drive.loop, or for an unstable loop.
+  std::optional<DrivePrediction> drives;
 };
 
 struct CertifyOptions {
@@ -59,8 +60,8 @@ nlohmann::ordered_json to_json(const Certificate& certificate);
 /// Returns `start` of the group `region` of that JSON, and of summary.json. `certified` is null
 /// where it is not decided.
 nlohmann::ordered_json to_json(const lyapunov::CertifiedStart& start);
-/// Returns the group `sampled` of that JSON, with the line for people as `text`. With less effort
-/// it lacks the margins.
+/// Returns the group `sampled` of that JSON, with the line for people as `text`. The margins are
+/// absent with less effort.
 nlohmann::ordered_json to_json(const Prediction& prediction);
 
 }  // namespace tachless::certify

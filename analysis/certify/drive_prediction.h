@@ -15,9 +15,9 @@ inline constexpr int drive_postures = 5;
 
 /// Margins of the drives' loop, and torques of encoder counts.
 struct DrivePrediction {
-  linear::DriveMargins margins;  ///< the least of each over the postures
+  linear::DriveMargins margins;  ///< the least of each margin over the postures
   double delay_s = 0;            ///< `margins.delay_ticks` as a time [s]
-  /// Longest time by which the host's torques may come later, the least over the postures [s].
+  /// Largest delay by which the host's torques may come later, the least over the postures [s].
   double host_delay_s = 0;
   bool host_delay_ends = false;  ///< false: no limit was found up to `host_delay_s`
   Vector count_Nm;               ///< torque of one count of the drives' encoders; 0: ideal

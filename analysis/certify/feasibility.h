@@ -22,7 +22,8 @@ struct JointDemand {
   /// The bound of a law that bounds its feed-forward, and the largest feed-forward over all
   /// postures [N m; N].
   std::optional<double> feedforward_max{}, feedforward_anywhere{};
-  bool feedforward_proved = false;  ///< for all postures and times; false: at sampled ones
+  /// The bound holds for all postures and times; false: at sampled ones.
+  bool feedforward_proved = false;
 };
 
 struct Feasibility {

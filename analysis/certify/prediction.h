@@ -30,10 +30,10 @@ struct Prediction {
   /// its end. A posture on the way may be unstable at rest: eigenvalues at frozen postures are
   /// neither necessary nor sufficient for a moving reference.
   bool stable = false;
-  /// Spectral radius per period. A motion that repeats has the root of the radius of the product of
-  /// its one-period maps. A motion that ends in the run has the radius at rest at its end. A motion
-  /// that is cut off has the larger of both. A law known by its answers has the largest radius at
-  /// rest at the reference's postures.
+  /// Spectral radius per period. A motion that repeats after n periods has the n-th root of the
+  /// radius of the product of its one-period maps. A motion that ends in the run has the radius at
+  /// rest at its end. A motion that is cut off has the larger of both. A law known by its answers
+  /// has the largest radius at rest at the reference's postures.
   double radius = 0;
   /// Factor by which errors grow over a motion that ends in the run, before they decay. It is the
   /// spectral radius of the product of the motion's one-period maps; 0 if this radius is not above
@@ -43,13 +43,15 @@ struct Prediction {
   /// Largest period at which the loop is stable at rest at all postures [s]; nothing: no period is
   /// stable.
   std::optional<double> limit_s;
-  Vector limit_q;                   ///< the posture that binds it
-  linear::Modes modes;              ///< at the posture with the largest radius
-  Eigen::VectorXd gain_Nm_per_rad;  ///< torque per measured angle, each joint's own: the largest
-  Vector stiffness;                 ///< torque on the link per position error at rest, the least
-  std::string_view stiffness_unit = "N m/rad";  ///< of both; where joints slide "N m/rad (N/m)"
-  std::string_view torque_unit = "N m";         ///< of count_Nm; where joints slide "N m (N)"
-  /// |K^-1| F_c, the largest over the postures, with K the stiffness of all joints together. Dry
+  Vector limit_q;       ///< the posture that binds it
+  linear::Modes modes;  ///< at the posture with the largest radius
+  /// Largest torque per angle that the joint itself measures, over the postures.
+  Eigen::VectorXd gain_Nm_per_rad;
+  Vector stiffness;  ///< least torque on the link per position error at rest, over the postures
+  /// Unit of the gain and of the stiffness; with prismatic joints "N m/rad (N/m)".
+  std::string_view stiffness_unit = "N m/rad";
+  std::string_view torque_unit = "N m";  ///< unit of `count_Nm`; with prismatic joints "N m (N)"
+  /// Largest |K^-1| F_c over the postures, with K the stiffness of all joints together. Dry
   /// friction may hold a joint at rest within this error [rad; m]. Empty without friction.
   Vector rest_error;
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
@@ -57,7 +59,7 @@ struct Prediction {
   /// unstable.
   std::optional<linear::Margins> margins;
   Vector margin_q;                            ///< the posture with the least modulus margin
-  std::optional<linear::MissedTicks> missed;  ///< with full effort, where there are margins
+  std::optional<linear::MissedTicks> missed;  ///< nothing: without full effort, or without margins
 };
 
 /// Returns the prediction of a scenario.
@@ -76,8 +78,8 @@ Eigen::VectorXd own_gain(const linear::LinearLaw& law);
 
 /// Returns the torque per position error at rest, of each joint alone: the least over postures of
 /// the reference [N m/rad; N/m]. For a joint with dry friction it is F_c over
-/// Prediction::rest_error, which is less where gains couple joints. The growth of an integral with
-/// time is left out. Empty for a law that cannot be linearised.
+/// Prediction::rest_error. This quotient is smaller if gains couple joints. An integral's growth
+/// with time is left out. Empty for a law that cannot be linearised.
 /// @throw as `analyse`.
 Vector stiffness(const scenario::Scenario& scenario);
 

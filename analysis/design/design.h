@@ -32,13 +32,14 @@ struct DesignGoal {
   std::optional<double> bandwidth_hz;  ///< upper limit: kp at most the rule's kp for this bandwidth
   /// Time to 1 % of an error that is short enough [s]. The search then increases the margin.
   std::optional<double> settling_s;
-  std::optional<Vector> least_kp;     ///< stiffness of each joint, its spring included [N m/rad]
-  std::optional<double> count_Nm;     ///< largest torque of one encoder count [N m]
-  std::optional<double> start_error;  ///< kp times it is within the torque limit [rad; m]
-  double modulus = 0.5;               ///< least modulus margin, along the motion
+  std::optional<Vector> least_kp;  ///< stiffness of each joint, its spring included [N m/rad]
+  std::optional<double> count_Nm;  ///< largest torque of one encoder count [N m]
+  /// Initial error: kp times this error is within the torque limit [rad; m].
+  std::optional<double> start_error;
+  double modulus = 0.5;  ///< least modulus margin, along the motion
   /// Largest torque of one encoder count over the torque limit; nothing: 0.01.
   std::optional<double> count_share;
-  std::optional<Uncertainty> uncertainty;  ///< plants for which the margin holds, too
+  std::optional<Uncertainty> uncertainty;  ///< set of plants for which the margin has to hold too
 };
 
 /// Result of a design.
@@ -64,11 +65,12 @@ struct Design {
 };
 
 /// Designs the gains of a scenario's law. The result is deterministic.
-/// @param answers of an external law. Its search starts from the scenario's gains, which have to
-/// make a stable loop. Each number changes by a factor of 100 at most; a gain with equal numbers
-/// for all joints stays so. The goals about kp, bandwidth and start error do not apply.
-/// @param another_follows whether the time left that `tell` gets is to include a search for
-/// scheduled gains
+/// @param answers answers of an external law. The search for its gains starts from the scenario's
+/// gains, which have to make a stable loop. Each number changes by a factor of 100 at most. A gain
+/// with equal numbers for all joints keeps them equal. The goals about kp, bandwidth and start
+/// error do not apply.
+/// @param another_follows whether a search for scheduled gains follows; the time left in the text
+/// for `tell` then includes it
 /// @throw base::Failure(check_said_no) when no gains suffice. The message names the reason: a
 /// torque limit below gravity, a motion that is too fast, or a margin that no gains keep
 Design design(const scenario::Scenario& scenario, const DesignGoal& goal,

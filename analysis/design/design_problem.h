@@ -17,7 +17,7 @@ using linear::ScenarioLoop;
 
 using Gains = std::map<std::string, Vector>;
 
-/// Returns the number with so many significant digits.
+/// Returns the number rounded to `digits` significant digits.
 double rounded(double value, int digits);
 
 /// The gains of a scenario's law as the variables of a search: which gains vary, their start and
@@ -36,9 +36,9 @@ class DesignProblem {
   void choose_variables();
 
   struct RuleOptions {
-    double damping = 1;  ///< of the two poles
-    /// 0 takes each joint's inertia with the others free, 1 with the others held; values between
-    /// interpolate.
+    double damping = 1;  ///< damping of the two poles
+    /// Inertia of each joint: 0 takes the inertia with the other joints free, 1 with the other
+    /// joints held. Values between interpolate.
     double held = 0;
     /// True: kd b is split so that b = 1 / h. False: b = a, and v_ref + nu approximates the
     /// velocity.

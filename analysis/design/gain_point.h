@@ -44,7 +44,7 @@ class LeastModulus {
   std::vector<FeedbackAt> grid_;  ///< empty: it depends on the loop
 };
 
-/// Logarithm of a joint's torque per encoder count over the largest allowed, and the joint.
+/// Logarithm of a joint's torque per encoder count over the largest allowed torque, and the joint.
 struct Lack {
   double lack = 0;
   std::size_t joint = 0;
@@ -54,8 +54,8 @@ struct Lack {
 class GainPoint {
  public:
   GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
-  /// Computes the moduli. Call it before asking for moduli or programmes. A modulus further than
-  /// `near_margin` over the margin is replaced by a lower bound.
+  /// Computes the moduli. Call it before asking for moduli or programmes. A lower bound replaces a
+  /// modulus that exceeds the margin by more than `near_margin`.
   void look_at_margins();
   void differentiate();  ///< call it before asking for a programme
 
@@ -69,19 +69,19 @@ class GainPoint {
   [[nodiscard]] double lack() const;
   /// Returns the same number at less cost, without `look_at_margins`.
   [[nodiscard]] double lack_alone();
-  [[nodiscard]] Lack count_lack() const;  ///< of the joint with the largest lack
+  [[nodiscard]] Lack count_lack() const;  ///< the largest lack of all joints
   [[nodiscard]] bool stable() const;
 
-  /// Returns the largest logarithm of an error from T to `window` T, for each judged loop. The fall
-  /// required up to the error's time is added to the logarithm.
+  /// Returns, for each judged loop, the largest logarithm of an error from T to `window` T. The
+  /// required fall up to that time is added to the logarithm.
   [[nodiscard]] Eigen::VectorXd log_errors(double T) const;
   /// Returns the last times up to `end_s` at which the errors of these loops exceed 1 %.
   [[nodiscard]] std::vector<double> settling_s(double end_s,
                                                const std::vector<std::size_t>& loops) const;
 
-  // Append rows of the linear programme in the step d of theta, the bound s of the errors'
-  // logarithms and the missing margin v. Margin and count rows hold d alone. Error rows hold all
-  // three.
+  // Append rows to the linear programme. Its variables are the step d of theta, the bound s of the
+  // errors' logarithms and the missing margin v. Margin and count rows contain d alone. Error rows
+  // contain all three variables.
   void add_margin_rows(std::size_t loop, std::vector<numerics::LinearProgramme::Row>& rows) const;
   void add_error_rows(std::size_t loop, double T, double largest,
                       std::vector<numerics::LinearProgramme::Row>& rows) const;

@@ -9,11 +9,11 @@
 #include "messages/signals.h"
 
 /// A search for the gains of a law that settle fastest and keep a modulus margin at all postures.
-/// It uses sequential linear programming in the logarithms theta of the gains. A time T is
-/// shortened each time the loop meets it. The variable s bounds the logarithms of all errors from T
-/// on, after a displacement of each joint alone. A step minimises s + 60 v within a trust region,
-/// where v is what the margins lack. The spectral radius is no substitute for s: it has no
-/// derivative where poles meet, and optima lie there.
+/// It uses sequential linear programming in the logarithms theta of the gains. The search shortens
+/// a time T whenever the loop settles within T. The variable s bounds the logarithms of all errors
+/// from T on, after a displacement of each joint alone. A step minimises s + 60 v within a trust
+/// region, with v the largest lack of a margin. The spectral radius is no substitute for s: it has
+/// no derivative where two poles are equal, and optima have equal poles.
 namespace tachless::design {
 
 using linear::Feedback;
@@ -30,7 +30,7 @@ struct GainProblem {
       feedback;
   bool same_everywhere = false;  ///< the law of loop 0 is the law of all loops
   bool resonant = false;         ///< poles may be lightly damped: flexible joints
-  Eigen::VectorXd lower, upper;  ///< of theta
+  Eigen::VectorXd lower, upper;  ///< bounds of theta
   Eigen::VectorXd most_gain;     ///< largest torque of each joint per angle of the same joint
   double margin = 0.5;
   std::vector<double> share;  ///< share of the margin that each loop has to keep
@@ -49,8 +49,9 @@ struct Binding {
 
 struct FoundGains {
   Eigen::VectorXd theta;
-  double settling_s = infinity;  ///< over the judged loops; infinite: the margin is not kept
-  double modulus = 0;            ///< least modulus
+  /// Longest over the judged loops [s]; infinite: the margin is not kept.
+  double settling_s = infinity;
+  double modulus = 0;  ///< least modulus
 };
 
 /// Evaluates the gains: stability of all loops, least modulus and settling time.
@@ -59,8 +60,8 @@ FoundGains judged(const GainProblem& problem, const Eigen::VectorXd& theta);
 /// Returns the least modulus over the loops; 0 where one is unstable.
 double least_modulus(const GainProblem& problem, const Eigen::VectorXd& theta);
 
-/// Returns the least modulus at each loop. A modulus further than `above` over the margin is
-/// replaced by a lower bound.
+/// Returns the least modulus at each loop. A lower bound replaces a modulus that exceeds the margin
+/// by more than `above`.
 std::vector<double> least_moduli(const GainProblem& problem, const Eigen::VectorXd& theta,
                                  double above);
 
@@ -72,9 +73,9 @@ std::vector<double> settling_times(const GainProblem& problem, const Eigen::Vect
 /// whether it added any.
 using AddLoops = std::function<bool(GainProblem& problem, const Eigen::VectorXd& theta)>;
 
-/// Runs at most `most_steps` steps from `theta`. Calls `add` every few steps and at the end of the
-/// search. If a loop is unstable at `theta`, returns the evaluation of `theta` alone. The result is
-/// deterministic.
+/// Searches for faster gains in at most `most_steps` steps from `theta`. Calls `add` every few
+/// steps and at the end of the search. If a loop is unstable at `theta`, returns the evaluation of
+/// `theta` alone. The result is deterministic.
 FoundGains faster_gains(GainProblem& problem, const Eigen::VectorXd& theta, int most_steps,
                         const AddLoops& add,
                         const std::function<void(int step, const FoundGains&)>& tell);

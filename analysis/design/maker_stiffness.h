@@ -11,7 +11,7 @@ namespace tachless::design {
 struct MakerStiffness {
   std::string arm;     ///< "Franka Panda"
   std::string source;  ///< where the numbers are published
-  Vector N_m_per_rad;  ///< for the model's joints; 0 for a joint behind the arm, such as a hand's
+  Vector N_m_per_rad;  ///< stiffness of each joint of the model; 0 for a joint of a hand
 };
 
 /// Returns the stiffness that the maker of this arm publishes, or nothing. The names of the first

@@ -34,7 +34,7 @@ inline constexpr double default_bandwidth_hz = 10;
 /// Result of the search for gains of one structure.
 struct Candidate {
   Structure structure = Structure::diagonal;
-  scenario::Scenario scenario;   ///< with the structure's law
+  scenario::Scenario scenario;   ///< scenario with the structure's law
   std::optional<Design> design;  ///< nothing: no gains were found
   std::string refusal;           ///< why there are none
 };
@@ -48,8 +48,8 @@ struct Comparison {
 
 /// Designs diagonal and scheduled gains, and chooses between them. Scheduled gains are the default.
 /// They are at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. Diagonal
-/// gains are chosen if they settle at most a tenth later, keep the margin over the range of the
-/// joints, and let friction stop no joint far from its goal.
+/// gains are chosen under three conditions. They settle at most a tenth later. They keep the margin
+/// over the range of the joints. Friction stops no joint far from its goal.
 /// @param scenario_with returns the scenario with the law of a structure
 /// @throw base::Failure(check_said_no) if no structure has gains
 Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,

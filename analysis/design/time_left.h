@@ -6,13 +6,17 @@
 
 namespace tachless::design {
 
-/// Estimate of the time that a search still takes. Work is counted in steps times loops. The work
-/// that is still to come is the work of searches for public arms of six and seven joints.
+/// Estimate of the time that a search still takes. The unit of work is one step of the search
+/// (gain_search.h) for one loop. The remaining work is assumed equal to the mean work of searches
+/// for published arms of six and seven joints.
 class TimeLeft {
  public:
+  /// Phases of a search, in order: local searches from several starts; longer ones from the best
+  /// and the second best of these; rounds with worse postures added; the search of the joints'
+  /// range.
   enum class Phase { starts, best, second, rounds, range };
 
-  /// @param by_joint whether each joint's gains are variables, so that rounds are to be expected
+  /// @param by_joint whether each joint's gains are variables; such a search repeats in rounds
   /// @param another_follows whether a search for scheduled gains follows
   TimeLeft(bool by_joint, bool another_follows)
       : by_joint_(by_joint), another_follows_(another_follows) {}
@@ -20,8 +24,8 @@ class TimeLeft {
   /// Begins a phase.
   /// @param left number of parts of this phase that are still to come
   void enter(Phase phase, int left = 0);
-  /// Records a step with so many loops.
-  /// @param steps_left most steps that may follow in this climb
+  /// Records a step of the search that evaluated `loops` loops.
+  /// @param steps_left most steps that may follow in the present local search
   void step(std::size_t loops, int steps_left);
   /// Records a set of postures in the joints' range.
   void set();
@@ -32,8 +36,8 @@ class TimeLeft {
  private:
   bool by_joint_, another_follows_;
   double done_ = 0;   ///< work
-  double here_ = 0;   ///< work left in the present climb
-  double ahead_ = 0;  ///< work after the present climb
+  double here_ = 0;   ///< work left in the present local search
+  double ahead_ = 0;  ///< work after the present local search
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 

@@ -29,9 +29,9 @@ struct UncertainPlant {
   std::string name;  ///< e.g. "links +20 %, 1 more tick"
 };
 
-/// Returns plants of the set, the same in each call. At the corners all links and rotors are heavy,
-/// or all light, without and with the delay. Eight more plants are inside the set; each of their
-/// links and rotors differs by its own number.
+/// Returns plants of the set, the same in each call. At the corners of the set all links and rotors
+/// are heavy or all are light, each without and with the delay. Eight more plants are inside the
+/// set; each of their links and rotors differs by its own number.
 /// @throw base::Failure(bad_usage) if there are neither one nor `num_joints` inertias of rotors
 std::vector<UncertainPlant> uncertain_plants(const robot::Model& nominal,
                                              const Uncertainty& uncertainty);

@@ -12,8 +12,8 @@ namespace tachless::identify {
 
 /// A motion that excites the unknown parameters.
 struct Excitation {
-  /// Predicted half width of an unknown's 95 % interval. It is infinite where the motion shows the
-  /// unknown in sums with others only.
+  /// Predicted half width of an unknown's 95 % interval. It is infinite if the motion determines
+  /// the unknown only in a sum with others.
   struct Width {
     std::string name, unit;
     double half_width;
@@ -21,10 +21,11 @@ struct Excitation {
   std::vector<std::string> overrides;  ///< the reference as waypoints, and the run's duration
   /// Widths of the unknowns other than links' parameters, with torque noise of `noise_share`.
   std::vector<Width> widths;
-  double condition = 0;  ///< of the regression's determined part, columns scaled to norm 1
-  Vector reach;          ///< largest deflection of each joint from the start [rad; m]
-  Vector speed;          ///< largest [rad/s; m/s]
-  Vector torque;         ///< largest, with the scenario's parameters [N m; N]
+  /// Condition number of the regression's determined part, columns scaled to norm 1.
+  double condition = 0;
+  Vector reach;   ///< largest deflection of each joint from the start [rad; m]
+  Vector speed;   ///< largest speed of each joint [rad/s; m/s]
+  Vector torque;  ///< largest torque of each joint, with the scenario's parameters [N m; N]
 };
 
 /// Goals of an excitation.
@@ -43,8 +44,8 @@ inline constexpr double noise_share = 0.01;
 /// initial posture. It stays within nine tenths of the joints' ranges and four fifths of their
 /// torque limits. It stays within four fifths of their speed limits (1 rad/s, 1 m/s where the URDF
 /// has none). The function maximises the determinant of the information on the unknowns
-/// (D-optimality). It draws motions at random, and then draws the best motion's joints again, one
-/// after the other. It does not consider obstacles other than a floor.
+/// (D-optimality). It first draws motions at random. It then draws one joint of the best motion
+/// anew at a time. It does not consider obstacles other than a floor.
 /// @throw base::Failure(bad_usage) for flexible joints, for a joint that begins at its limit, and
 /// when none of the motions stays within the torque limits and above the floor
 Excitation excite(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,

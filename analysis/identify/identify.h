@@ -73,7 +73,7 @@ struct Identified {
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,
                     const std::optional<Recording>& validate, const Report& report);
 
-/// Returns the recording's URDF with the identified links. `robot::urdf_mechanics` reads it.
+/// Returns the URDF's text of the scenario with the identified links.
 std::string urdf_of(const Identified& found, const scenario::Scenario& scenario);
 
 /// Returns a text with the values, their intervals, the checks and the advice.

@@ -19,11 +19,11 @@ struct Regression {
   Eigen::VectorXd time_s;   ///< time of the row from the recording's start
   Eigen::VectorXi joint;    ///< joint of the row
   Eigen::VectorXd speed;    ///< filtered velocity of that joint [rad/s; m/s]
-  /// True where that joint is slower than a fifth of its largest speed at most 0.1 s before or
-  /// after. The time is shorter for a joint that would have less than a fifth of its rows left.
+  /// True if that joint is slower than a fifth of its largest speed at some time within 0.1 s of
+  /// the row. The time is shorter for a joint that would keep less than a fifth of its rows.
   std::vector<bool> slow;
   Eigen::VectorXd peak;   ///< largest filtered torque of each joint [N m; N]
-  Eigen::VectorXd share;  ///< of each parameter: largest torque of one unit at any tick, over peak
+  Eigen::VectorXd share;  ///< largest torque of one unit of each parameter at any tick, over `peak`
 
   /// Returns the rms of the torque that `values` leave unexplained, per joint [N m; N].
   /// @param with_slow whether a joint's slow rows count; empty: all rows do
@@ -51,7 +51,7 @@ struct Precision {
   Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
   /// Number of determined combinations: eigenvalues above 1e-9 of the largest.
   Eigen::Index rank = 0;
-  /// Square root of the ratio of the determined eigenvalues.
+  /// Square root of the ratio of the largest to the least determined eigenvalue.
   double condition = 0;
   Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
   /// Changes of the parameters when each block of time is left out, a column per block.
@@ -63,8 +63,8 @@ struct Precision {
 };
 /// Computes the precision from the variation of the estimate when blocks of time are left out. It
 /// holds for residuals of any autocorrelation. A parameter at its bound is held there for the
-/// precision of the others. Its own half width comes from an estimate in which it alone may leave
-/// its bound, so that the true value is at most a half width from the bound.
+/// precision of the others. The half width of that parameter comes from an estimate in which it
+/// alone may leave its bound. The true value is then at most a half width from the bound.
 /// @param J Jacobian, rows in order of time
 /// @param norm norms of its columns, by which it is scaled
 /// @param residual in order of time
@@ -77,12 +77,12 @@ std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& 
 
 /// Weighted least squares: the weight of a joint is the reciprocal of its residual. Friction,
 /// rotors and payload are not negative, and links are physically possible (physical_inertia.h).
-/// Slow rows bias the result, because filtered signs of the velocity are wrong there and a joint at
-/// rest may have any friction up to Coulomb's.
+/// Slow rows bias the result for two reasons. The filtered velocity may have the wrong sign there,
+/// and a joint at rest may have any friction up to Coulomb's.
 struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
-  /// For each parameter: the other parameters of the sum in which alone it is determined; empty: it
-  /// is determined by itself.
+  /// For each parameter that is determined only in a sum: the other parameters of the sum. Empty:
+  /// the parameter is determined by itself.
   std::vector<std::string> sums;
 };
 /// @param with_slow whether a joint's slow rows are used; empty: no joint's are

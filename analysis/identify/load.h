@@ -28,7 +28,8 @@ struct Load {
   [[nodiscard]] Six written_inertia() const { return inertia_shown ? inertia : Six::Zero().eval(); }
 };
 
-/// Returns the load among identified values.
+/// Returns the load among identified values, which `identify` estimates (output_error.h,
+/// least_squares.h).
 /// @param precision half widths and correlation of all `values`
 /// @param frame link that carries the load
 Load load_of(const Precision& precision, const Eigen::VectorXd& values,

@@ -42,9 +42,9 @@ struct TableAnswer : LeastSquares {
   std::vector<Misfit> misfits;
 };
 
-/// Identifies from torques alone. Rows that are not slow give the answer. If a test finds a misfit
-/// at any joint, the friction of the arm differs from the model. Slow rows then count too, and the
-/// intervals are wider by the difference between both answers.
+/// Identifies from torques alone. Rows that are not slow give the answer. A misfit at any joint
+/// means that the friction of the arm differs from the model. Slow rows then count too, and the
+/// difference between the two answers widens the intervals.
 TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model);
 

@@ -17,20 +17,21 @@ struct Fit {
   Eigen::VectorXd values;
   Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
   Eigen::MatrixXd moves;       ///< as `Precision::moves`
-  double condition = 0;        ///< of the scaled normal matrix
+  double condition = 0;        ///< condition number of the scaled normal matrix
   Eigen::VectorXd residual;    ///< rms of measured minus simulated position, per joint [rad; m]
-  std::vector<Eigen::MatrixXd> noise;  ///< of each recording, as `simulated_residual` takes it
+  /// Encoder noise of each recording, for `simulated_residual`.
+  std::vector<Eigen::MatrixXd> noise;
 };
 
 using Report = std::function<void(std::string_view what)>;
 
 /// Fits the parameters by Gauss-Newton on measured minus simulated positions. The weight of a joint
-/// is the reciprocal of its residual. The parameters stay physically possible
-/// (physical_inertia.h). In the first passes the simulated law reads, besides the simulated
-/// positions, the part of the last residual above 50 Hz. This part is the recorded encoders' noise.
-/// This noise shakes the arm and lowers its dry friction. Derivatives are differences of
-/// simulations. The intervals hold for residuals of any autocorrelation (`precision`). Without
-/// convergence they are wider by the remaining step.
+/// is the reciprocal of its residual. The parameters stay physically possible (physical_inertia.h).
+/// In the first passes the simulated law reads the simulated positions plus the part of the last
+/// residual above 50 Hz. This part is the noise of the recorded encoders. Such noise moves the arm
+/// and thereby lowers its dry friction. Derivatives are differences of simulations. The intervals
+/// hold for residuals of any autocorrelation (`precision`). Without convergence they are wider by
+/// the remaining step.
 /// @throw base::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);

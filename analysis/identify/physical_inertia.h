@@ -13,8 +13,8 @@ namespace tachless::identify {
 
 /// Returns the values x that minimise x'N x / 2 - b'x. Parameters with
 /// `Parameters::Entry::not_negative` are at least zero, and every link is physically possible. Link
-/// parameters that torques do not determine stay near the model's values: the logarithms of masses
-/// and lengths have a prior with standard deviation one half.
+/// parameters that torques do not determine stay near the model's values. For this the logarithms
+/// of masses and lengths have a prior with standard deviation one half.
 Eigen::VectorXd possible_values(const Eigen::MatrixXd& N, const Eigen::VectorXd& b,
                                 const Parameters& parameters, const robot::Model& model);
 

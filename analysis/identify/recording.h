@@ -41,7 +41,7 @@ struct Ticks {
 class TickRows {
  public:
   void add(const Vector& row) { numbers_.insert(numbers_.end(), row.begin(), row.end()); }
-  /// Returns the rows so far, with so many columns.
+  /// Returns the rows so far as a matrix of `columns` columns.
   [[nodiscard]] Eigen::MatrixXd matrix(Eigen::Index columns) const;
 
  private:
@@ -49,7 +49,7 @@ class TickRows {
 };
 
 /// Reads positions and torques from a log.
-/// @param to_stop leave out the ticks from a protective stop on
+/// @param to_stop whether to leave out the ticks from a protective stop on
 /// @throw base::Failure(bad_usage) when positions of the joints are not recorded
 Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
 

@@ -16,11 +16,11 @@ namespace tachless::in_process {
 
 /// Everything that happened in one tick.
 struct TickRecord {
-  std::int64_t tick = 0;                 ///< from 0
+  std::int64_t tick = 0;                 ///< number of the tick, from 0
   double time_s = 0;                     ///< tick times period
   plant::ArmState truth;                 ///< exact state at time_s
   messages::AnyMeasurement measurement;  ///< measurement that the law receives
-  messages::ReferencePoint reference;    ///< at time_s
+  messages::ReferencePoint reference;    ///< reference at time_s
   messages::TorqueCommand command;       ///< command of the law
   messages::LawSignals controller;       ///< signals of the law for the log
   plant::AppliedTorque applied;          ///< torque over this tick, delayed and limited

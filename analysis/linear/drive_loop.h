@@ -10,7 +10,7 @@
 /// The loop inside the drives (plant.drive.loop) and its margins, by the exact map of one period.
 namespace tachless::linear {
 
-/// Returns the plant with the drives' loop closed. `plant.B` includes the scale of the drives.
+/// Returns the plant with the drives' loop closed. `plant.B` includes the drives' `torque_scale`.
 /// @param host_period_s period in which `loop.late_ticks` are counted
 LinearPlant with_drive_loop(const LinearPlant& plant, const scenario::DriveLoopSpec& loop,
                             double host_period_s);
@@ -20,11 +20,14 @@ LinearPlant without_drive_loop(const LinearPlant& plant);
 
 /// Margins of a stable loop at the drives, while the host's loop is closed.
 struct DriveMargins {
-  double gain = 0;      ///< factor above 1 on kp and kd that makes it unstable; infinite up to 1e4
-  int delay_ticks = 0;  ///< largest further delay that keeps it stable, up to `most_drive_ticks`
-                        ///< [ticks of the drives]
-  /// Inverse of the largest gain, over frequencies, from torques added in each tick of the drives
-  /// to the resulting torques. It is the least over all directions of the lifted loop.
+  /// Factor above 1 on kp and kd that makes the loop unstable; infinite: none up to 1e4.
+  double gain = 0;
+  /// Largest further delay that keeps the loop stable, up to `most_drive_ticks` [ticks of the
+  /// drives].
+  int delay_ticks = 0;
+  /// Inverse of the largest singular value, over all frequencies, from torques that are added in
+  /// each tick of the drives to the torques that act. All ticks of one period of the host are one
+  /// input (a lifted loop).
   double modulus = 0;
 };
 inline constexpr int most_drive_ticks = 400;

@@ -14,7 +14,8 @@
 namespace tachless::linear {
 
 /// Balances a one-period map (Parlett and Reinsch, 1969), because Eigen's decompositions do not.
-/// Torques of 1e7 N m stand beside radians, and a slow pole at a short period is within 1e-7 of 1.
+/// The entries of a map differ by factors up to 1e7, because torques and angles are both states. At
+/// a short period the eigenvalue of a slow pole may differ from 1 by only 1e-7.
 /// @return the diagonal of S; the map has become S^-1 map S
 Eigen::VectorXd balance(Eigen::MatrixXd& map);
 
@@ -36,8 +37,8 @@ class FrequencyResponse {
 
 /// Returns rising frequencies from well below the slowest mode to half the sampling rate, and the
 /// frequencies of the closed loop's poles [rad/s]. A resonance may be narrower than any grid.
-/// @param peaks poles of the response; more frequencies are near them, because the response has no
-/// value at a pole without damping
+/// @param peaks poles of the response; the grid is finer near these poles, because the response has
+/// no value at a pole without damping
 std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points,
                                 const Eigen::VectorXcd& peaks = {});
 

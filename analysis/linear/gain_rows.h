@@ -9,15 +9,15 @@
 #include "numerics/linear_programme.h"
 
 /// Constrained quantities of a loop at rest, and their derivatives by the gains of the law. The
-/// quantities are the distance of L(exp(iwh)) from -1 and the errors from each joint alone. The
-/// derivatives are by the logarithms of gains. The gains are numbered kind by kind, and joint by
-/// joint within a kind.
+/// quantities are the distance of L(exp(iwh)) from -1, and the errors after an initial error of
+/// each joint alone. The derivatives are by the logarithms of the gains. The gains are numbered
+/// kind by kind, and joint by joint within a kind.
 namespace tachless::linear {
 
 /// A law's feedback terms (D without the compensation), and their derivatives.
 struct Feedback {
   LinearLaw law;
-  std::vector<LinearLaw> by_kind;  ///< by the gains of one kind, for all joints together
+  std::vector<LinearLaw> by_kind;  ///< derivative by the gains of one kind, for all joints together
   /// True if each joint's gains act on its own torque and memory alone. In that case each gain is a
   /// variable of its own. Otherwise there is one variable for each kind.
   bool by_joint = true;
@@ -39,8 +39,8 @@ std::vector<FeedbackAt> at_frequencies(const Feedback& feedback, const std::vect
 /// The frequencies at which a RestLoop keeps its response, ascending [rad/s].
 std::vector<double> kept_frequencies(double period_s);
 
-/// A plant at rest with its compensation of gravity closed and its delay: all of the loop except
-/// the gains.
+/// A plant at rest with its delay and with the law's compensation of gravity: the whole loop except
+/// the feedback.
 class RestLoop {
  public:
   RestLoop() = default;
@@ -51,12 +51,12 @@ class RestLoop {
 
   /// Returns the map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
-  /// Returns initial states for `closed`: a column for each joint displaced alone by 1 with its
-  /// rotor. The law's memory is the memory of a run that begins there.
+  /// Returns initial states for `closed`, a column for each joint. In each column one joint and its
+  /// rotor are displaced by 1 [rad; m]. The law's memory is the memory of a run that begins there.
   [[nodiscard]] Eigen::MatrixXd starts(const LinearLaw& feedback) const;
 
-  /// Returns the least |1 + eigenvalue of L| at each of these frequencies. A value that is above
-  /// `enough` for certain is replaced by a smaller number above `enough`.
+  /// Returns the least |1 + eigenvalue of L| at each of these frequencies. A value that is
+  /// certainly above `enough` may be replaced by a smaller number above `enough`.
   [[nodiscard]] std::vector<double> modulus(const std::vector<FeedbackAt>& grid,
                                             double enough) const;
   /// Returns the least of `modulus` over the grid, or a smaller number above `enough`.
@@ -82,16 +82,15 @@ class RestLoop {
   double period_s_ = 0;
   std::vector<double> w_;               ///< frequencies of the kept responses
   std::vector<Eigen::MatrixXcd> at_w_;  ///< the responses there
-  Eigen::MatrixXd A_, B_, C_;           ///< from torque to measurement
+  Eigen::MatrixXd A_, B_, C_;           ///< plant from torque to measurement
   Eigen::MatrixXd displaced_;           ///< states of A_
   FrequencyResponse over_frequency_;
 };
 
-/// The errors of all joints after each joint is displaced alone, a row for each of some instants
-/// from begin to end.
+/// The errors of all joints after each joint alone is displaced, a row for each instant.
 struct Errors {
   std::vector<double> time_s;
-  Eigen::MatrixXd error;  ///< of joint i from joint k: column k n + i
+  Eigen::MatrixXd error;  ///< column k n + i: error of joint i after joint k is displaced
 };
 Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, double end_s,
               int most_instants);

@@ -6,8 +6,8 @@
 
 #include "linear/linear_loop.h"
 
-/// A linear model of a law whose code is not here, from the law's answers to small deviations of
-/// its measurement.
+/// A linear model of a law whose code this program does not have. It is made of the law's answers
+/// to small deviations of its measurement.
 namespace tachless::linear {
 
 /// Function that returns torques [joints x ticks] for deviations of the measurement [inputs x
@@ -35,7 +35,7 @@ inline constexpr Eigen::Index foretold = 1200;
 /// The model is made of the odd part of the answers. Other answers check it: to ten times the
 /// deviations, to random pulses in all inputs at once, and to a step. Their odd part has to match
 /// the model within 1e-4. Their even part has to be zero or quadratic in the deviations, within the
-/// same tolerance. Gravity makes it quadratic.
+/// same tolerance. Gravity makes the even part quadratic.
 /// @param window one of `windows`
 /// @param ticks number of ticks that the model has to predict
 /// @throw NoLinearModel when the answers do not superpose, or need more states than the window

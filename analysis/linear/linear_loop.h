@@ -21,8 +21,8 @@ using messages::Part;
 /// The number between two limits at which a search looks next.
 enum class Middle { arithmetic, geometric };
 
-/// Returns the limit up to which `is` holds between `inside`, where `is` holds, and `outside`. The
-/// limit is found by bisection, and `is` holds at it.
+/// Returns the limit of a condition by bisection. The condition `is` holds at `inside` and at the
+/// result. It does not hold at `outside`.
 /// @param middle geometric: each step halves the logarithm of the ratio of both ends
 template <class Inside>
 double edge(double inside, double outside, int halvings, const Inside& is,
@@ -35,8 +35,8 @@ double edge(double inside, double outside, int halvings, const Inside& is,
   return inside;
 }
 
-/// Returns the largest whole number up to `most` at which `is` holds. Precondition: `is` holds at
-/// `inside` and up to some number, and not above. Steps are doubled, then halved.
+/// Returns the largest whole number up to `most` at which `is` holds. Precondition: `is` holds from
+/// `inside` up to one number, and at no larger number. Steps are doubled, then halved.
 template <class Inside>
 int largest_whole(int inside, int most, const Inside& is) {
   int step = 1;
@@ -53,14 +53,15 @@ int largest_whole(int inside, int most, const Inside& is) {
 /// Returns base^exponent. Precondition: 0 <= exponent.
 Eigen::MatrixXd power(Eigen::MatrixXd base, std::int64_t exponent);
 
-/// Loop inside the drives, as part of a plant. At the beginning of each of its ticks x <- jump x;
-/// in between A holds its states. These follow the arm's states: q less its value at the last tick,
-/// the drive's velocity, the torque that acts, the computed torques that do not act yet, and the
-/// host's torque in use.
+/// Loop inside the drives, as part of a plant. At the beginning of each tick of the drives the
+/// plant's state x becomes jump x. Between ticks A keeps the states of the drives constant. In x
+/// the states of the drives follow the arm's states: q less q at the last tick, the drives'
+/// velocity, the torque that acts, the computed torques that do not act yet, and the host's torque
+/// in use.
 struct DriveTicks {
-  double period_s = 0;
-  Eigen::MatrixXd jump;
-  Eigen::Index arm_states = 0;
+  double period_s = 0;          ///< one tick of the drives [s]
+  Eigen::MatrixXd jump;         ///< square, of the size of x
+  Eigen::Index arm_states = 0;  ///< number of states before those of the drives
   /// Share of the host's period after which the drives use a torque, in [0, 1).
   double late = 0;
 
@@ -72,7 +73,7 @@ struct DriveTicks {
 
 /// A plant xdot = A x + B tau in deviations x from the reference: (q, v), with flexible joints (q,
 /// v, theta, thetadot). Torques of current loops that lag come last. With a loop inside the drives
-/// B tau is the host's torque in use.
+/// B writes tau into the state "the host's torque in use" (DriveTicks).
 struct LinearPlant {
   Eigen::MatrixXd A, B;
   Eigen::Index num_joints = 0;
@@ -101,8 +102,9 @@ LinearPlant flexible_plant(const robot::Model& links, const messages::ReferenceP
                            const Eigen::VectorXd& friction = {},
                            const Eigen::VectorXd& spring_damping = {});
 
-/// Returns states of a plant, one for each joint displaced alone by 1 with its rotor, at rest.
-/// @param states length of each; states behind the arm's are 0
+/// Returns states of a plant at rest, a column for each joint. In each column one joint and its
+/// rotor are displaced by 1 [rad; m].
+/// @param states length of a column; the entries after the arm's states are 0
 Eigen::MatrixXd displaced(const LinearPlant& plant, Eigen::Index states);
 
 /// A law memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the
@@ -113,7 +115,7 @@ struct LinearLaw {
   /// The part of D that compensates gravity by the model. No gain of the feedback changes it.
   /// Empty: none.
   Eigen::MatrixXd compensation = {};
-  /// The memory with which a run begins, by its first measurement. Empty: not known.
+  /// Map from the first measurement to the memory with which a run begins. Empty: not known.
   Eigen::MatrixXd start = {};
 };
 
@@ -138,7 +140,7 @@ LinearPlant held(const LinearPlant& plant, double period_s);
 
 /// Sets the rows of a map of one period of (x, memory, commanded torques that do not act yet) below
 /// the rows of x. The row of the newest torque is 0.
-/// @param measured of the plant's states x, as of `measured_rows`
+/// @param measured rows of the plant's states x, as `measured_rows` returns them
 void set_law_rows(const LinearLaw& law, const Eigen::MatrixXd& measured, Eigen::Index delay,
                   Eigen::MatrixXd& map);
 

@@ -13,16 +13,17 @@
 /// u_{k-1}. Over m misses this is a triangular matrix of ones, of norm
 ///   gamma_u(m) = 1 / (2 sin(pi / (4 m + 2))).
 /// A **missed measurement** also leaves out the law's step. The law makes up for the step along the
-/// straight line to the next measurement (controller/any_law.h). In a gap of m ticks it gets the
-/// positions plus an error that is zero at both ends. The second differences of this error are the
-/// negated second differences of the positions. The map from these differences to the error is the
-/// inverse of the discrete Laplacian, of norm
+/// straight line to the next measurement (controller/any_law.h). In a gap of m ticks the law gets
+/// the positions plus an error that is zero at both ends. The second differences of this error are
+/// the negated second differences of the positions. The map from these differences to the error is
+/// the inverse of the discrete Laplacian, of norm
 ///   gamma_y(m) = 1 / (4 sin²(pi / (2 (m + 1)))).
 /// Both operators are the same for all joints, so they commute with any constant matrix. The
 /// small-gain theorem (Zames, 1966) on the loop between them and the rest then holds with any
-/// scaling. The loop is stable where gamma_u |G_u| < 1. It is also stable where the spectral radius
-/// of the matrix of the four gains of both is below 1. |G| is the largest singular value over all
-/// frequencies. The supremum is searched, not bounded: the numbers are searched, not proved.
+/// scaling. The loop is stable if gamma_u |G_u| < 1. With missed measurements too, it is stable if
+/// the spectral radius of the 2 x 2 matrix of the gains between both operators is below 1. |G| is
+/// the largest singular value over all frequencies. The supremum is searched, not bounded: the
+/// numbers are searched, not proved.
 namespace tachless::linear {
 
 /// Largest numbers in a row, up to `most_missed`.
@@ -31,7 +32,7 @@ struct MissedTicks {
   /// Largest number of measurements in a row; nothing for a law that measures velocities.
   std::optional<int> measurements;
   std::optional<int> unstable;  ///< fewest commands in a row of an unstable pattern that was found
-  int hits = 0;                 ///< commands that arrive after them in that pattern, repeated
+  int hits = 0;  ///< commands that arrive after the missed ones in that pattern, which is repeated
 };
 inline constexpr int most_missed = 1000;
 
@@ -39,8 +40,8 @@ inline constexpr int most_missed = 1000;
 double gain_of_missed_commands(int in_a_row);
 double gain_of_missed_measurements(int in_a_row);
 
-/// The maps of one period in which the command arrives, and is missed. Their state is the state of
-/// `cut` with the last torque beside it.
+/// The maps of one period in which the command arrives (`hit`), and in which it is missed. Their
+/// state is the state of `cut` followed by the last torque.
 struct HeldMaps {
   Eigen::MatrixXd hit, missed;
 };

@@ -12,7 +12,7 @@ namespace tachless::linear {
 /// noise of the encoders drives. The covariance P of the state solves P = F P F' + G R G'. F is the
 /// map of one period, G the map of the noise, and R the noise's covariance. The equation is solved
 /// by doubling. Returns nothing for an unstable loop, which has no such P.
-/// @param noise standard deviation of each entry of the measurement
+/// @param noise standard deviation of each entry of the measurement, in that entry's unit
 std::optional<Eigen::VectorXd> error_by_noise(const SampledLoop& loop, double period_s,
                                               const Eigen::VectorXd& noise);
 

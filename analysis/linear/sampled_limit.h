@@ -40,7 +40,7 @@ std::optional<double> largest_stable_period(const SampledLoop& loop, double from
 struct Modes {
   bool stable = false;
   double radius = 0;       ///< spectral radius of the one-period map
-  double decay_per_s = 0;  ///< of the slowest mode
+  double decay_per_s = 0;  ///< decay of the slowest mode [1/s]
   /// Time until the errors of all joints stay below 1 % of an error that began in one joint alone,
   /// at rest [s]. `settling_s` is the longest of all joints, `settling_mean_s` the mean.
   double settling_s = 0, settling_mean_s = 0;
@@ -59,12 +59,14 @@ struct Margins {
   /// Least singular value of 1 + L: the size of the smallest errors that may make the loop
   /// unstable. The errors are independent in all joints, in units of torque.
   double modulus_independent = 0;
-  double gain = 0;  ///< factor above 1 on all joints that makes it unstable; infinite up to 1e4
+  /// Factor above 1 on all joints that makes the loop unstable; infinite: none up to 1e4.
+  double gain = 0;
   /// Factor below 1 on all joints that makes the loop unstable, as with an integral; 0 where none
   /// was found down to 0.01.
   double least_gain = 0;
-  double phase_deg = 0;  ///< lag common to all joints that makes it unstable; 180 when none
-  double delay_s = 0;    ///< delay common to all joints that makes it unstable; infinite when none
+  double phase_deg = 0;  ///< lag common to all joints that makes the loop unstable; 180: none does
+  /// Delay common to all joints that makes the loop unstable; infinite: none does.
+  double delay_s = 0;
 };
 /// Returns `Margins::modulus` alone; 0 for an unstable loop.
 double modulus_margin(const SampledLoop& loop, double period_s);
@@ -79,8 +81,8 @@ Eigen::MatrixXd stiffness_at_rest(LinearLaw law, const Eigen::VectorXd& scale,
                                   const Eigen::VectorXd& springs, double period_s);
 
 /// Returns the spectral radius per period along a motion that repeats after `ticks` periods. It is
-/// the root of the radius of the product of the one-period maps. `map_at(k)` leads from tick k to k
-/// + 1.
+/// the root of degree `ticks` of the radius of the product of the one-period maps. `map_at(k)`
+/// leads from tick k to k + 1.
 double radius_along(const std::function<Eigen::MatrixXd(int)>& map_at, int ticks);
 
 }  // namespace tachless::linear

@@ -20,14 +20,14 @@
 #include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 
-/// Linearised closed loop of a scenario: its plant about its reference, and its law, which may be
-/// any law of the catalogue or an external law. The plant includes payload and friction.
-/// Saturation, quantisation and noise are left out.
+/// Linearised closed loop of a scenario: its plant about its reference, and its law. The law is any
+/// law of the catalogue, or an external law. The plant includes payload and friction. Saturation,
+/// quantisation and noise are left out.
 namespace tachless::linear {
 
 /// Function that returns the torques with which a law of another program answers measurements, tick
 /// by tick from the first tick of a run. The reference and its gains are constant. One thread at a
-/// time calls it.
+/// time calls the function.
 using LawAnswers = std::function<std::vector<Vector>(double period_s, controller::Gravity,
                                                      std::span<const messages::AnyMeasurement>,
                                                      const messages::ReferencePoint&)>;
@@ -87,7 +87,7 @@ class ScenarioLoop {
 };
 
 /// Returns the robot as the plant has it, with the rotors of rigid joints and the payload.
-/// @throw base::Failure(bad_usage) for a payload on no link.
+/// @throw base::Failure(bad_usage) if the robot has no link of the payload's name
 robot::Model plant_of(const scenario::Scenario& scenario);
 
 }  // namespace tachless::linear

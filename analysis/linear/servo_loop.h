@@ -30,7 +30,7 @@ constexpr std::array<std::string_view, 4> names(ServoStep /*type*/) {
 struct ServoGains {
   Vector kp;                           ///< [N m/rad; N/m]
   Vector kv;                           ///< [N m s/rad; N s/m]
-  bool implicit_joint_damping = true;  ///< in Euler's method
+  bool implicit_joint_damping = true;  ///< Euler's method takes joint damping at the step's end
 };
 
 /// The joint and posture at which the loop is unstable first as the step grows.
@@ -53,8 +53,8 @@ class ServoLoop {
   [[nodiscard]] ServoLimit limit(ServoStep kind) const;
   /// Returns whether the loop is stable at all postures.
   [[nodiscard]] bool is_stable(ServoStep kind, double step_s) const;
-  /// Returns the least armature [kg m2; kg] of all joints with actuators with which the loop is
-  /// stable at all postures. A joint with a larger armature keeps it. Returns nothing if no
+  /// Returns the least armature [kg m2; kg] with which the loop is stable at all postures. Each
+  /// joint with an actuator gets this armature, unless it has a larger one. Returns nothing if no
   /// armature up to 100 suffices.
   [[nodiscard]] std::optional<double> least_armature(ServoStep kind, double step_s) const;
   /// Returns the largest factor on all kv, at most 1, with which the loop is stable at all

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-/// The closed loop of a law in error coordinates y beside the links' rate edot, and the region that
-/// a Lyapunov function with full weights certifies:
+/// The closed loop of a law in the error coordinates y and the links' error rate edot. A Lyapunov
+/// function with full weights certifies a region of it:
 ///
 ///   M eddot + [C(q, v) + Cd + D] edot = Gam y,   ydot = Fy y + Fe edot,   Cd = C(q, v_ref),
 ///   V = 1/2 edot' M edot + 1/2 y' P y + (N y)' M edot,   delta = N y.
@@ -47,7 +47,7 @@ struct FormRegion {
 
 /// The result of given weights at one form.
 struct FormResult {
-  double rho = 0;   ///< as of `FormRegion`; 0: nothing is certified
+  double rho = 0;   ///< as in `FormRegion`; 0: nothing is certified
   double rate = 0;  ///< [1/s]
   double w = 0;     ///< largest |L^-1 delta|^2 of V = 1/2 J
 };

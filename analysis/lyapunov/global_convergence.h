@@ -20,8 +20,8 @@ struct GlobalConvergence {
 
 /// Returns the statement for a law with the paper's error equation and constant gains. Convergence
 /// is shown where the reference comes to rest, and where fed-forward friction outweighs C(q,
-/// v_ref). Returns nothing for other laws and with an integral.
-/// @throw base::Failure(bad_usage)
+/// v_ref). Returns nothing for other laws and for laws with an integral.
+/// @throw base::Failure(bad_usage) if law, robot or reference cannot be made of the scenario
 std::optional<GlobalConvergence> global_convergence(const scenario::Scenario& scenario);
 
 }  // namespace tachless::lyapunov

@@ -14,8 +14,8 @@ namespace tachless::lyapunov {
 /// Error systems and initial state of a scenario's law, for the certificate.
 struct LawLoop {
   /// The error systems; the first is the system of the start. Constant gains have one system. Gains
-  /// that follow the reference have one system for each of 25 evenly spaced instants, and for each
-  /// instant where |v_ref| or the rate of Kp has a large maximum.
+  /// that follow the reference have one system for each examined instant. These are 25 evenly
+  /// spaced instants, and the instants where |v_ref| or the rate of Kp has a large maximum.
   std::vector<ErrorSystem> systems;
   Eigen::VectorXd initial;         ///< (e, nu, edot) at t = 0
   std::optional<Weights> weights;  ///< the only weights that a law with an integral allows
@@ -25,8 +25,8 @@ struct LawLoop {
   Eigen::VectorXd linear_feedback;
 };
 
-/// Returns the loop of a law with filtered errors at a point of the reference. Its gains and their
-/// rates follow from the law's torques for unit errors.
+/// Returns the error system of a law with filtered errors at a point of the reference. The gains
+/// and their rates follow from the law's torques for unit errors.
 /// @param D viscous friction of the joints [N m s/rad]
 template <class L>
 ErrorSystem system_at(const L& law, const messages::ReferencePoint& reference,
@@ -52,7 +52,7 @@ ErrorSystem system_at(const L& law, const messages::ReferencePoint& reference,
 std::string no_certificate(const scenario::Scenario& scenario);
 
 /// Returns the loop of the scenario's law; nothing for a law without a certificate.
-/// @throw base::Failure(bad_usage).
+/// @throw base::Failure(bad_usage) if law, robot or reference cannot be made of the scenario
 std::optional<LawLoop> law_loop(const scenario::Scenario& scenario);
 
 /// Returns the robot model of the error equation. Its M includes the rotors of rigid joints.
@@ -92,7 +92,8 @@ struct FrictionTorques {
   [[nodiscard]] bool any() const { return !on_y.isZero(0) || !on_delta.isZero(0); }
 };
 /// Returns the bounds for a scenario.
-/// @param v_ref largest of each joint; empty or 0 at a constant reference
+/// @param v_ref largest reference speed of each joint [rad/s; m/s]; empty or 0 at a constant
+/// reference
 FrictionTorques friction_torques(const scenario::Scenario& scenario, const Eigen::VectorXd& v_ref);
 
 }  // namespace tachless::lyapunov

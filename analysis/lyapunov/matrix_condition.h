@@ -27,15 +27,15 @@ struct Region {
 };
 
 /// The aim of a choice of weights: the largest level, or the fastest rate in the limit of small
-/// errors. The region of the fastest rate is where V decreases at all.
+/// errors. The region of the fastest rate is the whole set in which V decreases.
 enum class Goal { level, rate };
 
 /// Returns the lower triangular L for which |L^-1 delta|^2 is the least e' Kp e + nu' Kd B^-1 nu
-/// with that delta. In this norm V bounds delta alike in all joints.
+/// with that delta. In this norm V bounds delta by the same number in all joints.
 Eigen::MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights);
 
-/// The matrix condition for all postures of a set; for a scheduled law also for all its gains.
-/// Everything in Mm is affine in v_ref and delta. Over a ball it is bounded by (sum x_j A_j)^2 <=
+/// The matrix condition for all postures of a set; for a scheduled law also for all its gains. Mm
+/// is affine in v_ref and delta. Over a ball its variable part is bounded by (sum x_j A_j)^2 <=
 /// |x|^2 sum A_j^2, after a congruence. This bound is never worse than the polytope of 2 n vertices
 /// around the ball, and it is one matrix only. Between the postures of a circle, the matrix is
 /// within a bound of the chord (see Postures). The condition subtracts that bound everywhere.
@@ -44,7 +44,7 @@ struct MatrixCondition {
   numerics::Postures postures;
   double B_d = 0;                ///< largest |R^-1 v_ref| [rad/s; m/s], R = `v_scale`
   bool refine = true;            ///< local refinement of the worst sampled postures
-  Eigen::MatrixXd v_scale = {};  ///< of an ellipsoid around v_ref; empty: a ball
+  Eigen::MatrixXd v_scale = {};  ///< matrix R of an ellipsoid around v_ref; empty: a ball
 
   /// Returns the largest rho and its region. Returns nothing when Mm or V is not positive definite
   /// at delta = 0.

@@ -7,8 +7,8 @@
 
 /// Norms of a robot's dynamics, and the stability conditions that Loria and Ortega (1995) print in
 /// terms of these norms. The conditions have one weight eps = eps_1 = eps_2 and hold in continuous
-/// time. They are very conservative, and their proof has a gap (docs/paper.md). matrix_condition.h
-/// has neither fault.
+/// time. They are very conservative, and their proof has a gap (docs/paper.md). The condition of
+/// matrix_condition.h has neither fault.
 namespace tachless::lyapunov {
 
 /// Constants of a robot. Norms are Euclidean, and spectral for matrices. Each sup and inf is over
@@ -29,11 +29,11 @@ struct Interval {
 };
 
 /// The paper's conditions on eps: (25) < eps < (19), (20), (23), (24), (27), and (7). They have to
-/// hold for some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0. gamma_2 = 1/2 as
-/// (27) prints it. The bounds are given for gamma_1 = beta_1 = beta_3 = 1: multiply an upper bound
+/// hold for some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0. Eq. (27) prints
+/// gamma_2 = 1/2. The bounds are given for gamma_1 = beta_1 = beta_3 = 1: multiply an upper bound
 /// by its share, and divide the lower bound by it.
 struct PrintedConditions {
-  double eq7 = 0;  ///< b_i > eq7 / beta_2; of flexible joints, eq. 12
+  double eq7 = 0;  ///< b_i > eq7 / beta_2; for flexible joints this is eq. 12
   double eq19 = 0, eq20 = 0;
   double eq23 = 0;  ///< times gamma_1
   double eq24 = 0;  ///< times gamma_1 beta_1

@@ -12,10 +12,10 @@ namespace tachless::lyapunov {
 /// torque limits and delay. Encoders are ideal. Disturbances, torque offsets and torque rates are
 /// left out.
 ///
-/// The state x is the deviation from rest there, in the order of `cut`. The plant comes first: (q,
-/// v), with flexible joints (q, v, theta, thetadot), and the torques of current loops that lag. The
-/// law's memory before the tick follows, then the torques that have been commanded and do not act
-/// yet, the newest first.
+/// The state x is the deviation from rest at that posture, in the order of `cut`. The plant comes
+/// first: (q, v), with flexible joints (q, v, theta, thetadot), and the torques of current loops
+/// that lag. The law's memory before the tick follows, then the torques that have been commanded
+/// and do not act yet, the newest first.
 class OneTick {
  public:
   /// Precondition: `controller::LawFacts::no_linearisation` is empty.
@@ -44,8 +44,8 @@ class OneTick {
   robot::Model model_;
   controller::law::Settings settings_;
   controller::SteppedLaw law_;
-  Eigen::VectorXd plant_, torque_, limit_;  ///< at rest; limits
-  Eigen::MatrixXd measured_;                ///< from the plant's state to the law's measurement
+  Eigen::VectorXd plant_, torque_, limit_;  ///< state and torque at rest; torque limits
+  Eigen::MatrixXd measured_;                ///< map from the plant's state to the law's measurement
   struct Arms;
   std::shared_ptr<Arms> arms_;  ///< one for each thread that is in a call
 };

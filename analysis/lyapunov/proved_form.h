@@ -6,8 +6,8 @@
 #include "lyapunov/error_form.h"
 #include "numerics/postures.h"
 
-/// A region of an `ErrorForm` at every posture of a two-joint arm and at every instant: a proof
-/// where the values between the postures of a circle are bounded (numerics::Postures).
+/// A region of an `ErrorForm` at every posture of a two-joint arm and at every instant. It is a
+/// proof if the values between the postures of a circle are bounded (numerics::Postures).
 namespace tachless::lyapunov {
 
 /// A loop with bounds of what depends on posture and reference:
@@ -16,7 +16,7 @@ namespace tachless::lyapunov {
 ///   |d_i| <= sum_k most_ik |x_k|,   x = (y, edot).
 struct BoundedForm {
   ErrorForm constant;       ///< Fy, Fe, Gam, damping; the other members are those of each posture
-  Eigen::MatrixXd E, F;     ///< where d enters
+  Eigen::MatrixXd E, F;     ///< matrices by which d enters
   Eigen::MatrixXd most;     ///< one row per joint
   Eigen::MatrixXd v_scale;  ///< |v_scale^-1 v_ref| <= 1; empty: the reference is constant
 };
@@ -32,8 +32,9 @@ struct TorqueGradients {
   Eigen::MatrixXd of_rate;    ///< |dR_i / dq_j| [N m/(rad s)]
 };
 
-/// Returns the bounds where each joint's |v_ref|, |a_ref| and |jerk_ref| are at most these. Returns
-/// nothing unless the arm has two revolute joints, and no body turns by more than its joint.
+/// Returns the bounds for references whose |v_ref|, |a_ref| and |jerk_ref| are at most these in
+/// each joint. Returns nothing unless the arm has two revolute joints, and no body turns by more
+/// than its joint.
 std::optional<TorqueGradients> torque_gradients(const robot::Model& model, const Vector& v,
                                                 const Vector& a, const Vector& jerk);
 

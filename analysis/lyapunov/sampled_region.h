@@ -27,9 +27,9 @@ struct SampledRegion {
 
 /// Returns the region about the start of the reference's motion. P is the best of several P = Q +
 /// sum_k w_k A_k' P A_k / r², with A_k the one-tick maps linearised at postures about q_ref.
-/// Returns nothing, with the reason, for a law that cannot be linearised, for dry friction, and if
-/// no set was found.
-/// @throw base::Failure(bad_usage)
+/// Returns nothing for a law that cannot be linearised, for dry friction, and if no set was found.
+/// `why_not` receives the reason.
+/// @throw base::Failure(bad_usage) if law, robot or reference cannot be made of the scenario
 std::optional<SampledRegion> sampled_region(const scenario::Scenario& scenario,
                                             std::string& why_not,
                                             const linear::OnProgress& tell = linear::no_progress);

@@ -35,8 +35,9 @@ struct CertifiedRegion : Certified {
   /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside the region.
   double rate_from_start = -1;
 
-  /// The largest constant torque, unknown to a law with an integral, from the scenario's start
-  /// [N m]. It acts at one joint alone. Empty: the law has no integral.
+  /// Largest constant disturbance torque for which the region contains the scenario's start, for a
+  /// law with an integral [N m]. The torque acts at one joint alone. Empty: the law has no
+  /// integral.
   Eigen::VectorXd unknown_torque;
   /// The largest share of the level that the integral's part of V takes, for unknown torques up to
   /// `d_max` of each joint. Nothing: the law has no integral, or d_max has no bound.
@@ -63,7 +64,8 @@ struct CertifiedRegion : Certified {
   /// tube while V <= level, so the tube is part of the region.
   Eigen::VectorXd tube;
   bool starts_in_tube = true;
-  double beyond_tube = 0;  ///< largest error over `tube`, before the tube reduces the level
+  /// Largest quotient of an error and its entry of `tube`, before the tube reduces the level.
+  double beyond_tube = 0;
 
   [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level && starts_in_tube; }
 };
@@ -71,8 +73,8 @@ struct CertifiedRegion : Certified {
 inline bool holds_start(const std::optional<CertifiedRegion>& region) {
   return region && region->holds_initial_state();
 }
-/// Adds the answer of one more region to that for the start. Each region that holds the start
-/// bounds its torque.
+/// Adds the answer of one more region to `start`. Each region that holds the start bounds its
+/// torque.
 inline void add(CertifiedStart& start, const std::optional<CertifiedRegion>& region) {
   if (!holds_start(region)) return;
   start.decided = start.certified = true;
@@ -100,13 +102,13 @@ std::vector<std::string> provisos(const scenario::Scenario& scenario, bool distu
 
 inline constexpr int most_joints_of_certified_run = 16;
 
-/// Returns the certificate of a scenario. With sampled postures the region is about every posture,
-/// or about postures near the reference if that gives more.
-/// @param effort quick leaves out the largest region where postures are sampled (7 joints take 5
-/// s). It leaves out all regions with more joints than `most_joints_of_certified_run` (28 would
-/// take a minute).
+/// Returns the certificate of a scenario. With sampled postures the region covers every posture, or
+/// only postures near the reference if that region is larger.
+/// @param effort `quick` leaves out `largest` if postures are sampled (7 joints take 5 s). It
+/// leaves out all regions for more joints than `most_joints_of_certified_run` (28 would take a
+/// minute).
 /// @param why_not receives the reason of `no_certificate` where nothing is returned
-/// @throw base::Failure(bad_usage)
+/// @throw base::Failure(bad_usage) if law, robot or reference cannot be made of the scenario
 std::optional<StabilityCertificate> stability_certificate(
     const scenario::Scenario& scenario, linear::Effort effort, std::string& why_not,
     const linear::OnProgress& tell = linear::no_progress);
@@ -118,7 +120,7 @@ std::optional<StabilityCertificate> stability_certificate(
 std::vector<Eigen::Vector2d> certified_outline(const scenario::Scenario& scenario, int i, int j);
 
 /// The constants and conditions that the paper prints, for the scenario's loop. The function below
-/// throws and gives reasons as `stability_certificate`.
+/// throws as `stability_certificate` does, and writes its reason to `why_not`.
 struct PaperConditions {
   RobotConstants constants;
   PrintedConditions printed;

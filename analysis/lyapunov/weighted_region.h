@@ -12,25 +12,26 @@
 #include "lyapunov/proved_form.h"
 #include "scenario/scenario.h"
 
-/// The certified region of the laws whose error equation is an `ErrorForm`: `flexible_position` and
-/// `flexible_motor` with weights of V that are searched, and `loria_ortega_adaptive` with its own
-/// weights at the corners of the box of the unknown parameters. Time is continuous, there is no
-/// feed-forward lead, and the model is exact except for these parameters. Weights that are searched
-/// are proved at every posture and instant for two revolute joints and a constant reference or sums
-/// of sines. All else is at sampled postures and instants, so it is not proved.
+/// The certified region of the laws whose error equation is an `ErrorForm` (error_form.h). For
+/// `flexible_position` and `flexible_motor` the weights of V are searched. `loria_ortega_adaptive`
+/// has weights of its own, and its region holds at every corner of the box of the unknown
+/// parameters. Time is continuous, there is no feed-forward lead, and the model is exact except for
+/// these parameters. Searched weights are proved at every posture and instant for two revolute
+/// joints and a constant reference or sums of sines. Every other region is evaluated at sampled
+/// postures and instants, and is not proved.
 namespace tachless::lyapunov {
 
 struct WeightedRegion {
   FormRegion region;
   FormWeights weights;
-  int forms = 0;        ///< postures and instants at which V was found to fall
+  int forms = 0;        ///< number of postures and instants at which V falls
   bool proved = false;  ///< V falls at every posture and instant
   /// Largest displacement of one joint alone, its link and motor together, at rest [rad; m].
   Eigen::VectorXd e_at_rest;
   double V0 = 0;  ///< at the scenario's start [J]
   /// Largest part of V that belongs to the unknown parameters [J]. Nothing: the law has none.
   std::optional<double> of_parameters;
-  std::vector<std::string> provisos;  ///< as of `StabilityCertificate`
+  std::vector<std::string> provisos;  ///< as in `StabilityCertificate`
 
   [[nodiscard]] bool holds_initial_state() const {
     return V0 + of_parameters.value_or(0) <= region.level;
@@ -44,8 +45,8 @@ class FormLoop {
 
   /// Returns the form of posture and instant number `k`, the first at the scenario's start.
   [[nodiscard]] virtual ErrorForm form(int k) const = 0;
-  /// Returns the y of V at the start of the reference, with links and motors at rest and displaced
-  /// by e.
+  /// Returns the error coordinates y (error_form.h) at the start of the reference, with links and
+  /// motors displaced by e [rad; m] and at rest.
   [[nodiscard]] virtual Eigen::VectorXd displaced(const Eigen::VectorXd& e) const = 0;
   /// Returns (y, edot) at the scenario's start.
   [[nodiscard]] virtual Eigen::VectorXd initial() const = 0;
@@ -63,12 +64,13 @@ class FormLoop {
 /// Returns whether the certificate of the law is of this kind.
 bool has_error_form(std::string_view law);
 
-/// Returns the loop of the scenario's law; nothing, and why, where there is no certificate.
-/// Precondition: `has_error_form`.
+/// Returns the loop of the scenario's law. Returns nothing without a certificate, and writes the
+/// reason to `why_not`. Precondition: `has_error_form`.
 std::unique_ptr<FormLoop> form_loop(const scenario::Scenario& scenario, std::string& why_not);
 
-/// Returns the region; nothing, and why, where none was found. Precondition: `has_error_form`.
-/// @throw base::Failure(bad_usage)
+/// Returns the region. Returns nothing if none was found, and writes the reason to `why_not`.
+/// Precondition: `has_error_form`.
+/// @throw base::Failure(bad_usage) if law, robot or reference cannot be made of the scenario
 std::optional<WeightedRegion> weighted_region(const scenario::Scenario& scenario,
                                               std::string& why_not,
                                               const linear::OnProgress& tell = linear::no_progress);

@@ -11,8 +11,8 @@ namespace tachless::numerics {
 Eigen::VectorXcd eigenvalues(const Eigen::MatrixXd& A);
 Eigen::VectorXcd eigenvalues(const Eigen::MatrixXcd& A);
 
-/// Return eigenvalues of a symmetric matrix, in ascending order where there are several. Only the
-/// lower triangle is read.
+/// Returns the eigenvalues of a symmetric matrix in ascending order. This function and the two
+/// below read the lower triangle alone.
 Eigen::VectorXd symmetric_eigenvalues(const Eigen::MatrixXd& A);
 double smallest_eigenvalue(const Eigen::MatrixXd& symmetric);
 double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
@@ -35,6 +35,7 @@ struct ComplexEigen {
 ComplexEigen complex_eigen(const Eigen::MatrixXcd& A);
 
 double smallest_singular_value(const Eigen::MatrixXcd& A);
+/// Returns the singular values in descending order.
 Eigen::VectorXd singular_values(const Eigen::MatrixXd& A);
 
 /// Thin singular value decomposition A = U diag(values) V', values descending.

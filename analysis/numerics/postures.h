@@ -34,7 +34,7 @@ Inertia inertia_at(const robot::Model& model, const Vector& q);
 /// An extreme over the postures.
 struct Extreme {
   double value = 0;  ///< the best value found
-  Vector q;          ///< its posture [rad; m]
+  Vector q;          ///< posture of that value [rad; m]
 };
 
 struct PostureOptions {
@@ -51,8 +51,8 @@ struct PostureOptions {
 /// A set of postures that represents all postures of a robot. Gravity is not included because the
 /// law cancels it. The set depends on the robot:
 ///
-/// - All bodies hang on a single joint: one posture, since M does not depend on the joint.
-/// - All bodies hang on the first of two revolute joints: a grid over q2. M and C are then
+/// - A single joint carries all bodies: one posture, since M does not depend on the joint.
+/// - M and C depend on the second of two revolute joints alone: a grid over q2. M and C are then
 /// trigonometric polynomials of low degree in q2 alone. Between two grid points they are within
 /// step^2/8 sup|d2/dq2^2| of the chord, and their harmonics bound that term.
 /// - Otherwise: a low-discrepancy sequence over the full circle of each revolute joint and the
@@ -93,8 +93,8 @@ struct Postures {
 /// none.
 int multiplier_denominator(const robot::Model& model);
 
-/// Returns for each joint how often a body turns per turn of that joint, at most. The angles of a
-/// chain of mimic joints add up.
+/// Returns for each joint the largest number of turns of a body per turn of that joint. The angles
+/// of a chain of mimic joints add up.
 Eigen::VectorXd most_turns(const robot::Model& model);
 
 /// Returns number `k` of a sequence that fills the postures evenly (Kronecker's sequence with

@@ -66,7 +66,7 @@ struct Loop::Impl {
   std::int64_t before_tick = -1;  ///< tick of `before`, the caller's last reference; -1: none
   messages::AnyMeasurement measured{messages::PositionMeasurement{}};
   messages::ReferencePoint reference, before, shown;
-  Vector tau, law_tau, added;  ///< torque to send, of the law, and of the arm itself
+  Vector tau, law_tau, added;  ///< torque to send; torque of the law; torque of the arm itself
 };
 
 }  // namespace tachless::own_loop

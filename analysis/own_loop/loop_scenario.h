@@ -12,7 +12,7 @@ namespace tachless::own_loop {
 
 /// Scenario of a loop, and whether the scenario gives its reference.
 struct LoopScenario {
-  scenario::Scenario scenario;  ///< with a constant reference if none is given
+  scenario::Scenario scenario;  ///< scenario, with a constant reference if none is given
   bool has_reference = false;   ///< the file or an override gives one
 };
 

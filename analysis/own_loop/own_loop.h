@@ -39,7 +39,7 @@ class Numbers {
       : data_(all.data()), size_(static_cast<std::size_t>(all.size())) {}
 
   [[nodiscard]] const double* data() const { return data_; }           ///< the first number
-  [[nodiscard]] std::size_t size() const { return size_; }             ///< how many there are
+  [[nodiscard]] std::size_t size() const { return size_; }             ///< number of numbers
   [[nodiscard]] const double* begin() const { return data_; }          ///< for range-based loops
   [[nodiscard]] const double* end() const { return data_ + size_; }    ///< for range-based loops
   double operator[](std::size_t joint) const { return data_[joint]; }  ///< joint counts from 0
@@ -83,7 +83,7 @@ enum class Status {
   beyond_bounds,  ///< the torque is the law's; the reference is beyond the certified bounds
   // The statuses below give no new torque: `Step::tau` is the last one.
   old_tick,      ///< the tick is not later than the last one
-  wrong_size,    ///< another number of positions or references than joints
+  wrong_size,    ///< the number of positions or references is not the number of joints
   no_reference,  ///< the scenario has none, and the caller gave none
   not_finite,  ///< a position or reference is no number or above 1e12, or the torque is not finite
   out_of_range,   ///< guards: a joint is outside its range in the URDF
@@ -94,7 +94,7 @@ enum class Status {
 /// One step. Its views are valid until the next call of the object that returned it.
 struct [[nodiscard]] Step {
   Status status = Status::ok;  ///< result of the step
-  int joint = -1;              ///< joint that the status is about, from 0; -1: none
+  int joint = -1;              ///< joint of the status, counted from 0; -1: none
   std::int64_t tick = 0;       ///< tick of the call
   std::int64_t skipped = 0;    ///< ticks without a step before this one: the law stepped over them
   bool restarted = false;      ///< the gap was too long, and the law's memory started again
@@ -156,9 +156,10 @@ struct NotCertified : std::runtime_error {
 
 /// Certificate of the sampled loop, linearised (docs/certificate.md).
 struct Certificate {
-  std::string text;               ///< "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, …"
-  double limit_s = 0;             ///< largest stable period [s]
-  double settling_s = 0;          ///< longest decay of an error at rest to 1 % [s]
+  std::string text;    ///< "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, …"
+  double limit_s = 0;  ///< largest stable period [s]
+  /// Longest time in which a position error that begins at rest falls to 1 % [s].
+  double settling_s = 0;
   std::vector<double> stiffness;  ///< torque per position error at rest, the least [N m/rad; N/m]
 };
 

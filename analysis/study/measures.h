@@ -28,16 +28,15 @@ struct Measures {
   double torque_rms = 0;        ///< applied [N m; N]
   double torque_variation = 0;  ///< sum of |tau_k - tau_(k-1)| over the run's length [N m/s]
   double energy = 0;            ///< sum over the joints of the integral of |tau v| [J]
-  /// Root mean square of the velocity's substitute less the velocity, over the last quarter of the
-  /// run [rad/s; m/s]. The substitute is a law's v_hat, or v_ref + nu; NaN for a law that has
-  /// neither.
+  /// Root mean square of the law's velocity estimate less the velocity, over the last quarter of
+  /// the run [rad/s; m/s]. The estimate is v_hat or v_ref + nu. NaN for a law that has neither.
   double velocity_error = 0;
 
   // A comparison of laws has the members below too. They are NaN where they were not computed.
   /// Root mean square, over ticks and joints, of the torque that counts and noise of the sensors
   /// add [N m; N]. NaN with exact sensors, and when the run was broken off.
   double torque_noise = NAN;
-  double largest_period_s = NAN;  ///< at which the linearised loop is stable [s]
+  double largest_period_s = NAN;  ///< largest period at which the linearised loop is stable [s]
 };
 
 /// A number of `Measures` by name, for tables and figures.

@@ -20,8 +20,8 @@ struct Axis {
   std::optional<int> entry;  ///< entry of a list, from 0; nothing: the whole list
   bool factor = false;       ///< the values multiply what the scenario has
   bool logarithmic = false;
-  std::vector<double> values;  ///< of a grid
-  double low = 0, high = 0;    ///< of a drawn value
+  std::vector<double> values;  ///< values of a grid
+  double low = 0, high = 0;    ///< range of a drawn value
 
   /// Returns e.g. "controller.gains.kp*", as in the header of a table.
   [[nodiscard]] std::string name() const { return text.substr(0, text.find('=')); }
@@ -44,7 +44,7 @@ struct SweepLaw {
 struct SweepCase {
   std::int64_t index = 0;
   std::string law;
-  std::vector<double> values;  ///< of the axes, in their order
+  std::vector<double> values;  ///< value of each axis, in the axes' order
 };
 
 /// Scenario, laws and axes of a sweep.

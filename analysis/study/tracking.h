@@ -46,7 +46,7 @@ class Extent {
  public:
   void add(double value);
 
-  [[nodiscard]] double peak() const { return peak_; }  ///< of the absolute value
+  [[nodiscard]] double peak() const { return peak_; }  ///< peak of the absolute value
   [[nodiscard]] double rms() const;
   [[nodiscard]] double first() const { return first_; }
   [[nodiscard]] double final() const { return final_; }

@@ -21,7 +21,7 @@ namespace tachless::study {
 /// Words from the best to the worst.
 enum class Outcome {
   converged,     ///< error at most 1 % of the joint's scale, or within counts and noise
-  lags,          ///< larger error: the motion or a disturbance makes it, or it still settles
+  lags,          ///< larger error, which the motion or a disturbance causes, or which still settles
   not_judged,    ///< no verdict: too few ticks, or a dry run
   rests_beside,  ///< larger error that stays: friction or an unknown torque holds the joint
   saturated,     ///< a joint was at its torque limit for more than half of the run
@@ -48,13 +48,14 @@ struct LoopYardstick {
 
 /// Facts beside the signals that a verdict needs. An empty vector means that nothing is known.
 struct Yardsticks {
-  Vector resolution{};  ///< of each joint's encoder: one count, or its noise [rad; m]
+  Vector resolution{};  ///< one count of each joint's encoder, or the encoder's noise [rad; m]
   Vector friction{};    ///< largest dry friction [N m; N]
   Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
-  std::vector<double> saturated_share{};  ///< of the ticks, per joint
-  bool realtime = false;                  ///< late and missed commands make the error swing too
-  bool held = true;                       ///< the scenario's reference is a constant position
-  double period_s = 0;                    ///< of the reference; 0: it does not repeat
+  /// Share of the ticks in which the joint was at its torque limit.
+  std::vector<double> saturated_share{};
+  bool realtime = false;  ///< late and missed commands make the error swing too
+  bool held = true;       ///< the scenario's reference is a constant position
+  double period_s = 0;    ///< period of the reference; 0: the reference does not repeat
   /// Returns true if a disturbance varies between the two times [s]. Empty: never.
   std::function<bool(double from_s, double to_s)> disturbed{};
   /// Returns the loop's numbers at these postures. Empty: nothing is known.
@@ -72,19 +73,20 @@ enum class Cause { unknown, motion, disturbance, settling, friction };
 struct Verdict {
   Outcome outcome = Outcome::not_judged;
   Cause cause = Cause::unknown;
-  std::size_t joint = 0;       ///< the worst one
-  double error = 0;            ///< its largest |e| in the last quarter of the run [rad; m]
-  double share = 0;            ///< `error` over the joint's scale; not finite without a scale
-  double frequency_hz = 0;     ///< lower bound of an oscillation's frequency
-  double settled_s = 0;        ///< when every joint's error was last beyond 1 % of its scale
+  std::size_t joint = 0;    ///< the worst one
+  double error = 0;         ///< largest |e| of that joint in the last quarter of the run [rad; m]
+  double share = 0;         ///< `error` over the joint's scale; not finite without a scale
+  double frequency_hz = 0;  ///< lower bound of an oscillation's frequency
+  double settled_s = 0;     ///< last time at which some joint's error exceeded 1 % of its scale [s]
   double counted_from_s = 0;   ///< end of the motion, where settled_s is 0; 0: start of the run
-  double loop_settles_s = 0;   ///< by the linearised loop; 0: unknown
+  double loop_settles_s = 0;   ///< settling time of the linearised loop; 0: unknown
   double rested_s = 0;         ///< time from the end of all motion to the end of the run
   bool moves = false;          ///< the reference moves
   bool held = true;            ///< the scenario's reference is a constant position
   double saturated_share = 0;  ///< largest of the joints' shares of ticks
-  double friction = 0, stiffness = 0;  ///< of the worst joint, where known
-  std::string reason;                  ///< why it was stopped or not judged
+  /// Dry friction and stiffness of the worst joint; 0: unknown.
+  double friction = 0, stiffness = 0;
+  std::string reason;  ///< why the run was stopped or not judged
 
   [[nodiscard]] std::string_view word() const { return base::name_of(outcome); }
 };

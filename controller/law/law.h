@@ -25,16 +25,17 @@ using messages::Signal;
 /// Result of one step of a law: the next memory, the command and the logged signals.
 template <class Memory>
 struct Step {
-  Memory memory;                    ///< for the next step
+  Memory memory;                    ///< memory for the next step
   messages::TorqueCommand command;  ///< motor torque over the next tick [N m; N]
-  messages::LawSignals signals;     ///< for the log, in the order of `L::signals`
+  messages::LawSignals signals;     ///< signals for the log, in the order of `L::signals`
 };
 
 /// Settings that all laws share; the parameters of a law are in its `Gains`.
 struct Settings {
-  double period_s = 1e-3;                                    ///< h [s]
-  Discretisation filter = Discretisation::first_order_hold;  ///< of the law's filters
-  FilterStart filter_start = FilterStart::at_error;          ///< initial state of the filters
+  double period_s = 1e-3;  ///< h [s]
+  /// Discretisation of the law's filters.
+  Discretisation filter = Discretisation::first_order_hold;
+  FilterStart filter_start = FilterStart::at_error;  ///< initial state of the filters
   double feedforward_lead_s = 0;  ///< how far ahead the feed-forward is evaluated [s]
   /// Standard deviation of a measured position by the encoder's data sheet [rad]; zero or empty:
   /// ideal.
@@ -90,7 +91,7 @@ concept MemoryWithoutDerivative = requires {
   { Memory::no_linearisation } -> std::convertible_to<std::string_view>;
 };
 
-/// A memory that is one of both, and not the other.
+/// A memory with exactly one of these two properties.
 template <class Memory>
 concept DeclaredMemory = (MadeOfVectors<Memory> && !MemoryWithoutDerivative<Memory>) ||
                          (MemoryWithoutDerivative<Memory> && !MadeOfVectors<Memory>);

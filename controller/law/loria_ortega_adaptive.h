@@ -116,7 +116,7 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
   using Load = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_columns, 1>;
   struct Memory {
     Filter::Memory filter;
-    Vector e, delta;  ///< of the last step
+    Vector e, delta;  ///< e and delta of the last step
     Columns Y;        ///< Yd of the load at the last step
     Vector v_ref;     ///< Yd of the friction at the last step
     Load load;        ///< estimates [kg, kg m, kg m2]
@@ -237,11 +237,12 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
     };
     const Vector first = torque(column.load[0]);
     if (column.load.size() == 1) return first;
-    // All else of both is the same: half the difference is the moment's or the inertia's.
+    // The two robots differ in this parameter's sign alone: half the difference is its torque.
     return 0.5 * (first - torque(column.load[1]));
   }
 
-  /// Returns whether the robot turns that entry of the inertia: in a planar arm it turns one alone.
+  /// Returns whether the motion of the robot depends on that entry of the inertia. In a planar arm
+  /// it depends on one entry alone.
   [[nodiscard]] bool turns(const Column& column) const {
     constexpr int postures = 8;
     constexpr double least = 1e-4;  // of an entry that turns at 1 rad/s or 1 rad/s^2: about 1
@@ -257,8 +258,8 @@ class LoriaOrtegaAdaptive : public FollowingGains<LoriaOrtegaAdaptive, AdaptiveG
     return false;
   }
 
-  /// The entries of the inertia in the order of their columns: xx, yy, zz, xy, xz, yz. Those that
-  /// the robot does not turn are left out.
+  /// The entries of the inertia in the order of their columns: xx, yy, zz, xy, xz, yz. Entries on
+  /// which the motion of the robot does not depend are left out.
   static constexpr std::array<std::pair<int, int>, 6> inertia_entries{
       {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}}};
 

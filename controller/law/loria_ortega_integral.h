@@ -108,8 +108,8 @@ class LoriaOrtegaIntegral : public FollowingGains<LoriaOrtegaIntegral, IntegralG
   }
 
  private:
-  /// Returns `free`, with the components of `before` that would otherwise move on although the
-  /// command exceeds the drive's limit.
+  /// Returns `free`, with the component of `before` wherever the command exceeds the drive's limit
+  /// and the change would increase the command.
   /// @param outside the command without the integral [N m]
   [[nodiscard]] Vector without_windup(const Vector& before, const Vector& free,
                                       const Vector& outside) const {

@@ -66,9 +66,9 @@ struct Feedforward {
 };
 
 /// Returns the reference's velocity and acceleration `lead_s` ahead, by Taylor expansion through
-/// snap. A torque held over a tick acts, on average, half a tick and the command's delay late. A
-/// feed-forward evaluated this delay ahead compensates it. Position, error and filter are not taken
-/// ahead, because they refer to the measurement.
+/// snap. A torque held over a tick acts late, on average by half a tick plus the command's delay. A
+/// feed-forward that is evaluated ahead by this time compensates the delay. Position, error and
+/// filter are not taken ahead, because they refer to the measurement.
 inline Feedforward feedforward_ahead(const ReferencePoint& reference, double lead_s) {
   const double h = lead_s;
   return {reference.v_ref +
@@ -102,7 +102,7 @@ inline robot::JetVector feedforward_torque(const robot::Model& links,
 template <class R, class G>
 class LawOf {
  public:
-  using Robot = R;  ///< for rigid joints with rotor inertia: M = M_l + J
+  using Robot = R;  ///< model; for rigid joints M = M_l + J with the rotor inertia
   using Gains = G;  ///< declares `keys`
 
   static constexpr bool regulation_only = false;  ///< follows any reference

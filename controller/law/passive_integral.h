@@ -12,7 +12,7 @@ namespace tachless::controller::law {
 struct PassiveIntegral {
   Vector ki;  ///< [N m/rad]
   double eps_1 = 0, eps_2 = 0;
-  Vector a, b;   ///< of the filter [1/s]
+  Vector a, b;   ///< pole and gain of the filter [1/s]
   Vector d_max;  ///< largest |Ki y| [N m]; infinite: no bound
   double period_s = 0;
 

@@ -20,7 +20,8 @@ namespace tachless::base {
 struct Child {
   pid_t pid = -1;
   bool running = false;
-  base::FileDescriptor output;   ///< its stdout and stderr; -1 once it has closed them
+  /// Stdout and stderr of the process; -1 once the process has closed them.
+  base::FileDescriptor output;
   base::FileDescriptor notices;  ///< source of the child's notices; -1: not asked for
   std::string partial;           ///< the line that has not ended yet
 };
@@ -30,9 +31,9 @@ struct StartOptions {
   std::optional<sigset_t> mask;  ///< signals that the child blocks; empty: as this thread
   std::vector<int> cpus;         ///< CPUs on which it may execute; empty: as this process
   int input = -1;                ///< descriptor that becomes its stdin; -1: /dev/null
-  /// A process between the child and this one empties the child's pipe and never waits for this
-  /// one. It keeps the newest 256 kB, drops what is older, and reports the number of dropped bytes
-  /// in a line that begins with `dropped_mark`.
+  /// A process between the child and this process reads the child's pipe and never waits for this
+  /// process. It keeps the newest 256 kB and drops older output. It reports the number of dropped
+  /// bytes in a line that begins with `dropped_mark`.
   bool relayed = false;
   bool gives_notices = false;  ///< the child can report to `Child::notices`
 };

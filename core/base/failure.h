@@ -16,12 +16,12 @@ enum class ExitCode : int {
   bad_usage = 2,  ///< bad options or scenario
   peer_lost = 3,
   protocol_violated = 4,
-  protective_stop = 5,  ///< or a non-finite number
+  protective_stop = 5,  ///< protective stop, or a number that is not finite
   interrupted = 130,
 };
 
-/// Error that ends a program with `code` and one line on stderr. The line says what failed, where,
-/// and what to do. one_line() removes the line ends of names and values.
+/// Error that ends a program with `code` and one line on stderr. The line names the failure, its
+/// place and the remedy. one_line() removes the line ends of names and values.
 class Failure : public std::runtime_error {
  public:
   Failure(ExitCode code, std::string_view what);

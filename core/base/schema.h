@@ -101,8 +101,8 @@ struct Key {
   std::string_view meaning{};  ///< one line for the documentation; may use Markdown
   Range range{};
   Default fallback = Default::required;
-  double each_joint = 0;                 ///< for Default::of_joints
-  std::string_view described_default{};  ///< for Default::described
+  double each_joint = 0;                 ///< value of Default::of_joints
+  std::string_view described_default{};  ///< text of Default::described
   bool nullable = false;
 
   constexpr Key(std::string_view key_name, Member Struct::*filled, std::string_view key_unit = {},

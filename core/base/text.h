@@ -31,9 +31,9 @@ std::string one_line(std::string_view text);
 /// these bytes are no UTF-8.
 std::size_t utf8_length(std::string_view text);
 
-/// Replaces by question marks all that confuses a terminal or a JSON writer. This is control
-/// characters (up to U+001F and U+007F to U+009F) and bytes that are not UTF-8. Every line for
-/// people passes through this function.
+/// Replaces control characters (up to U+001F and U+007F to U+009F) and bytes that are not UTF-8 by
+/// question marks. Terminals and JSON writers misread such bytes. Every line for people passes
+/// through this function.
 std::string printable(std::string_view text);
 
 /// Quotes a file's name for a shell: in '…' if necessary, with ./ before a leading dash.

@@ -15,7 +15,7 @@ namespace tachless::bus {
 struct Datagram {
   std::string_view channel;
   std::span<const std::byte> payload;
-  std::string_view sender;  ///< its address, for messages to people ("10.0.0.2:41234")
+  std::string_view sender;  ///< address of the sender, for messages to people ("10.0.0.2:41234")
   // Set only after UdpTransport::subscribe_all:
   std::uint32_t sequence = 0;    ///< the sender's count of all its messages, from 0
   std::int64_t received_ns = 0;  ///< the kernel's stamp [ns since the Unix epoch]

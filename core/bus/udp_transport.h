@@ -22,10 +22,11 @@ namespace tachless::bus {
 
 /// Counts since construction.
 struct BusStatistics {
-  std::uint64_t received = 0;    ///< returned by `receive`
-  std::uint64_t own = 0;         ///< own messages that came back and were ignored
-  std::uint64_t malformed = 0;   ///< not an LCM message; counted only after `subscribe_all`,
-                                 ///< because before it the kernel's filter drops them
+  std::uint64_t received = 0;  ///< returned by `receive`
+  std::uint64_t own = 0;       ///< own messages that came back and were ignored
+  /// Datagrams that are no LCM message. They are counted only after `subscribe_all`, because the
+  /// kernel's filter drops them before.
+  std::uint64_t malformed = 0;
   std::uint64_t fragmented = 0;  ///< messages in fragments, which are not supported
   std::uint64_t unsent = 0;      ///< refused by the kernel: no room, no route, firewall
   int refusal = 0;               ///< errno of the last unsent message

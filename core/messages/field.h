@@ -47,9 +47,9 @@ template <class Value, class MemberType>
 struct Field {
   using Member = MemberType;
 
-  std::string_view name;    ///< in the .lcm file
-  std::string_view symbol;  ///< in columns and equations
-  std::string_view unit;    ///< of revolute joints; empty when it has none
+  std::string_view name;    ///< name in the .lcm file
+  std::string_view symbol;  ///< symbol in columns and equations
+  std::string_view unit;    ///< unit for revolute joints; empty: no unit
   Kind kind;
   Count count;
   Member Value::*member;

@@ -159,9 +159,9 @@ struct LogAck {
 /// Message from `tachless gains` to the reference. `Stamp::tick` is the newest tick that the sender
 /// has seen.
 struct GainChange {
-  std::string gains;                 ///< as scenario::gains_text
+  std::string gains;                 ///< gains in the form of scenario::gains_text
   std::string replaces;              ///< gains in force that the sender has seen; empty: none yet
-  std::int64_t scenario_digest = 0;  ///< of the scenario that the sender has analysed
+  std::int64_t scenario_digest = 0;  ///< digest of the scenario that the sender has analysed
   std::int64_t number = 0;           ///< random; `GainAck` repeats it
 
   static constexpr std::string_view type = "tachless.gains_t", suffix = "GAINS";

@@ -6,8 +6,8 @@
 /// The kinds of message of one tick, by name. core/messages/truth/tick_record.h holds their values.
 namespace tachless::messages {
 
-/// Kinds of message in the order of the canonical log. Only a run with plant.mujoco has `contact`,
-/// and only one of a real arm that tells torques has `arm_torque`.
+/// Kinds of message in the order of the canonical log. Only a run with plant.mujoco has `contact`.
+/// Only a run of a real arm that reports torques has `arm_torque`.
 enum class Slot : int {
   tick,
   measurement,

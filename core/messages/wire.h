@@ -77,7 +77,7 @@ class Codec {
   [[nodiscard]] std::size_t longest() const { return bytes_.size(); }
 
   /// Checks and decodes in one pass: size, fingerprint, then the fields in order. On rejection
-  /// `stamp` and `value` are unchanged. The node checks run and tick.
+  /// `stamp` and `value` are unchanged. The function does not check run and tick; the node does.
   Rejection decode(std::span<const std::byte> payload, messages::Stamp& stamp, Value& value) const;
 
  private:

@@ -101,7 +101,7 @@ class MjcfDocument {
 
   std::string source_;
   std::list<XmlDocument> files_;
-  std::map<const XmlDocument*, std::string> names_;          ///< of included files
+  std::map<const XmlDocument*, std::string> names_;  ///< file names of the included documents
   std::map<const XmlElement*, const XmlElement*> included_;  ///< root of the file, by <include>
   const XmlElement* root_ = nullptr;
   std::optional<MjcfAttributes> compiler_;

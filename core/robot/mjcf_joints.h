@@ -9,7 +9,7 @@ namespace tachless::robot {
 
 /// Numbers of a joint that a URDF seldom has.
 struct JointNumbers {
-  double rotor_inertia = 0;     ///< on the link side of the gear [kg m2; kg]
+  double rotor_inertia = 0;     ///< inertia of the rotor on the link side of the gear [kg m2; kg]
   double viscous_friction = 0;  ///< [N m s/rad; N s/m]
   double coulomb_friction = 0;  ///< [N m; N]
   double reference = 0;         ///< position at which the bodies are as written [rad; m]

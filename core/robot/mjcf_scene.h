@@ -7,8 +7,8 @@
 
 namespace tachless::robot {
 
-/// Returns whether a MuJoCo model has something besides its robot: a shape of the world, or a body
-/// of the world that carries no hinge and no slide joint.
+/// Returns whether a MuJoCo model has something besides its robot. This is a shape of the world, or
+/// a body of the world that carries neither hinge nor slide joint.
 /// @param source name of the file, for messages
 /// @throw std::invalid_argument, one line, for a text that is no MJCF
 bool has_surroundings(const std::string& text, const std::string& source,

@@ -8,10 +8,10 @@
 
 namespace tachless::robot {
 
-/// Position or velocity actuator of a MuJoCo model. At its joint it adds -kp q - kv v, and a torque
-/// by its control.
+/// Position or velocity actuator of a MuJoCo model. At its joint the actuator adds the torque -kp q
+/// - kv v, and a torque that depends on its control input.
 struct MjcfServo {
-  std::string name;  ///< of the actuator; empty where it has none
+  std::string name;  ///< name of the actuator; empty: it has none
   std::string joint;
   double kp = 0;             ///< [N m/rad; N/m]
   double kv = 0;             ///< [N m s/rad; N s/m]; 0 where `damping_ratio` replaces it

@@ -44,22 +44,24 @@ struct Body : MassProperties {
   std::string link;                      ///< URDF link that moves with the joint
   std::string joint;                     ///< URDF joint that moves it
   int parent = -1;                       ///< index into `Model::bodies`; -1 is the ground
-  JointType type = JointType::revolute;  ///< its coordinate's unit
+  JointType type = JointType::revolute;  ///< kind of the body's coordinate
   Eigen::Matrix3d R_PB =
-      Eigen::Matrix3d::Identity();                 ///< body frame in the parent's at joint angle 0
-  Eigen::Vector3d p_PB = Eigen::Vector3d::Zero();  ///< its origin, expressed in the parent's [m]
+      Eigen::Matrix3d::Identity();  ///< body frame in the parent's at joint angle 0
+  /// Origin of the body frame in the parent's frame [m].
+  Eigen::Vector3d p_PB = Eigen::Vector3d::Zero();
   Eigen::Vector3d axis_B = Eigen::Vector3d::UnitZ();  ///< unit, in the body frame
   /// q_tree = multiplier q[coordinate] + offset; a `mimic` joint shares another's coordinate.
   int coordinate = 0;
-  double multiplier = 1;  ///< of the shared coordinate
+  double multiplier = 1;  ///< factor of the shared coordinate
   double offset = 0;      ///< [rad; m]
 };
 
 /// Place of a URDF link after fixed joints are merged.
 struct Frame {
-  int body = -1;                                       ///< -1 is the ground
-  Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();  ///< its axes in the body's frame
-  Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();      ///< its origin there [m]
+  int body = -1;  ///< -1 is the ground
+  /// Axes of the link's frame in the body's frame.
+  Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();  ///< its origin there [m]
   bool leaf = false;  ///< the link is the parent of no joint, not even of a fixed one
 };
 
@@ -113,9 +115,11 @@ constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
 
 /// Options of reading a URDF.
 struct UrdfOptions {
-  CheckInertia check_inertia = CheckInertia::refuse;  ///< for a body with an impossible inertia
+  /// Treatment of a body with an impossible inertia.
+  CheckInertia check_inertia = CheckInertia::refuse;
   std::map<std::string, double> locked;  ///< joints fixed at a position [rad; m]; no coordinates
-  Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero();  ///< of the root link in the world [rad]
+  /// Roll, pitch, yaw of the root link in the world [rad].
+  Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero();
   Eigen::Vector3d base_xyz = Eigen::Vector3d::Zero();  ///< its origin there [m]
 };
 
@@ -166,10 +170,10 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// Returns the leaf links farthest from the root, usually one, which carries the tool. The distance
-/// counts moving joints first, then metres along the joints' origins at q = 0. If several links are
-/// at one place, the first by name is returned. Links at different places, such as fingers, are all
-/// returned.
+/// Returns the leaf links farthest from the root. Usually this is one link, which carries the tool.
+/// The number of moving joints decides first, then the length along the joints' origins at q = 0.
+/// If several links are at one place, the first by name is returned. Links at different places,
+/// such as fingers, are all returned.
 std::vector<std::string> farthest_leaves(const Model& model);
 
 /// Returns the model with a payload fixed to `link` and given in the link's frame. Without `link`,

@@ -50,10 +50,10 @@ struct UrdfJoint {
 struct UrdfTree {
   std::map<std::string, UrdfLink> links;
   std::map<std::string, UrdfJoint> joints;
-  std::string root;                ///< the link that hangs on no joint
+  std::string root;                ///< the link that no joint carries
   std::vector<std::string> order;  ///< joints, depth-first, siblings as in the file
   std::vector<std::string> warnings;
-  std::string mechanics;  ///< as `urdf_mechanics`
+  std::string mechanics;  ///< text as `urdf_mechanics` returns it
 };
 
 /// Reads a URDF's XML.

@@ -11,13 +11,13 @@
 namespace tachless::scenario {
 
 /// The loop inside the drives. At its own rate each drive adds kp (q_des - q) + kd (v_des - v) to
-/// the host's torque. q is the drive's own position, and v a velocity derived from q. The host
-/// sends q_des, v_des and the torque. A scenario has this loop if it gives `plant.drive.loop`.
+/// the host's torque. The position q is the drive's own, and the velocity v is derived from q. The
+/// host sends q_des, v_des and the torque. A scenario has this loop if it gives `plant.drive.loop`.
 struct DriveLoopSpec {
   double period_s = 0;
   Vector kp, kd;
   std::optional<double> velocity_filter_hz;  ///< nothing: the difference of two positions
-  int delay_ticks = 1;                       ///< from a position to the torque [the drive's ticks]
+  int delay_ticks = 1;  ///< delay from a position to the torque [ticks of the drive]
   int late_ticks = 0;
   std::optional<Vector> resolution_bits;  ///< nothing: ideal
 

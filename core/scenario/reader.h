@@ -41,12 +41,12 @@ struct InvalidValue {
 /// A value as it is written, and its allowed numbers.
 struct Written {
   const YamlNode& node;
-  const base::Range& range;  ///< of each number in it
+  const base::Range& range;  ///< range of each number in the value
   int num_joints;
 };
 
-/// Reads a value.
-/// @throw InvalidValue.
+/// Read a value.
+/// @throw InvalidValue if the value has another type or is outside `written.range`
 void read_value(const Written& written, std::string& to);
 void read_value(const Written& written, bool& to);
 void read_value(const Written& written, double& to);
@@ -85,8 +85,8 @@ void require_known_keys(const Place& place) {
 
 /// Returns the only one of `names` that the map at `place` has. If `first_by_name`, the first of
 /// them may be given by its name alone, or not at all.
-/// @throw InvalidValue
-/// @throw Failure(bad_usage) when the map has none of them or several.
+/// @throw InvalidValue if the value at `place` is no map
+/// @throw Failure(bad_usage) if the map has none or several of these names
 std::string_view read_alternative(const Place& place, const std::vector<std::string_view>& names,
                                   bool first_by_name);
 

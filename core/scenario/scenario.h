@@ -104,7 +104,7 @@ struct RobotSpec {
   Vector joint_signs;        ///< +1 or -1: q = sign q_driver + offset, tau_driver = sign tau
   Vector joint_offsets_rad;  ///< [rad; m]
   std::optional<plant::FlexibleDrive> flexible;  ///< nothing: rigid joints
-  Vector rigid_rotor_inertia_kgm2;               ///< of rigid joints
+  Vector rigid_rotor_inertia_kgm2;               ///< rotor inertia of rigid joints
 
   using Joints = std::variant<plant::RigidJoints, plant::FlexibleDrive>;
   void set_joints(Joints given);
@@ -195,8 +195,8 @@ struct LoopSpec {
           .in({0, plant::max_delay_ticks})
           .by_default(),
       base::Key{"max_missed", &LoopSpec::max_missed, "ticks",
-                "Realtime: commands missed in a row before the protective stop. Not given, "
-                "`run --plant` takes what the loop was found to bear (searched), if that is less"}
+                "Realtime: commands missed in a row before the protective stop. Not given, `run "
+                "--plant` takes the number that the loop tolerates (searched), if that is less"}
           .in({0, 1e6})
           .by_default(),
       base::Key{"max_missed_share", &LoopSpec::max_missed_share, "",
@@ -225,7 +225,7 @@ struct Scenario {
   int num_joints = 0;
   /// YAML with `--set` applied. `parse_scenario` makes the same scenario of it.
   std::string text;
-  std::int64_t digest = 0;  ///< of text and URDF
+  std::int64_t digest = 0;  ///< digest of `text` and the URDF
   std::string source;       ///< file name for messages
   /// "controller.gains.kp" -> "<file>:<line>", or the "--set <key=value>" that gave its value
   std::map<std::string, std::string> where;

@@ -13,10 +13,10 @@ struct YamlNode {
   enum class Kind { null, scalar, list, map };
 
   Kind kind = Kind::null;
-  std::string scalar = {};              ///< as written, without quotes
+  std::string scalar = {};              ///< text of the scalar as written, without quotes
   bool quoted = false;                  ///< "5" is text, 5 is a number
-  std::vector<std::string> keys = {};   ///< of a map, in the order written
-  std::vector<YamlNode> children = {};  ///< of a list or a map
+  std::vector<std::string> keys = {};   ///< keys of a map, in the order written
+  std::vector<YamlNode> children = {};  ///< values of a list or a map
   /// "file:line" of the key or the list's entry, or the "--set …" that gave it
   std::string where = {};
 

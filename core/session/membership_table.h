@@ -6,11 +6,10 @@
 
 #include "messages/messages.h"
 
-/// The reactions of a member to each event in each of its states, as one table.
-/// docs/protocol.md ("States and events") shows the table;
-/// tests/core/session/membership_table_test.cpp compares the two and goes through every cell. The
-/// table knows neither time nor messages. core/session/membership.h recognises the events and
-/// carries out the reactions.
+/// The reactions of a member to each event in each of its states, as one table. docs/protocol.md
+/// ("States and events") shows the table. tests/core/session/membership_table_test.cpp compares the
+/// two and tests every cell. The table knows neither time nor messages. core/session/membership.h
+/// recognises the events and carries out the reactions.
 namespace tachless::session {
 
 /// An announcement, an event of the clock, or an event of this process itself. The announcing

@@ -35,7 +35,8 @@ class Peers {
   static constexpr std::chrono::milliseconds forgotten_after{1000};
 
   struct Peer {
-    /// Content of its newest announcement that proved it alive, else of its first.
+    /// Content of the newest announcement that proved the process alive; without one, of its first
+    /// announcement.
     messages::Participant participant;
     std::int64_t run = 0;
     std::int64_t tick = -1;  ///< newest tick that it has handled
@@ -56,8 +57,9 @@ class Peers {
   void set_holder(messages::Role role, std::int64_t instance) { holders_[index(role)] = instance; }
 
   /// Returns whether an announcement is newer than all earlier ones of its sender; otherwise it is
-  /// a copy. A process keeps its role once it has proven to be alive. It also keeps counting, or
-  /// keeps not counting. An announcement that changes either comes from another process.
+  /// a copy. A process keeps its role once it has proven to be alive. A process either always or
+  /// never uses counters. An announcement that breaks one of these rules comes from another
+  /// process.
   [[nodiscard]] bool is_new(const messages::Participant& who) const;
   /// Returns the time at which this process sent the announcement that `who` answers. Returns
   /// nullopt if `who` answers none of the last ones. Returns `now` for an announcement without a

@@ -222,7 +222,7 @@ class Session {
   std::array<std::string, messages::num_roles> other_senders_;
   messages::PerRole entered_{};  ///< roster of the session that the bus has entered
   Time next_notice_;
-  std::function<void()> each_;  ///< of `while_attending`
+  std::function<void()> each_;  ///< function of `while_attending`
   std::chrono::nanoseconds each_period_{};
   Time next_each_;
 };

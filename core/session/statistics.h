@@ -98,7 +98,7 @@ struct PlantStatistics {
   std::int64_t missed_commands = 0, longest_command_miss = 0, late_commands = 0;
   /// Realtime: ticks in which a real robot gave no state; greatest number of consecutive ones.
   std::int64_t missed_readings = 0, longest_reading_miss = 0;
-  std::vector<std::int64_t> saturated_ticks;  ///< per joint
+  std::vector<std::int64_t> saturated_ticks;  ///< ticks at a torque limit, per joint
   /// Per joint: ticks outside its range or above its speed limit, with plant.on_limit: warn.
   std::vector<std::int64_t> beyond_limit_ticks;
   bool robot_is_clock = false;           ///< the robot begins the ticks
@@ -136,7 +136,7 @@ struct Statistics {
   std::optional<std::string> fault;
   std::int64_t run_id = 0;
   std::int64_t ticks = 0;
-  double wall_s = 0;  ///< from the start of the run to its end
+  double wall_s = 0;  ///< time from the start of the run to its end
   /// Own work per tick: the plant's step, the law's step, computing a reference, or writing.
   LatencyHistogram work_us;
   std::int64_t resends = 0;     ///< messages sent again

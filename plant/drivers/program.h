@@ -15,7 +15,7 @@ struct DriverVerb {
   std::string example;  ///< a whole line to type: "tachless-mit-can scan can0"
   std::string meaning;  ///< one line for --help
   /// Runs the verb with the arguments behind its name.
-  /// @throw base::Failure
+  /// @throw base::Failure if the verb fails; its text is one line for the user
   std::function<void(const std::vector<std::string>& arguments)> run;
 };
 
@@ -23,7 +23,7 @@ struct DriverVerb {
 struct DriverProgram {
   std::string name;     ///< "tachless-mit-can"
   std::string purpose;  ///< first line of --help
-  std::string page;     ///< in docs/: "drivers/mit_can.md"
+  std::string page;     ///< path of the page in docs/: "drivers/mit_can.md"
   std::vector<DriverVerb> verbs;
   MakeDriver make;
 };

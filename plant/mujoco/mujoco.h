@@ -6,8 +6,8 @@
 #include "robot/model.h"
 #include "scenario/scenario.h"
 
-/// MuJoCo's mechanics in the emulator's place (plant.mujoco). A module that is opened at run time
-/// links MuJoCo, so that no program needs it.
+/// MuJoCo's mechanics in place of the emulator's mechanics (plant.mujoco). A module that is opened
+/// at run time links MuJoCo, so that no program needs it.
 namespace tachless::plant {
 
 /// Returns whether the module is installed.

@@ -44,7 +44,7 @@ class WaypointSpline {
 
 /// Positions and the times at which they are reached.
 struct Waypoints {
-  std::vector<double> time_s;        ///< at least two, strictly increasing
+  std::vector<double> time_s;        ///< times, at least two, strictly increasing
   std::vector<Vector> position_rad;  ///< one per time, of one length [rad; m if prismatic]
 
   static constexpr std::string_view name = "waypoints";
@@ -57,7 +57,7 @@ struct Waypoints {
   using Shape = WaypointSpline;
 
   /// Returns the problem if there are too few times or the times do not increase. Also refuses
-  /// positions that are not one per time, or not all of one length.
+  /// positions of another number than the times, or of different lengths.
   [[nodiscard]] std::optional<base::Refusal> refusal() const;
 };
 

@@ -39,11 +39,11 @@ DesignInput::DesignInput(Options options) : options_(std::move(options)) {
   }
   if (!options_.from.empty()) {
     throw base::bad_usage(
-        "--from: of a URDF; in a scenario set plant.initial.position_rad and reference");
+        "--from: only for a URDF; in a scenario set plant.initial.position_rad and reference");
   }
   if (options_.typical_rotors) {
     throw base::bad_usage(
-        "--rotors: of a URDF; in a scenario set robot.joints.rigid.rotor_inertia_kgm2");
+        "--rotors: only for a URDF; in a scenario set robot.joints.rigid.rotor_inertia_kgm2");
   }
 }
 

@@ -19,11 +19,12 @@ class DesignInput {
   struct Options {
     std::filesystem::path file;
     std::vector<std::string> overrides;
-    double period_s = 0;  ///< 0: the scenario's, 1 ms for a URDF
+    double period_s = 0;  ///< period [s]; 0: the scenario's period, or 1 ms for a URDF
     /// Start of a URDF's motion [rad; m]; empty: chosen within the joints' ranges.
     std::vector<double> from;
-    bool typical_rotors = false;   ///< a URDF's rotors by the rule of thumb
-    std::filesystem::path output;  ///< paths are relative to it; empty: they are absolute
+    bool typical_rotors = false;  ///< rotors of a URDF get the inertia of the rule of thumb
+    /// File to be written: paths in it are relative to its directory; empty: paths are absolute.
+    std::filesystem::path output;
   };
 
   /// Reads the file.
@@ -39,15 +40,16 @@ class DesignInput {
   [[nodiscard]] scenario::Scenario scenario(std::optional<design::Structure> structure,
                                             std::vector<std::string> more = {}) const;
 
-  /// Returns the assumptions in the scenario of a URDF alone, which neither URDF nor options state,
-  /// each with the key that changes it. Empty for a scenario's file.
+  /// Returns the assumptions in the scenario of a URDF alone: facts that neither URDF nor options
+  /// state. Each has the key that changes it. Empty for a scenario's file.
   [[nodiscard]] std::vector<std::string> assumptions(const scenario::Scenario& scenario) const;
 
  private:
   struct Urdf {
     std::string text, scenario;
-    Vector typical_rotors;   ///< empty: not asked for
-    bool in_mujoco = false;  ///< an MJCF with surroundings, and the module is there
+    Vector typical_rotors;  ///< rotor inertia by the rule of thumb [kg m2]; empty: not asked for
+    /// The file is an MJCF with surroundings, and the module mujoco.so is installed.
+    bool in_mujoco = false;
   };
   [[nodiscard]] Urdf read_urdf(const scenario::RobotFile& file) const;
   [[nodiscard]] Vector from_posture(const robot::Model& model) const;

@@ -24,11 +24,11 @@ nlohmann::ordered_json comparison_json(const design::Comparison& comparison);
 std::string assumptions_text(const std::vector<std::string>& assumed);
 
 /// Returns an option such as "--set 'robot.locked={finger_joint1: 0.02}'", which holds the joints
-/// that are fingers in the middle of their ranges; empty: there are none. A finger slides less than
-/// 0.1 m, or its name says that it is one.
+/// that are fingers in the middle of their ranges; empty: there are none. A finger is a prismatic
+/// joint with a range below 0.1 m, or a joint with the word in its name.
 std::string finger_lock(const robot::Model& model);
 
-/// Returns what makes gains stiffer, or the arm lighter, as options to type.
+/// Returns options to type that allow stiffer gains or make the arm lighter.
 std::string ways_out(const scenario::Scenario& scenario);
 
 }  // namespace tachless::cli

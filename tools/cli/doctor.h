@@ -20,13 +20,13 @@ struct Finding {
   [[nodiscard]] bool ok() const { return !remedy.has_value(); }
 };
 
-/// Checks everything that a run on the bus `lcm_url` uses, in about a second. This is the bus, its
-/// buffers and other publishers on it, private networks, real-time rights, clock, and disk space of
-/// `directory`.
+/// Checks everything that a run on the bus `lcm_url` uses, in about a second. The checks are about
+/// the bus, its buffers and other publishers on it, private networks, real-time rights, clock, and
+/// disk space of `directory`.
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory);
 
-/// Returns the problems of this machine's punctuality that can be mended: real-time rights, locked
-/// memory, clock.
+/// Returns the causes of late ticks that the user can remove: real-time rights, locked memory,
+/// clock.
 std::vector<Finding> examine_punctuality();
 
 /// Return the finding for a single figure.

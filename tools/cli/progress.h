@@ -65,7 +65,7 @@ class LaggingOutput {
   base::FileDescriptor
       own_;  ///< the same file, opened for writes that do not wait; -1: not possible
   std::string waiting_;
-  std::int64_t dropped_ = 0;  ///< texts
+  std::int64_t dropped_ = 0;  ///< number of dropped texts
 };
 
 /// Lines of progress, and other lines between them. On a terminal each line of progress replaces

@@ -28,15 +28,17 @@ namespace tachless::cli {
 /// Options of one robot's run.
 struct RunOptions {
   std::filesystem::path scenario;
-  std::string robot;          ///< name, if the command line has several robots; else empty
-  std::filesystem::path out;  ///< empty: out/NAME/DATE-TIME; of several robots a folder for each
-  std::int64_t run_id = 0;    ///< 0: the present time
+  std::string robot;  ///< name, if the command line has several robots; else empty
+  /// Folder of the results; empty: out/NAME/DATE-TIME. With several robots each has a folder of its
+  /// own in it.
+  std::filesystem::path out;
+  std::int64_t run_id = 0;  ///< id of the run; 0: the present time [us]
   std::vector<std::string> overrides;
   std::string mode;
   std::string duration_s;
   std::string lcm_url = session::default_lcm_url;
   std::string key_file;
-  std::string placement = "auto";  ///< see choose_placement
+  std::string placement = "auto";  ///< placement on CPUs; see `choose_placement`
   std::string law_program;         ///< shell command of the program with the law; empty: none
   std::string plant_program;       ///< shell command of the plant, a driver's; empty: the emulator
   std::string measurement;         ///< measurement for `law_program` if the scenario gives none
@@ -50,7 +52,7 @@ struct RunOptions {
   bool json = false;
   bool watch = false;    ///< show the run in a browser while it lasts
   bool dry_run = false;  ///< `plant_program` sends nothing to its robot
-  bool ramp = false;     ///< first bring the robot of `plant_program` to where the scenario begins
+  bool ramp = false;     ///< first bring the robot of `plant_program` to the scenario's start
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
   /// Returns `line`, after "<robot>: " if there are several robots.
@@ -93,13 +95,13 @@ struct PlannedRun {
   [[nodiscard]] Progress progress() const;
 };
 
-/// Returns the runs of `scenarios`. It refuses everything that a process would refuse later: a
-/// scenario, limits of the machine, channels that two robots would share. It also refuses an
-/// unstable loop without --force. The remarks name the stability of the linearised loop, and the
-/// source of the plant's friction. They also name faults of the URDF, and references beyond the
-/// limits of drives and joints.
+/// Returns the runs of `scenarios`. The function refuses everything that a process would refuse
+/// later: a scenario, limits of the machine, channels that two robots would share. It also refuses
+/// an unstable loop, unless --force is given. The remarks name the stability of the linearised
+/// loop, and the source of the plant's friction. They also name faults of the URDF, and references
+/// beyond the limits of drives and joints.
 /// @param options as for `run`
-/// @throw base::Failure(bad_usage)
+/// @throw base::Failure(bad_usage) for the first refusal; names file, key, value and remedy
 std::vector<PlannedRun> plan_runs(RunOptions options,
                                   const std::vector<std::filesystem::path>& scenarios);
 
@@ -153,8 +155,9 @@ class RunDirectory {
 struct RunEnd {
   base::ExitCode code = base::ExitCode::done;
   report::RunFacts facts;                       ///< `Conclusions` adds the facts of run and log
-  std::vector<session::Statistics> statistics;  ///< of the processes that left theirs
-  std::vector<std::string> consequences = {};   ///< of the fault: lines printed after it
+  std::vector<session::Statistics> statistics;  ///< statistics of the processes that wrote them
+  /// Consequences of the fault: lines printed after the fault.
+  std::vector<std::string> consequences = {};
 };
 
 /// Reports of the runs' results, one after another. Several runs also get one table at the end.
@@ -170,14 +173,14 @@ class Conclusions {
 
  private:
   bool braces_ = false;
-  std::vector<std::vector<std::string>> rows_;  ///< of the table of several robots
+  std::vector<std::vector<std::string>> rows_;  ///< rows of the table of several robots
   int count_ = 0;
   base::ExitCode code_ = base::ExitCode::done;
 };
 
 /// Moves this process into a private network if the options ask for it, or if the host has no
 /// usable multicast. @return whether it moved
-/// @throw base::Failure(bad_usage)
+/// @throw base::Failure(bad_usage) if the system refuses a network namespace
 bool prepare_network(const RunOptions& options);
 
 /// Brings the driver's robot from its present position to the scenario's start. The scenario's law

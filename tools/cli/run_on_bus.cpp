@@ -203,7 +203,7 @@ std::string never_joined(const RunOptions& options, const Supervision& supervisi
       continue;
     }
     if (supervision.begun) {
-      return fmt::format("--{} '{}': ended during the run, and without a word; see its code",
+      return fmt::format("--{} '{}': ended during the run without a message; see its code",
                          messages::name(role), program);
     }
     return fmt::format(

@@ -99,7 +99,7 @@ std::string friction_text(const scenario::Scenario& scenario) {
   return text;
 }
 
-/// Lowers loop.max_missed of a real robot to what its loop was found to bear.
+/// Lowers loop.max_missed of a real robot to the number that its loop tolerates (searched).
 void bound_missed(PlannedRun& run) {
   const auto& missed = run.predicted.missed;
   if (!missed || missed->commands >= run.scenario.loop.max_missed) return;
@@ -108,12 +108,13 @@ void bound_missed(PlannedRun& run) {
   run.scenario = scenario::load_scenario(run.options.scenario, run.options.all_overrides());
   run.scenario.controller.announced = announced;
   run.remarks.push_back(
-      {false, missed->commands == 0
-                  ? std::string("loop.max_missed is 0: the loop was not found to bear a single "
-                                "missed command")
-                  : fmt::format("loop.max_missed is {}, as many commands in a row as the loop was "
-                                "found to bear (searched, not proved)",
-                                missed->commands)});
+      {false,
+       missed->commands == 0
+           ? std::string(
+                 "loop.max_missed is 0: the search found no missed command that the loop tolerates")
+           : fmt::format("loop.max_missed is {}: the loop tolerates this number of missed commands "
+                         "in a row (searched, not proved)",
+                         missed->commands)});
 }
 
 void judge(PlannedRun& run) {
@@ -259,8 +260,8 @@ bool prepare_network(const RunOptions& options) {
     const auto problem = bus::check_network(url);
     if (!problem) return false;
     base::log_warning(
-        "this host has no usable multicast ({}): the run is isolated in a private network; to mend "
-        "it, type: {}",
+        "this host has no usable multicast ({}): the run is isolated in a private network; to "
+        "change this, type: {}",
         problem->what, problem->remedy);
   }
   try {

@@ -22,15 +22,17 @@ namespace tachless::cli {
 struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
-  std::vector<int> cpus = {};        ///< on which it may execute; empty: as this process
-  bool relayed = false;              ///< its output never waits for this process
-  bool drives_robot = false;         ///< it may hold a robot's torque: base::give_notice
+  /// CPUs on which the process may execute; empty: those of this process.
+  std::vector<int> cpus = {};
+  bool relayed = false;       ///< the output of the process never waits for this process
+  bool drives_robot = false;  ///< the process may hold a robot's torque (base::give_notice)
 };
 
 /// CPUs on which the four processes of a run execute.
 struct Placement {
-  std::string words = "spread over CPUs";                  ///< for people: "together on CPU 1"
-  std::array<std::vector<int>, messages::num_roles> cpus;  ///< by role; empty: all that are allowed
+  std::string words = "spread over CPUs";  ///< for people: "together on CPU 1"
+  /// CPUs by role; empty: all allowed CPUs.
+  std::array<std::vector<int>, messages::num_roles> cpus;
 
   [[nodiscard]] const std::vector<int>& cpus_of(messages::Role role) const {
     return cpus[static_cast<std::size_t>(role)];
@@ -48,14 +50,16 @@ Placement choose_placement(const std::string& wanted, scenario::Mode mode, std::
 /// End of a process.
 struct ProcessEnd : base::End {
   std::string name;
-  bool on_order = false;  ///< it ended after it was signalled
-  bool overdue = false;   ///< it was still running long after another had ended well
-  std::string last_line;  ///< last line that may give the reason of its end, without program's name
-  std::string cause;      ///< why it ended, from its error line, without mark and program's name
-  std::int64_t dropped_bytes = 0;  ///< bytes of its output that came faster than this process read
-  std::int64_t hidden_lines = 0;   ///< lines of its output beyond `most_lines_per_s`
-  bool robot_started = false;      ///< it has begun to start its robot
-  bool robot_stopped = false;      ///< its robot's `stop` has returned
+  bool on_order = false;  ///< the process ended after a signal of this process
+  bool overdue = false;   ///< the process still ran long after another one had ended well
+  /// Last line that may give the reason for the end, without the program's name.
+  std::string last_line;
+  std::string cause;  ///< reason for the end, from the error line, without mark and program's name
+  /// Bytes of output that were dropped, because this process read too slowly.
+  std::int64_t dropped_bytes = 0;
+  std::int64_t hidden_lines = 0;  ///< lines of its output beyond `most_lines_per_s`
+  bool robot_started = false;     ///< the process has begun to start its robot
+  bool robot_stopped = false;     ///< the `stop` of its robot has returned
 };
 
 /// Options of supervision: callbacks, and waiting times before processes are ended.
@@ -67,14 +71,15 @@ struct SuperviseOptions {
   std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL
   std::chrono::milliseconds interrupt_grace{3000};  ///< from the forwarded SIGINT to SIGTERM
   std::chrono::milliseconds end_together{10000};    ///< from the first clean end to the last
-  int most_lines_per_s = 200;                       ///< of a process, to `on_line`
+  int most_lines_per_s = 200;                       ///< most lines of a process passed to `on_line`
 };
 
 struct Supervision {
-  std::vector<ProcessEnd> ends;        ///< in the order of the processes given
+  std::vector<ProcessEnd> ends;        ///< ends of the processes, in the order given
   std::optional<std::size_t> culprit;  ///< index of the process that ended the run
   bool begun = true;                   ///< tick 0 was reached when the first process ended
-  bool interrupted = false;            ///< by a signal to this process, or by another run's failure
+  /// A signal to this process, or another run's failure, interrupted the run.
+  bool interrupted = false;
   std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
 
   /// Returns true if one of its processes ended the run.
@@ -90,12 +95,12 @@ struct Supervised {
 /// Starts the processes of all runs, and returns when all have ended. Each process has a process
 /// group of its own, so Ctrl-C reaches this process alone. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
 /// SIGPIPE are passed on once, as SIGINT, also to processes already sent SIGTERM. A second signal
-/// kills the processes. If this process dies, its children get SIGTERM.
+/// kills the processes. If this process ends, its children get SIGTERM.
 ///
-/// When one process fails, the others of its run get `grace` to end by themselves, then SIGTERM,
-/// then SIGKILL. The other runs are interrupted at once. A process whose robot is started and not
-/// stopped gets SIGKILL only after a third signal of the user. Until then a line in each second
-/// names the emergency stop.
+/// When one process fails, the others of its run get the time `grace` to end by themselves, then
+/// SIGTERM, then SIGKILL. The other runs are interrupted at once. A process whose robot is started
+/// and not stopped gets SIGKILL only after a third signal of the user. Until then a line in each
+/// second names the emergency stop.
 /// @return in the order of the runs
 /// @throw base::Failure(bad_usage) naming the program that cannot be started; programs started
 /// before it have then been killed.

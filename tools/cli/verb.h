@@ -21,12 +21,12 @@ struct Scenario;
 
 namespace tachless::cli {
 
-/// One verb of the command. A new verb needs a line in verbs.inc and, in a file in verb/, a `const
-/// Verb` whose name is the verb's name followed by `_verb`.
+/// One verb of the command. A new verb needs a line in verbs.inc. It also needs a `const Verb` in a
+/// file in verb/, with the verb's name followed by `_verb`.
 struct Verb {
   using Action = std::function<base::ExitCode()>;
 
-  std::string_view name;      ///< as typed
+  std::string_view name;      ///< name as typed
   std::string_view does;      ///< one line
   std::string_view examples;  ///< lines, shown at the end of its --help
   /// Declares the verb's options on `command`. Returns the action that runs the verb.
@@ -63,7 +63,7 @@ bool is_yaml(const std::filesystem::path& file);
 
 inline constexpr std::string_view write_remedy = "name another file with --write";
 /// Refuse an output file that cannot be written, before the work begins. The first function also
-/// refuses a name that is no scenario's.
+/// refuses a name that does not end as a scenario's name does.
 void require_scenario_writable(const std::filesystem::path& file, bool force);
 void require_writable(const std::filesystem::path& file, bool force);
 /// Makes a scenario's name from its file's name: replaces each forbidden character by _.

@@ -50,7 +50,7 @@ struct Commissioned {
 
   std::vector<Joint> joints;
   std::optional<bool> adds_gravity, adds_friction;
-  std::optional<int> delay;  ///< from reading to torque [ticks]
+  std::optional<int> delay;  ///< delay from reading to torque [ticks]
   std::optional<Unsent> unsent;
   std::string unsent_text;  ///< why the run ended when no torque was sent
   double delay_spread = 0;  ///< between the joints [ticks]

@@ -16,8 +16,8 @@ namespace tachless::commission {
 
 using scenario::Scenario;
 
-/// Returns the speed that no joint of an unknown arm may exceed: a tenth of its limit, or 0.1 where
-/// the URDF has no limit [rad/s; m/s].
+/// Returns the largest speed allowed to each joint of an unknown arm [rad/s; m/s]. It is a tenth of
+/// the joint's limit, or 0.1 if the URDF has no limit.
 inline Vector careful_speed(const robot::Model& model) {
   return model.velocity_limit.unaryExpr(
       [](double limit) { return 0.1 * (std::isfinite(limit) ? limit : 1.0); });

@@ -20,8 +20,8 @@ namespace tachless::live {
 
 /// One field of a message, named as in its .lcm file.
 struct MessageField {
-  std::string name;       ///< with the row, "value[0]", of a law's signals
-  std::string_view unit;  ///< of revolute joints; empty when there is none
+  std::string name;       ///< name; for a law's signals with the row: "value[0]"
+  std::string_view unit;  ///< unit for revolute joints; empty: no unit
   nlohmann::ordered_json value;
 };
 
@@ -29,7 +29,7 @@ struct MessageField {
 struct Glance {
   std::string_view type;  ///< "tachless.tick_t"; empty: unknown type, and nothing else is known
   messages::Rejection rejection = messages::Rejection::none;
-  messages::Stamp stamp;       ///< when not rejected
+  messages::Stamp stamp;       ///< stamp, if the message is not rejected
   bool tagged = false;         ///< has a tag of a key, which is not verified
   bool once_per_tick = false;  ///< the type is sent for every tick of a run
 };

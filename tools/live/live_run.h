@@ -37,7 +37,7 @@ class LiveRun {
  private:
   struct Run;
   std::unique_ptr<Run> run_;
-  std::int64_t next_read_ns_ = 0;  ///< when the next RUN_INFO may be read
+  std::int64_t next_read_ns_ = 0;  ///< time at which the next RUN_INFO may be read
 };
 
 }  // namespace tachless::live

@@ -30,7 +30,7 @@ class LiveServer {
   static constexpr std::size_t longest_request = 8192;  ///< bytes of the request line and headers
   static constexpr std::chrono::seconds longest_answering{10};  ///< longest time to send an answer
   static constexpr std::size_t kept_stretches = 2400;  ///< one minute with 40 stretches per second
-  static constexpr std::size_t kept_bytes = 48'000'000;  ///< of the stretches of all robots
+  static constexpr std::size_t kept_bytes = 48'000'000;  ///< bytes of the stretches of all robots
 
   /// Listens on `port`; 0 takes any free port.
   /// @param longest_asking longest time in which a request has to arrive completely
@@ -60,14 +60,14 @@ class LiveServer {
   };
   struct Connection {
     base::FileDescriptor socket;
-    base::Clock::time_point deadline;  ///< for the next progress
+    base::Clock::time_point deadline;  ///< deadline for the next progress
     std::string request;               ///< received part
     Text answer;                       ///< text being sent
     std::size_t sent = 0;              ///< bytes of `answer`
     Text body;                         ///< follows `answer`
     bool answering = false;
     bool streams = false;
-    std::string robot;      ///< of a stream
+    std::string robot;      ///< robot of a stream
     std::int64_t next = 0;  ///< number of the next stretch to send
   };
 
@@ -81,7 +81,7 @@ class LiveServer {
 
   std::chrono::milliseconds longest_asking_;
   std::map<std::string, Robot> robots_;
-  std::size_t bytes_ = 0;  ///< of all stretches
+  std::size_t bytes_ = 0;  ///< bytes of all stretches
   base::FileDescriptor listening_;
   int port_ = 0;
   std::list<Connection> connections_;

@@ -18,8 +18,8 @@ namespace tachless::live {
 void drain(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take);
 
 /// Calls `take` with each message that comes until `end` or an interruption. It does not wait on
-/// the socket, because that makes senders slower: they pay for the wake-up. It sleeps for a
-/// millisecond, which the socket's buffer holds, and then takes all messages.
+/// the socket, because a wake-up costs the senders time. It sleeps for a millisecond, while the
+/// socket's buffer holds the messages, and then takes all of them.
 void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
             base::Clock::time_point end, const std::atomic<bool>& interrupted);
 

@@ -43,7 +43,7 @@ enum class Marker { none, dot, ring, cross, square };
 
 /// A curve of a chart, with its style.
 struct Curve {
-  Label label;  ///< label in the key; empty: no entry
+  Label label;  ///< label in the legend; empty: no entry
   std::vector<study::Point> points;
   std::string colour;            ///< "#0072B2"
   double width = 1.4;            ///< line width [px]; 0: no line
@@ -82,7 +82,7 @@ struct ColourScale {
 struct Chart {
   std::string name;     ///< anchor in a page; letters, digits and -
   std::string caption;  ///< alternative text (screen readers)
-  std::string heading;  ///< text above it, "Joint 1 · shoulder"
+  std::string heading;  ///< text above the chart, "Joint 1 · shoulder"
   Label x_label = words("time", "s");
   Label y_label = {};
   std::optional<std::pair<double, double>> x_range = {};
@@ -98,7 +98,7 @@ struct Chart {
   std::vector<Cell> cells = {};
   std::optional<ColourScale> scale = {};  ///< scale beside the chart
   std::string note = {};                  ///< text in the upper right corner
-  bool wide = false;                      ///< as wide as a page or figure
+  bool wide = false;                      ///< the chart is as wide as a page or figure
   int height_px = 300;
 };
 

@@ -12,18 +12,19 @@ namespace tachless::report {
 
 /// Contacts of a simulated robot in a run.
 struct Contacts {
-  /// The two geoms that press most, and when.
+  /// The two geoms with the largest contact force, and the time.
   struct Pair {
     double time_s = 0;
     std::string geoms;
     double force = 0;  ///< [N]
   };
 
-  std::string simulator;   ///< its name and version; empty: the log has no contacts
+  std::string simulator;   ///< name and version of the simulator; empty: the log has no contacts
   std::int64_t ticks = 0;  ///< with a contact
   Pair first;
   Pair largest;
-  std::array<bool, max_joints> saturated{};  ///< in a tick with a contact
+  /// The joint was at its limit in a tick with a contact.
+  std::array<bool, max_joints> saturated{};
 
   /// Adds a tick at time `t_s`.
   void add(const messages::TickRecord& record, double t_s);

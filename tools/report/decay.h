@@ -10,7 +10,7 @@ namespace tachless::report {
 /// Approximate bound |x(t)| <= amplitude exp(-rate (t - from_s)) between two instants.
 struct Decay {
   double rate_per_s = 0;
-  double amplitude = 0;  ///< at from_s
+  double amplitude = 0;  ///< bound at `from_s`
   double from_s = 0, to_s = 0;
 };
 

@@ -19,7 +19,8 @@ struct Figure {
   std::vector<Chart> charts;
   std::size_t columns = 1;
   double width_px = 900;
-  bool one_key = false;  ///< the first chart's key serves all, over the whole width
+  /// The legend of the first chart stands for all charts, over the whole width.
+  bool one_key = false;
 };
 
 /// Returns an SVG element for a page, with `caption` as alternative text (screen readers).

@@ -30,12 +30,14 @@ class Html {
   std::string markup_;
 };
 
+/// Returns the markup that `html` puts in the place of a value.
 std::string inserted(const Html& value);
 template <class Value>
 std::string inserted(const Value& value) {
   return Html(fmt::to_string(value)).markup();
 }
 
+/// Type that fmt formats in the place of a value of any type.
 template <class /*Value*/>
 using Inserted = std::string;
 

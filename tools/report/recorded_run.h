@@ -25,13 +25,13 @@ using Stretches = logger::TickRanges<500>;
 /// A signal that the law declares, as the log names it.
 struct LoggedSignal {
   std::string name;
-  std::string unit;     ///< on a revolute joint
-  std::size_t row = 0;  ///< of messages::LawSignals
+  std::string unit;     ///< unit on a revolute joint
+  std::size_t row = 0;  ///< row of messages::LawSignals
   std::vector<study::Envelope> joints;
-  std::vector<double> last;  ///< of each joint, at the end of the log
+  std::vector<double> last;  ///< last value of each joint in the log
 
-  /// Returns whether the values of this joint are those of the first, as those of a load's
-  /// estimate.
+  /// Returns whether the values of this joint equal those of the first joint, for example in the
+  /// estimate of a load.
   [[nodiscard]] bool repeats_first(std::size_t joint) const {
     return unit != "rad/s" && joint > 0 && joints[joint].points() == joints[0].points();
   }
@@ -50,23 +50,23 @@ struct ModelTorque {
 struct RecordedRun : logger::RunDescription {
   std::filesystem::path log;
   std::size_t number = 0;  ///< among the runs of a report
-  std::string label;       ///< in legends
+  std::string label;       ///< label in legends
   robot::JointLabels joints;
   Visuals visuals;  ///< none: the robot is drawn from simple shapes
 
   study::Tracking tracking;
   study::Verdict verdict;
   std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors, at rest
-  std::vector<LoggedSignal> signals;        ///< of the law, except position errors
+  std::vector<LoggedSignal> signals;        ///< signals of the law, except position errors
 
   study::Envelope lyapunov;
   std::string lyapunov_formula;  ///< empty: the law has none here
   std::optional<lyapunov::CertifiedRun> certified;
-  std::optional<double> above_bound_s;  ///< when V first exceeded the certified bound
+  std::optional<double> above_bound_s;  ///< time at which V first exceeded the certified bound
   std::optional<Decay> lyapunov_decay;
 
   std::vector<study::Envelope> disturbance;  ///< per joint [N m]; empty: the scenario has none
-  /// Torques that a real arm told, per joint [N m]; empty: not told.
+  /// Torques that a real arm reported, per joint [N m]; empty: not reported.
   std::vector<study::Envelope> accepted_torque, measured_torque;
   std::vector<ModelTorque> model_torque;  ///< empty: flexible joints, or less than 2 s
   std::vector<Stretches> saturated;       ///< per joint
@@ -108,8 +108,8 @@ using Certify = std::function<std::optional<lyapunov::CertifiedRun>(const scenar
 RecordedRun read_recorded_run(const std::filesystem::path& log,
                               std::optional<std::int64_t> run = {}, const Certify& certify = {});
 
-/// Gives each run its number, and a label that the others do not have: scenario, else law, else
-/// log.
+/// Gives each run its number, and a label that differs from the other labels: scenario, else law,
+/// else log.
 void label(std::vector<RecordedRun>& runs);
 
 }  // namespace tachless::report

@@ -20,13 +20,14 @@ namespace tachless::report {
 /// Everything about a run that is neither in its scenario nor in its signals.
 struct RunFacts {
   std::int64_t run_id = 0;
-  double wall_s = 0;      ///< of the launcher; the plant's own figure is preferred
-  std::string placement;  ///< of the processes on CPUs: "together on CPU 1"
+  double wall_s = 0;      ///< time by the launcher; the plant's own figure is preferred
+  std::string placement;  ///< placement of the processes on CPUs: "together on CPU 1"
   std::string log_path;
   std::int64_t log_ticks = 0;
   std::int64_t log_gaps = 0;
   std::optional<std::string> fault;
-  std::optional<bool> robot_stopped;      ///< by its driver's `stop`; empty: no driver was started
+  /// The `stop` of the robot's driver has returned; empty: no driver was started.
+  std::optional<bool> robot_stopped;
   std::int64_t dropped_output_bytes = 0;  ///< output written faster than it was read
   std::int64_t hidden_output_lines = 0;
 };
@@ -38,14 +39,14 @@ struct RunSummary {
   /// The counters of the processes. A process that was killed has left none.
   std::vector<session::Statistics> statistics;
   study::Verdict verdict = {};
-  certify::Prediction predicted = {};  ///< of the loop, before the run
+  certify::Prediction predicted = {};  ///< prediction of the loop, before the run
   Contacts contacts = {};
 
   /// Returns the time from the start of the run to its end, by the plant's clock if that is known.
   [[nodiscard]] double wall_s() const;
   /// Returns the ticks of the run, by the plant's count if that is known. The log may lack some.
   [[nodiscard]] std::int64_t ticks() const;
-  [[nodiscard]] double duration_s() const;  ///< of the motion
+  [[nodiscard]] double duration_s() const;  ///< duration of the motion
 
   /// Returns the plant's counters; zeros if it has left none.
   [[nodiscard]] session::PlantStatistics plant() const;

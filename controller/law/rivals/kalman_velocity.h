@@ -58,7 +58,7 @@ class KalmanChain {
     }
     gains_.reserve(static_cast<std::size_t>(noise.size()));
     for (Eigen::Index i = 0; i < noise.size(); ++i) {
-      // With time in periods and angles in standard deviations, Q, R and h reduce to one number.
+      // In units of periods and standard deviations, Q, R and h reduce to one number.
       const double h = period_s_;
       const double h_to_2_order_less_1 = order_ == 2 ? h * h * h : h * h * h * h * h;
       const double Q = gains.process_noise[i] * h_to_2_order_less_1 / (noise[i] * noise[i]);

@@ -19,7 +19,7 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
  public:
   static constexpr std::string_view name = "kelly_flexible";
   static constexpr std::array signals{Signal{"error", "rad"},
-                                      Signal{"nu", "rad/s"}};  ///< of the motor
+                                      Signal{"nu", "rad/s"}};  ///< the motor's
   static constexpr std::string_view source =
       "R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible joint robots "
       "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994";

@@ -46,8 +46,8 @@ class LinearAdrc : public RigidLaw<LinearAdrcGains> {
   using Measurement = messages::PositionMeasurement;
   struct Memory {
     Vector z1;  ///< estimate of e [rad]
-    Vector z2;  ///< of its rate [rad/s]
-    Vector z3;  ///< of the other acceleration [rad/s^2]
+    Vector z2;  ///< estimate of the rate of e [rad/s]
+    Vector z3;  ///< estimate of every other acceleration of e [rad/s^2]
     Vector u;   ///< acceleration that the last command asked for beside the feed-forward
 
     static constexpr std::tuple members{&Memory::z1, &Memory::z2, &Memory::z3, &Memory::u};

@@ -17,8 +17,8 @@ struct MotorPdFeedforwardGains {
            "Weight of the motor's velocity error")};
 };
 
-/// Tracking of a robot with flexible joints by a proportional-derivative law of the motors beside a
-/// feed-forward that is a function of the reference alone:
+/// Tracking of a robot with flexible joints by a proportional-derivative law of the motors and a
+/// feed-forward. The feed-forward is a function of the reference alone:
 ///
 ///   theta_ref = q_ref + K^-1 ID(q_ref, v_ref, vdot_ref),
 ///   tau = J thetaddot_ref + K (theta_ref - q_ref) - Kp e2 - Kv e2dot,   e2 = theta - theta_ref.
@@ -29,7 +29,7 @@ class MotorPdFeedforward : public FlexibleLaw<MotorPdFeedforwardGains>, public F
  public:
   static constexpr std::string_view name = "motor_pd_feedforward";
   static constexpr std::array signals{Signal{"error", "rad"},
-                                      Signal{"edot", "rad/s"}};  ///< of the motor
+                                      Signal{"edot", "rad/s"}};  ///< the motor's
   static constexpr std::string_view source =
       "common practice; the idea of a feed-forward of the reference alone is in L. Lanari and J. "
       "T. "

@@ -8,16 +8,17 @@
 
 namespace tachless::messages::truth {
 
-/// Torques that an arm tells.
+/// Kinds of torque that an arm reports.
 enum class Told : std::int8_t { accepted = 1, measured = 2, both = 3 };
 
-/// Torques that a real arm told with its reading at the start of a tick. Only the logger receives
-/// it, in runs with a driver whose arm tells them.
+/// Torques that a real arm reported with its reading at the start of a tick. Only the logger
+/// receives this message, in runs with a driver whose arm reports torques.
 struct ArmTorque {
-  /// Torque that the arm took and that acts, with the torque that it adds itself
-  /// (robot.compensates) [N m; N]; zero if it is not told.
+  /// Torque that the arm accepted and that acts, with the torque that the arm adds itself
+  /// (robot.compensates) [N m; N]; zero: not reported.
   Vector accepted;
-  Vector measured;  ///< by sensors or currents, gravity included [N m; N]; zero if it is not told
+  /// Torque by sensors or currents, gravity included [N m; N]; zero: not reported.
+  Vector measured;
   Told told = Told::both;
 
   using Value = ArmTorque;
@@ -31,7 +32,7 @@ struct ArmTorque {
                          "1 the arm tells the accepted torque, 2 the measured one, 3 both",
                          static_cast<double>(Told::accepted), static_cast<double>(Told::both)}};
 
-  /// Returns true if the arm tells that torque.
+  /// Returns true if the arm reports that torque.
   [[nodiscard]] bool tells(Told one) const {
     return (static_cast<int>(told) & static_cast<int>(one)) != 0;
   }

@@ -7,10 +7,10 @@
 
 namespace tachless::messages::truth {
 
-/// Contact of the simulated robot at the start of a tick: the two geoms that press most. Only the
-/// logger receives it, in runs with plant.mujoco.
+/// Contact of the simulated robot at the start of a tick: the two geoms with the largest contact
+/// force. Only the logger receives this message, in runs with plant.mujoco.
 struct Contact {
-  std::string simulator;  ///< its name and version: "MuJoCo 2.2.2"
+  std::string simulator;  ///< name and version of the simulator: "MuJoCo 2.2.2"
   std::string geoms;      ///< "tip, wall", the robot's first; empty: no contact
   double force = 0;       ///< [N]
 

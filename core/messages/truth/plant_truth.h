@@ -15,8 +15,8 @@ enum class DriveFault : std::int8_t {
 };
 
 /// The plant's exact state at the start of a tick, and the action of its drives over that tick.
-/// Only the logger receives it: no target of controller/ links to this one. On a rigid robot
-/// `theta` and `thetadot` are empty.
+/// Only the logger receives this message: no target of controller/ links to its target. On a rigid
+/// robot `theta` and `thetadot` are empty.
 struct PlantTruth {
   Vector q, v, theta, thetadot;
   Vector tau;

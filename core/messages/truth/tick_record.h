@@ -28,7 +28,7 @@ struct TickRecord {
   std::optional<LawSignals> controller_state;
   std::optional<truth::PlantTruth> truth;
   std::optional<truth::Contact> contact;       ///< only with plant.mujoco
-  std::optional<truth::ArmTorque> arm_torque;  ///< only of a real arm that tells torques
+  std::optional<truth::ArmTorque> arm_torque;  ///< only of a real arm that reports torques
 };
 
 /// Types of the messages in a TickRecord besides the measurement.

@@ -43,14 +43,14 @@ struct Incident {
 
 /// Troubles of an emulated arm.
 struct Trouble {
-  Mode mode = Mode::idle;  ///< at the beginning
+  Mode mode = Mode::idle;  ///< mode at the beginning
   std::uint16_t version = fci::version;
-  double offset_rad = 0;           ///< joint 1 is so far from the scenario's start
-  double friction_Nm = 0;          ///< that the arm's compensation leaves, times tanh(100 dq)
-  double lost_share = 0;           ///< of the commands
+  double offset_rad = 0;   ///< distance of joint 1 from the scenario's start
+  double friction_Nm = 0;  ///< friction that the arm's compensation leaves, times tanh(100 dq)
+  double lost_share = 0;   ///< share of the commands that is lost
   bool refuses_late_stop = false;  ///< StopMove is rejected unless the arm moves
   bool ignores_load = false;       ///< SetLoad is confirmed and has no effect
-  std::string urdf{};              ///< that the arm tells; empty: the scenario's
+  std::string urdf{};              ///< URDF that the arm reports; empty: the scenario's
   std::vector<Incident> incidents{};
 };
 
@@ -65,10 +65,11 @@ enum class Pace {
 
 /// A Franka arm and its control, for one client at a time of the Franka Control Interface on
 /// 127.0.0.1. The arm is the scenario's without gravity and friction, which its control adds,
-/// integrated at 10 kHz. It keeps the arm's rules: torques change by at most 1 N m in a tick; more
-/// than 20 lost commands in a row are a reflex; so are a position beyond the URDF's range, a speed
-/// beyond its limit, which decreases toward the ends of the range, a torque beyond the sensors'
-/// range, and an external torque above the client's thresholds.
+/// integrated at 10 kHz. It keeps the arm's rules. Torques change by at most 1 N m in a tick. More
+/// than 20 lost commands in a row are a reflex. A position beyond the URDF's range is a reflex,
+/// too. The same holds for a speed beyond its limit, which decreases toward the ends of the range.
+/// It also holds for a torque beyond the sensors' range, and for an external torque above the
+/// client's thresholds.
 class EmulatedArm {
  public:
   /// Listens on TCP port 1337.
@@ -117,16 +118,16 @@ class EmulatedArm {
 
   Pace pace_;
   Trouble trouble_;
-  std::string urdf_;     ///< that the arm tells
+  std::string urdf_;     ///< URDF that the arm reports
   robot::Model model_;   ///< without gravity
-  robot::Model weight_;  ///< the same with gravity
+  robot::Model weight_;  ///< model with gravity
   Vector q_, v_, external_;
   base::FileDescriptor listener_, client_, udp_;
-  sockaddr_in client_address_{};  ///< of its UDP port; port 0: not connected
+  sockaddr_in client_address_{};  ///< address of the client's UDP port; port 0: not connected
   State state_;
   Joints thresholds_;
-  std::optional<Command> command_;  ///< that answers the present state
-  Time told_at_;                    ///< when the present state was sent
+  std::optional<Command> command_;  ///< command that answers the present state
+  Time told_at_;                    ///< time at which the present state was sent
   bool told_ = false;               ///< the present state was sent while the arm moves
   std::array<bool, 100> window_{};  ///< true: the command came
   std::uint32_t move_id_ = 0;

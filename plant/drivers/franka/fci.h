@@ -64,13 +64,13 @@ struct State {
   std::uint64_t id = 0;  ///< number of the arm's millisecond
   double end_effector_kg = 0, load_kg = 0;
   Joints tau_J{};           ///< measured, with gravity [N m]
-  Joints tau_J_d{};         ///< torque that the arm took, without gravity [N m]
+  Joints tau_J_d{};         ///< torque that the arm accepted, without gravity [N m]
   Joints q{}, dq{};         ///< [rad; rad/s]
   Joints external{};        ///< filtered external torque [N m]
   bool controlled = false;  ///< a client's torques act
   std::array<bool, num_errors> errors{}, reflex_reason{};
   Mode mode = Mode::idle;
-  double success_rate = 0;  ///< of the last 100 commands
+  double success_rate = 0;  ///< share of the last 100 commands that arrived
 };
 
 using StateBytes = std::array<std::byte, 1377>;
@@ -79,7 +79,7 @@ State decode(const StateBytes& bytes);
 
 /// Torques that answer a state.
 struct Command {
-  std::uint64_t id = 0;  ///< of that state
+  std::uint64_t id = 0;  ///< number of the answered state
   Joints tau{};          ///< without gravity [N m]
   bool finished = false;
 };

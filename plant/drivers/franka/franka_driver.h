@@ -69,24 +69,25 @@ struct Settings {
   [[nodiscard]] std::optional<base::Refusal> refusal() const;
 };
 
-/// Text of the model that an arm tells, as a URDF.
+/// Returns the model that an arm reports, as the text of a URDF.
 /// @throw base::Failure(bad_usage) when the arm cannot be reached
 std::string told_urdf(const std::string& address);
 
 /// A Franka arm by libfranka (docs/drivers/franka.md). The arm is the clock: 1 kHz. Each tick
-/// answers the last state with a torque and waits for the next state. The torque's change is
-/// limited from the torque that the arm says that it took, so that a lost one makes no
+/// answers the last state with a torque and waits for the next state. The change of the torque is
+/// limited from the torque that the arm reports as accepted. A lost torque therefore makes no
 /// discontinuity.
 ///
-/// Four habits of libfranka are avoided. The destructor of its control throws what the arm rejects,
-/// and so ends the process: it is never called. A read by that control, and StopMove, wait for an
-/// answer without an end: states are read by the robot, and StopMove is sent by a thread of its
-/// own. States pile up while nobody reads: an old one is passed over. Connecting sets the priority
-/// 99: the thread's own is restored.
+/// Four properties of libfranka are avoided. The destructor of its control object throws if the arm
+/// rejects its request, which ends the process. The driver never calls this destructor. A read by
+/// the control object and StopMove wait for an answer without a time limit. The driver reads states
+/// by the robot object, and sends StopMove from a thread of its own. States queue while nobody
+/// reads. The driver passes over old states. Connecting sets the thread's priority to 99. The
+/// driver restores the thread's own priority.
 class FrankaDriver final : public plant::ClockDriver {
  public:
-  /// Connects, recovers if plant.driver.recover is set, and compares the joints' limits with those
-  /// that the arm tells.
+  /// Connects, recovers if plant.driver.recover is set, and compares the joints' limits with the
+  /// limits that the arm reports.
   /// @throw base::Failure(bad_usage) naming address, cause and remedy
   explicit FrankaDriver(const scenario::Scenario& scenario);
   FrankaDriver(const FrankaDriver&) = delete;
@@ -121,10 +122,10 @@ class FrankaDriver final : public plant::ClockDriver {
   franka::RobotState now_;
   base::Clock::time_point read_at_;
   bool running_ = false;  ///< the arm takes torques
-  bool lost_ = false;     ///< the connection
-  int unmoved_ = 0;       ///< states since the start before the first one that moves
+  bool lost_ = false;     ///< the connection is lost
+  int unmoved_ = 0;  ///< number of states from the start to the first state in which the arm moves
   bool moved_ = false;
-  std::int64_t ticks_ = 0, limited_ = 0;  ///< in motion
+  std::int64_t ticks_ = 0, limited_ = 0;  ///< ticks in motion; ticks with a limited torque
   double rate_sum_ = 0, lowest_rate_ = 1, last_rate_ = 1;
   session::LatencyHistogram answers_;
 };

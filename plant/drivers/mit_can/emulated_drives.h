@@ -21,12 +21,13 @@ namespace tachless::mit_can {
 struct Trouble {
   double lost_share = 0;  ///< share of all frames, in both directions, that is lost
   std::uint64_t seed = 1;
-  int motor = -1;                 ///< index of the motor with a trouble of its own; -1: none
-  std::int64_t after = 0;         ///< commands that the motor takes before its trouble
-  bool silent = false;            ///< the motor stops answering
-  int fault = 0;                  ///< fault code with which the motor stops; 0: none
-  bool bus_closes = false;        ///< the bus ends
-  double torque_range_scale = 1;  ///< of the motor's register, against the scenario
+  int motor = -1;           ///< index of the motor with a trouble of its own; -1: none
+  std::int64_t after = 0;   ///< commands that the motor takes before its trouble
+  bool silent = false;      ///< the motor stops answering
+  int fault = 0;            ///< fault code with which the motor stops; 0: none
+  bool bus_closes = false;  ///< the bus ends
+  /// Torque range in the motor's register over that of the scenario.
+  double torque_range_scale = 1;
 };
 
 /// Drives and arm of a scenario on an emulated bus, `plant.driver.bus: unix:PATH`. The arm is the
@@ -51,7 +52,8 @@ class EmulatedDrives {
   /// Returns the number of watchdogs that have stopped a drive.
   [[nodiscard]] int watchdogs() const { return watchdogs_; }
   [[nodiscard]] bool any_enabled() const;
-  [[nodiscard]] const Vector& positions() const { return q_; }  ///< in the URDF's axes [rad]
+  /// Positions about the URDF's axes [rad].
+  [[nodiscard]] const Vector& positions() const { return q_; }
 
  private:
   struct Motor {
@@ -67,7 +69,7 @@ class EmulatedDrives {
   struct Due {
     double at_s = 0;
     Frame frame;
-    bool command = false;  ///< on its way to the drives
+    bool command = false;  ///< the frame goes to the drives
   };
 
   [[nodiscard]] double now_s() const;

@@ -143,7 +143,7 @@ class MitDriver final : public plant::DriveLoopDriver {
   CanBus bus_;
   std::vector<Motor> motors_;
   std::chrono::nanoseconds wait_;
-  bool expecting_ = false;  ///< something that drives answer was sent since the last `read`
+  bool expecting_ = false;  ///< a frame that drives answer was sent since the last `read`
   bool started_ = false, stopped_ = false;
   std::int64_t expected_ = 0, unsent_ = 0;
 };

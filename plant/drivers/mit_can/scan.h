@@ -8,7 +8,7 @@ namespace tachless::mit_can {
 
 struct ScanRange {
   int last_damiao = 63, last_robstride = 127;  ///< identifiers, from 1
-  std::chrono::milliseconds answer_time{3};    ///< for each
+  std::chrono::milliseconds answer_time{3};    ///< longest time for each answer
 };
 
 /// Prints a line for each drive that answers on the bus: family, identifiers, state, and a Damiao's

@@ -63,8 +63,8 @@ struct Settings {
 };
 
 /// An arm of Universal Robots by the maker's client library (docs/drivers/ur.md). The arm is the
-/// clock: 500 Hz. Torques go by `direct_torque`, to which the arm adds gravity. The arm's own
-/// compensation of friction is set to zero, because it is in no model.
+/// clock: 500 Hz. The driver sends torques by `direct_torque`, and the arm adds gravity to them.
+/// The driver sets the arm's own compensation of friction to zero, because no model contains it.
 class UrDriver final : public plant::ClockDriver {
  public:
   /// Connects, checks the arm's version, and waits until its program runs.
@@ -74,7 +74,7 @@ class UrDriver final : public plant::ClockDriver {
   UrDriver& operator=(const UrDriver&) = delete;
   ~UrDriver() override = default;
 
-  /// Returns true: the arm tells joint velocities. How it filters them is not published.
+  /// Returns true: the arm reports joint velocities. The maker does not publish their filter.
   [[nodiscard]] bool measures_velocity() const override { return true; }
   void start() override;
   void stop() override;

@@ -95,7 +95,7 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   EXPECT_EQ(tachless({"identify", log, "--validate", other, "--validate", log}).code, 2) << "one";
   const Result fitted = tachless({"identify", log, "--validate", log});
   EXPECT_EQ(fitted.code, 2);
-  EXPECT_THAT(fitted.errors, HasSubstr("is fitted too; allowed: another log"));
+  EXPECT_THAT(fitted.errors, HasSubstr("is one of the fitted logs; allowed: another log"));
   for (const auto& [file, says] :
        {std::pair{"f.urdf", "ends with .yaml"}, {"nowhere/g.yaml", "cannot be written"}}) {
     const Result refused = tachless({"identify", log, "--write", directory_ / file});

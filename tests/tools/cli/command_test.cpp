@@ -204,7 +204,7 @@ TEST_F(Command, AnOptionTakesOneWordAndLeavesTheScenarioToItsArgument) {
   EXPECT_THAT(said("design --stiffness 1,2,3"), HasSubstr("--stiffness has 3 numbers"));
   EXPECT_THAT(said("design --stiffness 1,2,3 --rest-error 1,0.1"),
               HasSubstr("--stiffness has 3 numbers"));
-  EXPECT_THAT(said("design --from 0,0"), HasSubstr("--from: of a URDF; in a scenario set"));
+  EXPECT_THAT(said("design --from 0,0"), HasSubstr("--from: only for a URDF; in a scenario set"));
   EXPECT_THAT(said("compare --margin 0.5 --laws none --noise 1"), HasSubstr("no law \"none\""));
   EXPECT_THAT(said("certify --witness " + (directory_ / "w").string() + " --witness-error 1,2,3"),
               HasSubstr("--witness-error has 3 numbers"));
@@ -349,7 +349,7 @@ TEST_F(Command, RobotShowsWhatIsReadOfAUrdf) {
               HasSubstr("1 joints"));
   const Outcome unread = tachless("robot " + urdf + " --set loop.period_s=1");
   EXPECT_EQ(unread.exit_code, 2);
-  EXPECT_THAT(unread.output, HasSubstr("says nothing of how a URDF is read"));
+  EXPECT_THAT(unread.output, HasSubstr("does not change how a URDF is read"));
   const Outcome wrong = tachless("robot " + urdf + " --position 1");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.output, HasSubstr("1 numbers; the robot has 2 joints: shoulder, elbow"));

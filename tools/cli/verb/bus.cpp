@@ -102,8 +102,8 @@ struct Doctor {
         "with those that its loop tolerates"));
     command
         .add_option("--plant", plant,
-                    "The driver of a real arm, as typed in a shell: that run is a dry run of it, "
-                    "which reads the arm and sends it nothing")
+                    "Driver of a real arm, as typed in a shell: the run is then a dry run, which "
+                    "reads the arm and sends nothing to it")
         ->needs(given);
     command.add_option("--seconds", seconds, "Length of that run")
         ->check(CLI::Range(1.0, 3600.0))
@@ -277,7 +277,7 @@ struct Spy {
           "tachless watch");
     }
     if (const auto problem = bus::check_network(url)) {
-      refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));
+      refuse(fmt::format("{}; to change this, type: {}", problem->what, problem->remedy));
     }
     // Debian's own lcm-spy passes options that its Java refuses, and does not find the chart
     // library.

@@ -63,14 +63,12 @@ struct Certify {
     error->delimiter(',')->check(above_zero)->needs("--witness");
     command.add_flag("--force", force, "Replace the file of --witness if it exists")
         ->needs("--witness");
-    command.add_option(
-        "--controller", law_program,
-        "The law is in this program, as typed in a shell: 'python3 law.py'; its linear model "
-        "comes from its answers to small deviations");
-    command.add_flag(
-        "--full", full,
-        "All numbers in place of five lines, and the searches that take seconds: the nonlinear "
-        "sampled loop, missed ticks in lock-step. With --json too");
+    command.add_option("--controller", law_program,
+                       "Program with the law, as typed in a shell: 'python3 law.py'; the law's "
+                       "answers to small deviations give its linear model");
+    command.add_flag("--full", full,
+                     "All numbers in place of five lines, and the searches that take seconds: the "
+                     "nonlinear sampled loop, missed ticks in lockstep. With --json too");
     command.add_flag(
         "--paper", paper,
         "Also the conditions that Loria and Ortega (1995) print, with their constants");
@@ -82,7 +80,7 @@ struct Certify {
     if (const auto model = mjcf_file(input, overrides)) {
       if (full || paper || !witness.empty() || !law_program.empty()) {
         throw base::bad_usage(
-            "{}: a MuJoCo model; --full, --paper, --witness and --controller are of a scenario",
+            "{}: a MuJoCo model; --full, --paper, --witness and --controller need a scenario",
             input.string());
       }
       return check_mjcf_gains(input, *model, period_s, json);

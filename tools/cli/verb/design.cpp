@@ -55,44 +55,47 @@ struct Design {
     const auto add = [&](const char* name, auto& number, const char* does) {
       return command.add_option(name, number, does)->check(above_zero);
     };
-    add("--bandwidth", goal.bandwidth_hz, "At most [Hz]; default: no bound");
-    add("--settling", goal.settling_s, "To 1 % of an error [s]; default: as fast as possible");
-    add("--stiffness", stiffness, "At least [N m/rad]: one number, or one for each joint")
+    add("--bandwidth", goal.bandwidth_hz, "Largest bandwidth [Hz]; default: no bound");
+    add("--settling", goal.settling_s,
+        "Time in which an error falls to 1 % [s]; default: as short as possible");
+    add("--stiffness", stiffness, "Least stiffness [N m/rad]: one number, or one for each joint")
         ->delimiter(',');
     add("--rest-error", rest_error,
-        "TORQUE,ERROR: what a constant torque [N m] may displace at rest [rad]")
+        "TORQUE,ERROR: largest error at rest [rad] under a constant torque [N m]")
         ->delimiter(',')
         ->expected(2);
     add("--noise", goal.count_Nm, "Largest torque of one encoder count [N m]");
     add("--start-error", goal.start_error,
-        "Initial error [rad] whose torque is to stay within the limit");
+        "Initial error [rad] whose torque has to stay within the limit");
     command.add_option("--margin", goal.modulus, "Least modulus margin; default: 0.5")
         ->check(CLI::Range(0.05, 0.95));
     command.add_option("--uncertain", uncertain,
-                       "The margin holds for each plant of this set: links=20%,rotors=30%,delay=1 "
-                       "(shares of the inertias, further ticks of delay). rotors=0.1/0.02/… is an "
-                       "inertia for each joint [kg m2]");
+                       "Set of plants for which the margin has to hold: "
+                       "links=20%,rotors=30%,delay=1 (shares of the inertias, further ticks of "
+                       "delay). rotors=0.1/0.02/… is an inertia for each joint [kg m2]");
     add("--count-share", goal.count_share,
-        "Largest torque of one encoder count, as a part of the torque limit; default: 0.01");
+        "Largest torque of one encoder count, as a share of the torque limit; default: 0.01");
     add("--period", period_s, "Sampling period [s]; default: the scenario's, 1 ms for a URDF");
     command
-        .add_option("--structure", structure,
-                    "diagonal, matrix or scheduled: the law loria_ortega_rigid, _matrix, with one "
-                    "constant matrix for all postures, or _scheduled, with M(q_ref). auto compares "
-                    "diagonal and scheduled gains. Default: auto for a URDF, else the scenario's "
-                    "law, and diagonal where stiffness of single joints is asked for")
+        .add_option(
+            "--structure", structure,
+            "diagonal: gains of each joint (loria_ortega_rigid). matrix: one constant matrix "
+            "(loria_ortega_matrix). scheduled: gains by M(q_ref) (loria_ortega_scheduled). auto: "
+            "compares diagonal and scheduled. Default: the scenario's law; for a URDF auto, or "
+            "diagonal if --stiffness, --rest-error or --start-error is given")
         ->check(CLI::IsMember({"auto", "diagonal", "matrix", "scheduled"}));
-    command.add_option("--from", from, "Of a URDF: where the motion begins [rad; m], one a joint")
+    command
+        .add_option("--from", from,
+                    "Only for a URDF: start of the motion [rad; m], one number for each joint")
         ->delimiter(',');
     command
         .add_option("--rotors", rotors,
-                    "Of a URDF: typical takes rotor inertias by a rule of thumb, 0.003 s2 times "
-                    "the effort limit; default: none")
+                    "Only for a URDF: typical sets each rotor's inertia to 0.003 s2 times the "
+                    "effort limit, a rule of thumb; default: no rotors")
         ->check(CLI::IsMember({"typical"}));
-    auto* const program = command.add_option(
-        "--controller", law_program,
-        "The law is in this program, as typed in a shell, and takes its gains from the "
-        "scenario's controller.gains, from which the search starts");
+    auto* const program = command.add_option("--controller", law_program,
+                                             "Program with the law, as typed in a shell; the "
+                                             "search starts from the scenario's controller.gains");
     for (const char* of_known_gains : {"--bandwidth", "--stiffness", "--rest-error",
                                        "--start-error", "--structure", "--from", "--rotors"}) {
       program->excludes(of_known_gains);
@@ -124,7 +127,7 @@ struct Design {
     for (const std::string& objection : design.objections) base::log_error(objection);
     const std::string nothing = output.empty() ? "" : "; nothing is written";
     if (!design.objections.empty()) {
-      base::log_error("{}: nobody can use these gains{}: {}", input.string(), nothing,
+      base::log_error("{}: these gains are unusable{}: {}", input.string(), nothing,
                       ways_out(found.scenario));
       return ExitCode::check_said_no;
     }
@@ -255,7 +258,8 @@ struct Design {
 }  // namespace
 
 const Verb design_verb = verb_of<Design>(
-    "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",
+    "design",
+    "Computes gains that keep a stability margin, for a scenario's law or for a URDF alone",
     "  tachless design scenarios/practical_rigid.yaml --settling 0.2\n"
     "  tachless design arm.yaml --controller ./own_law --write tuned.yaml\n"
     "  tachless design robot.urdf --bandwidth 3 --write robot.yaml && tachless run robot.yaml");

@@ -235,7 +235,7 @@ struct Robot {
       }
       if (known) continue;
       throw base::bad_usage(
-          "--set {}: says nothing of how a URDF is read; allowed: robot.xacro, robot.locked, "
+          "--set {}: does not change how a URDF is read; allowed: robot.xacro, robot.locked, "
           "robot.base, robot.check_inertia, or a scenario as FILE",
           each);
     }
@@ -262,13 +262,14 @@ struct Robot {
 }  // namespace
 
 const Verb laws_verb = verb_of<Laws>(
-    "laws", "The control laws in a table; of one its parameters, conditions and source",
+    "laws", "Shows the control laws in a table, or one law's parameters, conditions and source",
     "  tachless laws\n"
     "  tachless laws loria_ortega_rigid\n"
     "  tachless laws --json");
 
 const Verb robot_verb = verb_of<Robot>(
-    "robot", "A URDF as it is read: joints, limits, masses; torques and inertia at a position",
+    "robot",
+    "Shows a URDF as it is read: joints, limits, masses; torques and inertia at a position",
     "  tachless robot robot.urdf\n"
     "  tachless robot ur.urdf.xacro --set robot.xacro.ur_type=ur5e\n"
     "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json");

@@ -173,8 +173,7 @@ struct GainsVerb {
   bool json = false;
 
   void declare(CLI::App& command) {
-    command.add_option("ROBOT", robot, "Name of the robot whose run goes on (robot.name)")
-        ->required();
+    command.add_option("ROBOT", robot, "Name of the robot in the run (robot.name)")->required();
     command
         .add_option("GAIN", changes, "GAIN=VALUE, as in controller.gains: 'kp=[400, 300]', a=200")
         ->required();
@@ -244,7 +243,7 @@ struct GainsVerb {
 }  // namespace
 
 const Verb gains_verb = verb_of<GainsVerb>(
-    "gains", "Changes the law's gains in a run that goes on, if its loop stays stable",
+    "gains", "Changes the law's gains during a run, if the loop stays stable",
     "  tachless run scenarios/practical_rigid.yaml --mode realtime --duration 60 \\\n"
     "      --set controller.gains_may_change=true &\n"
     "  tachless gains arm 'kp=[300, 200]' 'kd=[60, 40]'\n"

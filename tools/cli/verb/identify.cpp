@@ -79,14 +79,14 @@ struct Excite {
     CLI::Option* const chosen = add_unknown(command, unknown, identify::num_motion_kinds);
     command.add_flag("--all", all, "Unknown: rotor, viscous, coulomb and inertia of all links")
         ->excludes(chosen);
-    command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
+    command.add_option("--duration", goal.duration_s, "Duration of the motion [s]; default: 20")
         ->check(CLI::Range(5.0, 60.0));
     command
         .add_option("--reach", goal.reach,
-                    "How far a joint may go from where it begins [rad; m]; default: 0.5")
+                    "Largest distance of a joint from its start [rad; m]; default: 0.5")
         ->check(CLI::Range(0.02, 3.0));
     command.add_option("--floor", goal.floor,
-                       "Height above the base's origin above which links' origins stay [m]");
+                       "Least height of the links' origins above the base's origin [m]");
     command.add_option("--write", output, "The scenario with this motion, as a file")->required();
     command.add_flag("--force", force, "Replace that file if it exists");
     add_quiet(command, quiet);
@@ -200,7 +200,7 @@ struct Identify {
       recordings.back().loaded = loaded;
       std::error_code error;  // a file may have several names
       if (!other || !fs::equivalent(other->source, recordings.back().source, error)) continue;
-      throw base::bad_usage("--validate {}: is fitted too; allowed: another log",
+      throw base::bad_usage("--validate {}: is one of the fitted logs; allowed: another log",
                             validate.string());
     }
     const scenario::Scenario& scenario = recordings.front().scenario;
@@ -276,12 +276,12 @@ struct Identify {
 }  // namespace
 
 const Verb excite_verb = verb_of<Excite>(
-    "excite", "A motion that shows a robot's rotor inertia and friction, for identify",
+    "excite", "Designs a motion from which identify finds a robot's rotor inertia and friction",
     "  tachless excite arm.yaml --write move.yaml && tachless run move.yaml --out out/move\n"
     "  tachless identify out/move --write known.yaml");
 
 const Verb identify_verb = verb_of<Identify>(
-    "identify", "Rotor inertia, friction and payload from logs of a robot's own runs",
+    "identify", "Estimates rotor inertia, friction and payload from logs of a robot's own runs",
     "  tachless identify out/arm\n"
     "  tachless identify out/arm --unknown rotor,viscous,coulomb,payload --validate out/other "
     "--write known.yaml && tachless design known.yaml");

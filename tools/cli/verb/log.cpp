@@ -45,7 +45,7 @@ void add_logs(CLI::App& command, Logs& logs, const std::string& does) {
 /// @param where "the log holds"
 void add_run_id(CLI::App& command, std::optional<std::int64_t>& run_id, const std::string& where) {
   session::as_run_id(
-      command.add_option("--run-id", run_id, fmt::format("Which run, where {} several", where)));
+      command.add_option("--run-id", run_id, fmt::format("Id of the run, if {} several", where)));
 }
 
 void require_other(const fs::path& output, const fs::path& log) {
@@ -155,11 +155,12 @@ struct Replay {
     auto* of_name = command.add_option("--law", law, "Computes the commands of this law instead");
     command
         .add_option("--controller", law_program,
-                    "The recorded law, or one in its place, is in this program, as typed in a "
-                    "shell; it is given the recorded measurements and references")
+                    "Program with the recorded law or with another law, as typed in a shell; the "
+                    "law gets the recorded measurements and references")
         ->excludes(of_name);
-    session::add_overrides(command, overrides,
-                           "key.path=value: computes the commands with it. May be repeated");
+    session::add_overrides(
+        command, overrides,
+        "key.path=value: computes the commands with this value. May be repeated");
     command.add_option("--out", out,
                        "With --law or --set: where replay.csv goes; default: beside the log");
     add_json(command, json);
@@ -253,19 +254,19 @@ struct Replay {
 
 }  // namespace
 
-const Verb info_verb =
-    verb_of<Info>("info", "The contents of a log: channels, rates, the run's facts, gaps, damage",
-                  "  tachless info out/paper_rigid\n"
-                  "  tachless info lcmlog-2024-05-01.00 --json");
+const Verb info_verb = verb_of<Info>(
+    "info", "Shows the contents of a log: channels, rates, the run's facts, gaps, damage",
+    "  tachless info out/paper_rigid\n"
+    "  tachless info lcmlog-2024-05-01.00 --json");
 
-const Verb export_verb =
-    verb_of<Export>("export", "A run for other programs: as a table, one row per tick, or as MCAP",
-                    "  tachless export out/paper_rigid -o run.csv\n"
-                    "  tachless export out/paper_rigid -o run.mcap\n"
-                    "  tachless export out/paper_rigid -o - | cut -d, -f 2-4");
+const Verb export_verb = verb_of<Export>(
+    "export", "Writes a run for other programs: as a table, one row per tick, or as MCAP",
+    "  tachless export out/paper_rigid -o run.csv\n"
+    "  tachless export out/paper_rigid -o run.mcap\n"
+    "  tachless export out/paper_rigid -o - | cut -d, -f 2-4");
 
 const Verb report_verb = verb_of<Report>(
-    "report", "One HTML page with plots and the moving robot; several logs are overlaid",
+    "report", "Makes an HTML page with plots and the moving robot; several logs are overlaid",
     "  tachless report out/paper_rigid\n"
     "  tachless report out/a out/b -o compare.html");
 

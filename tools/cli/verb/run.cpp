@@ -16,26 +16,26 @@ struct Run : RunOptions {
   void declare(CLI::App& command) {
     session::with_installed_scenarios(
         command.add_option("SCENARIO", scenarios,
-                           "The experiment, a YAML file; several: a robot each, on one bus, and "
-                           "every option is for all"))
+                           "The experiment, a YAML file; several files: one robot each, on one "
+                           "bus, and each option holds for all"))
         ->required();
     session::add_overrides(command, overrides);
     command.add_option(
         "--out", out,
         "Folder of log, summary and figure; default: out/NAME/DATE-TIME, with the link "
-        "out/NAME/latest; of several robots each into a folder there with its name");
+        "out/NAME/latest; with several robots, each has a folder in it with the robot's name");
     session::as_run_id(command.add_option(
         "--run-id", run_id, "Positive number in every message of the run; default: the time"));
     command
         .add_option("--mode", mode,
-                    "lockstep: simulation time, as fast as it goes; realtime: the wall clock")
+                    "lockstep: simulation time, as fast as possible; realtime: the wall clock")
         ->check(CLI::IsMember({"lockstep", "realtime"}));
     command.add_option("--duration", duration_s, "Length of the run [s]");
     session::add_lcm_url(command, lcm_url);
     session::add_key_file(command, key_file);
     command.add_option("--controller", law_program,
                        "The controller is this program, as typed in a shell: 'python3 law.py'; its "
-                       "law is fed with what the scenario's would be");
+                       "law gets the measurement of the scenario's law");
     auto* driver = command.add_option(
         "--plant", plant_program,
         "The plant is this program, as typed in a shell: a robot's driver, or in "
@@ -46,14 +46,14 @@ struct Run : RunOptions {
         ->needs(driver);
     command
         .add_flag("--ramp", ramp,
-                  "First bring --plant's robot slowly from where it stands to where the scenario "
-                  "begins, under the scenario's law")
+                  "First bring the robot of --plant slowly from its present position to the "
+                  "scenario's start, under the scenario's law")
         ->needs(driver)
         ->excludes(command.get_option("--dry-run"));
     command
         .add_option("--placement", placement,
-                    "On which CPUs: auto (lock-step: plant, controller and reference on one), or "
-                    "none (the kernel's choice)")
+                    "Placement on CPUs: auto (lockstep: plant, controller and reference on one "
+                    "CPU) or none (the kernel chooses)")
         ->capture_default_str();
     command.add_flag(
         "--any-outcome", any_outcome,
@@ -62,8 +62,7 @@ struct Run : RunOptions {
     command.add_flag("--overwrite", overwrite, "Replace the results of an earlier run in --out");
     command.add_flag("--isolate", isolate,
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
-    command.add_flag("--watch", watch,
-                     "Show the run in a browser on this computer while it goes on");
+    command.add_flag("--watch", watch, "Show the run in a browser on this computer while it lasts");
     command
         .add_flag_callback("--realtime",
                            [] { throw base::bad_usage("--realtime: type --mode realtime"); })

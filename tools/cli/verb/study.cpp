@@ -81,8 +81,8 @@ struct Sweep {
         ->required();
     command.add_option(
         "--vary", vary,
-        "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. "
-        "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone");
+        "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. KEY*= "
+        "multiplies the scenario's value, KEY[0]= sets the first joint's alone");
     session::add_overrides(command, overrides, "key.path=value; may be repeated");
     command
         .add_option("--random", random, "Number of runs with values drawn from KEY=from:to[:log]")
@@ -102,11 +102,12 @@ struct Sweep {
         ->check(CLI::Range(1, 4096));
     auto* part = command.add_option(
         "--shard", shard, "Only part I of N, as I/N: for job schedulers; --merge joins the parts");
-    auto* tasks = command.add_option(
-        "--slurm", slurm,
-        "Submit it to Slurm as an array of that many tasks, with a last one that merges");
+    auto* tasks = command.add_option("--slurm", slurm,
+                                     "Submit the sweep to Slurm as an array of this number of "
+                                     "tasks, and a last task that merges");
     tasks->check(CLI::Range(1, 100000))->excludes(part);
-    auto* only_merge = command.add_flag("--merge", merge, "Check that all is there, and write it");
+    auto* only_merge = command.add_flag("--merge", merge,
+                                        "Check that all runs are finished, and write the results");
     only_merge->excludes(part)->excludes(tasks);
     auto* count =
         command.add_flag("--status", status, "Print how many runs of each part are finished");
@@ -122,18 +123,17 @@ struct Sweep {
     session::with_installed_scenarios(session::add_scenario(command, input, overrides));
     command
         .add_option("--laws", laws,
-                    "Names, with commas between; default: all, every law for these joints")
+                    "Names of laws, separated by commas; default: all, every law for these joints")
         ->delimiter(',');
     auto* bandwidth = add_bandwidth(command);
-    auto* modulus = command.add_option(
-        "--margin", margin,
-        "In its place: each law by design, with this modulus margin; without those "
-        "for which design has no gains");
+    auto* modulus =
+        command.add_option("--margin", margin,
+                           "Instead of --bandwidth: gains of each law by design, with this modulus "
+                           "margin. A law for which design finds no gains is left out");
     modulus->check(CLI::Range(0.05, 0.95))->excludes(bandwidth);
-    auto* noise = command.add_option(
-        "--noise", noise_Nm,
-        "Largest torque of one encoder count [N m], with commas between: each law is "
-        "designed for each");
+    auto* noise = command.add_option("--noise", noise_Nm,
+                                     "Largest torques of one encoder count [N m], separated by "
+                                     "commas: each law is designed for each of them");
     noise->delimiter(',')->check(above_zero)->needs(modulus);
     command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
     add_json(command, json);
@@ -158,7 +158,7 @@ struct Sweep {
   CLI::Option* add_bandwidth(CLI::App& command) {
     return command
         .add_option("--bandwidth", bandwidth_hz,
-                    "To which each law of --laws is tuned [Hz]; default: 5")
+                    "Bandwidth to which each law of --laws is tuned [Hz]; default: 5")
         ->check(CLI::Range(1e-3, 1e5));  // beyond it a gain is 0 or infinite
   }
 
@@ -295,7 +295,8 @@ struct Compare : Sweep {
 }  // namespace
 
 const Verb compare_verb = verb_of<Compare>(
-    "compare", "Run a scenario under several laws, tuned alike: sweep --laws without --vary",
+    "compare",
+    "Run a scenario under several laws, tuned to one bandwidth: sweep --laws without --vary",
     "  tachless compare scenarios/practical_rigid.yaml\n"
     "  tachless compare scenarios/practical_rigid.yaml --laws loria_ortega_rigid,wen_bayard "
     "--bandwidth 8 --set plant.encoder.resolution_bits=16");
