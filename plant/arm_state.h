@@ -40,6 +40,5 @@ struct ArmState {
   /// the arm does not report it. The torque has the driver's signs.
   Vector measured{};
 };
-};
 
 }  // namespace tachless::plant

@@ -23,30 +23,19 @@ double common_frequency(double a, double b) {
 
 }  // namespace
 
-std::vector<trajectory::Sine> sines_of(const Spec& spec) {
-  if (const auto* sum = std::get_if<trajectory::MultiSine>(&spec)) return sum->terms;
-  const trajectory::Sine* one = std::get_if<trajectory::Sinusoid>(&spec);
-  return one == nullptr ? std::vector<trajectory::Sine>() : std::vector{*one};
-}
-
 Motion::Motion(const scenario::Scenario& scenario, const Trajectory& trajectory) {
   const double run_s = scenario.loop.duration_s;
   double fastest_hz = 0, common_hz = 0;
-  for (const trajectory::Sine& sine : sines_of(scenario.reference)) {
+  const trajectory::Composition parts = composition_of(scenario.reference);
+  for (const trajectory::Sine& sine : parts.sines) {
     for (Eigen::Index i = 0; i < sine.amplitude_rad.size(); ++i) {
       if (sine.amplitude_rad[i] == 0 || sine.frequency_hz[i] == 0) continue;
       fastest_hz = std::max(fastest_hz, sine.frequency_hz[i]);
       common_hz = common_frequency(common_hz, sine.frequency_hz[i]);
     }
   }
+  time_s_ = parts.piece_times_s;
   if (common_hz > 0) time_s_ = {0, 1 / common_hz};
-  if (const auto* move = std::get_if<trajectory::PointToPoint>(&scenario.reference)) {
-    time_s_ = {move->start_s, move->start_s + move->duration_s};
-  } else if (const auto* points = std::get_if<trajectory::Waypoints>(&scenario.reference)) {
-    time_s_ = points->time_s;
-  } else if (const auto* file = std::get_if<trajectory::MotionFile>(&scenario.reference)) {
-    time_s_ = file->motion->time_s();
-  }
   const bool in_run = std::erase_if(time_s_, [&](double t_s) { return t_s >= run_s; }) == 0;
   if (time_s_.empty()) return;
   if (!in_run) time_s_.push_back(run_s);

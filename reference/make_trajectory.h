@@ -41,9 +41,6 @@ class Trajectory {
 /// reference leaves the joint limits of the URDF during the run.
 Trajectory make_trajectory(const scenario::Scenario& scenario);
 
-/// Returns the sinusoids of a reference; empty for a reference of another kind.
-std::vector<trajectory::Sine> sines_of(const Spec& spec);
-
 /// Time interval in which a reference moves within its run [s], with sample times. For sinusoids
 /// the interval is one common period. For other references it lasts from the first motion to the
 /// last, with the pauses between them. A constant reference has an interval of length 0.

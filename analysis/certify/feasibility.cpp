@@ -42,7 +42,8 @@ Pace pace_of(const scenario::Scenario& scenario) {
     if constexpr (requires { kind.terms; }) pace.key += ".terms";
   };
   std::visit(look_at, scenario.reference);
-  for (const auto& sine : reference::sines_of(scenario.reference)) {
+  const reference::trajectory::Composition parts = reference::composition_of(scenario.reference);
+  for (const auto& sine : parts.sines) {
     pace.question = "frequencies are in Hz, was rad/s given?";
     if (!pace.frequency_hz) pace.frequency_hz = Vector::Zero(scenario.num_joints);
     const Vector moving = (sine.amplitude_rad.array() == 0).select(0.0, sine.frequency_hz);

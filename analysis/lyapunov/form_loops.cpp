@@ -135,7 +135,7 @@ struct Bounds {
 /// Returns the bounds for a constant reference and for sums of sines; nothing where they are not
 /// known at every posture and instant.
 std::optional<Bounds> bounds_of(const scenario::Scenario& scenario, const robot::Model& links) {
-  if (reference::sines_of(scenario.reference).empty()) {
+  if (reference::composition_of(scenario.reference).sines.empty()) {
     const reference::Trajectory trajectory = reference::make_trajectory(scenario);
     if (reference::Motion(scenario, trajectory).moves()) return {};
   }

@@ -22,7 +22,7 @@ using namespace controller::law;
 
 /// Returns whether the reference ends at rest. Sums of sines do not.
 bool comes_to_rest(const scenario::Scenario& scenario) {
-  return reference::sines_of(scenario.reference).empty();
+  return reference::composition_of(scenario.reference).sines.empty();
 }
 
 /// Least eigenvalue of D + sym C(q, v_ref), and the joint in which its eigenvector is largest.

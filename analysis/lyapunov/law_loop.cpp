@@ -277,20 +277,6 @@ class PolynomialBound {
   MatrixXd of_values_;
 };
 
-/// Returns the times between which a reference is one polynomial; empty for sinusoids and rest.
-std::vector<double> piece_times(const reference::Spec& spec) {
-  if (const auto* move = std::get_if<reference::trajectory::PointToPoint>(&spec)) {
-    return {move->start_s, move->start_s + move->duration_s};
-  }
-  if (const auto* points = std::get_if<reference::trajectory::Waypoints>(&spec)) {
-    return points->time_s;
-  }
-  if (const auto* file = std::get_if<reference::trajectory::MotionFile>(&spec)) {
-    return file->motion->time_s();
-  }
-  return {};
-}
-
 /// Returns a bound of a derivative of each joint's reference at all times, of a reference made of
 /// polynomials. An inner piece is of degree 5, the first and the last of 7, a single one of 9.
 /// @param order of the derivative
@@ -318,10 +304,11 @@ VectorXd polynomial_bound(const std::vector<double>& time_s,
 MotionBound motion_bound(const scenario::Scenario& scenario) {
   using messages::ReferencePoint;
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  const std::vector<double> time_s = piece_times(scenario.reference);
+  const reference::trajectory::Composition parts = reference::composition_of(scenario.reference);
   const auto bound = [&](int order, Vector ReferencePoint::*derivative) {
-    VectorXd sum = polynomial_bound(time_s, trajectory, scenario.num_joints, order, derivative);
-    for (const auto& sine : reference::sines_of(scenario.reference)) {
+    VectorXd sum =
+        polynomial_bound(parts.piece_times_s, trajectory, scenario.num_joints, order, derivative);
+    for (const auto& sine : parts.sines) {
       const VectorXd w = 2 * std::numbers::pi * sine.frequency_hz;
       sum.array() += sine.amplitude_rad.array().abs() * w.array().pow(order);
     }

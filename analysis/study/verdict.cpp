@@ -339,12 +339,12 @@ std::string held_text(const Verdict& verdict, std::string_view length, std::stri
 
 /// Returns the period in which sinusoids of these frequencies repeat, if all are multiples of the
 /// lowest; else 0.
-double common_period_s(const std::vector<const reference::trajectory::Sine*>& sines) {
+double common_period_s(const std::vector<reference::trajectory::Sine>& sines) {
   std::vector<double> all;
-  for (const auto* sine : sines) {
-    for (Eigen::Index i = 0; i < sine->frequency_hz.size(); ++i) {
-      if (sine->amplitude_rad[i] != 0 && sine->frequency_hz[i] > 0) {
-        all.push_back(sine->frequency_hz[i]);
+  for (const auto& sine : sines) {
+    for (Eigen::Index i = 0; i < sine.frequency_hz.size(); ++i) {
+      if (sine.amplitude_rad[i] != 0 && sine.frequency_hz[i] > 0) {
+        all.push_back(sine.frequency_hz[i]);
       }
     }
   }
@@ -354,18 +354,6 @@ double common_period_s(const std::vector<const reference::trajectory::Sine*>& si
     return std::abs(f / lowest - std::round(f / lowest)) < 1e-9;  // decimals' rounding
   };
   return std::ranges::all_of(all, multiple) ? 1 / lowest : 0;
-}
-
-double period_s(const reference::Spec& reference) {
-  using reference::trajectory::MultiSine;
-  std::vector<const reference::trajectory::Sine*> sines;
-  if (const auto* one = std::get_if<reference::trajectory::Sinusoid>(&reference)) {
-    sines.push_back(one);
-  }
-  if (const auto* many = std::get_if<MultiSine>(&reference)) {
-    for (const auto& term : many->terms) sines.push_back(&term);
-  }
-  return common_period_s(sines);
 }
 
 /// Returns true if a disturbance begins, ends or swings between the two times.
@@ -422,7 +410,7 @@ Yardsticks yardsticks(const scenario::Scenario& scenario) {
                           .cwiseMax(scenario.plant.encoder.noise_std_rad);
   result.realtime = scenario.loop.mode == scenario::Mode::realtime;
   result.held = std::holds_alternative<reference::trajectory::Hold>(scenario.reference);
-  result.period_s = period_s(scenario.reference);
+  result.period_s = common_period_s(reference::composition_of(scenario.reference).sines);
   result.disturbed = [all = scenario.plant.disturbances](double from_s, double to_s) {
     return std::ranges::any_of(
         all, [&](const auto& disturbance) { return varies(disturbance, from_s, to_s); });

@@ -4,6 +4,7 @@
 
 #include "base/schema.h"
 #include "messages/signals.h"
+#include "reference/trajectory/composition.h"
 
 namespace tachless::reference::trajectory {
 
@@ -20,6 +21,7 @@ struct Hold {
     const Vector zero = Vector::Zero(position_rad.size());
     return {position_rad, zero, zero, zero, zero};
   }
+  [[nodiscard]] Composition composition() const { return {}; }
 };
 
 }  // namespace tachless::reference::trajectory

@@ -5,6 +5,7 @@
 
 #include "base/schema.h"
 #include "messages/signals.h"
+#include "reference/trajectory/composition.h"
 
 namespace tachless::reference::trajectory {
 
@@ -35,6 +36,7 @@ struct PointToPoint {
 
   /// Returns position to snap at t [s], each in closed form.
   [[nodiscard]] messages::ReferencePoint at(double t_s) const;
+  [[nodiscard]] Composition composition() const { return {{start_s, start_s + duration_s}, {}}; }
 
  private:
   /// Returns p(s) for s <= 1/2, for which its terms do not cancel.

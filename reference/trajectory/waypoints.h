@@ -9,6 +9,7 @@
 
 #include "base/schema.h"
 #include "messages/signals.h"
+#include "reference/trajectory/composition.h"
 
 namespace tachless::reference::trajectory {
 
@@ -55,6 +56,7 @@ struct Waypoints {
       base::Key{"position_rad", &Waypoints::position_rad, "rad (m)", "One entry per time"}};
 
   using Shape = WaypointSpline;
+  [[nodiscard]] Composition composition() const { return {time_s, {}}; }
 
   /// Returns the problem if there are too few times or the times do not increase. Also refuses
   /// positions of another number than the times, or of different lengths.
@@ -92,6 +94,11 @@ struct MotionFile {
   /// Returns position to snap at t [s]. Precondition: the file was read (`make_trajectory` checks
   /// it).
   [[nodiscard]] messages::ReferencePoint at(double t_s) const { return motion->at(t_s); }
+  /// Returns the table's pieces; none if the file was not read.
+  [[nodiscard]] Composition composition() const {
+    if (motion == nullptr) return {};
+    return {motion->time_s(), {}};
+  }
 };
 
 }  // namespace tachless::reference::trajectory
