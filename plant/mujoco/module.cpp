@@ -36,7 +36,11 @@ ModelPointer load(const std::string& file) {
   mju_user_warning = on_warning;
   char why[1000] = "";
   ModelPointer model(mj_loadXML(file.c_str(), nullptr, why, sizeof why));
-  if (model == nullptr) fail(why);
+  if (model == nullptr) {
+    fail(std::string(why) + "; this is MuJoCo " + mj_versionString() +
+         ": change the model to what it reads, build the module with another MuJoCo, or leave out "
+         "plant.mujoco.model");
+  }
   return model;
 }
 
