@@ -76,8 +76,9 @@ set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "control laws and robot drivers for tac
 Headers, static libraries and CMake files, for controllers and drivers of
 real robots in the place of those of tachless; with an example of each.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION}), libeigen3-dev, libfmt-dev, \
-libspdlog-dev, libyaml-cpp-dev, nlohmann-json3-dev, libtinyxml2-dev, libsimbody-dev, libsodium-dev, libnlopt-dev, \
-coinor-libclp-dev")
+libspdlog-dev, libyaml-cpp-dev, nlohmann-json3-dev, libtinyxml2-dev, libsodium-dev, libnlopt-dev, coinor-libclp-dev")
+# A law in a loop of the user's own does without.
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_RECOMMENDS "libsimbody-dev")
 # These serve examples/iiwa.
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "liblcm-dev, liblcm-bin")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tachless)

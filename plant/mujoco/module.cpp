@@ -36,7 +36,13 @@ ModelPointer load(const std::string& file) {
   mju_user_warning = on_warning;
   char why[1000] = "";
   ModelPointer model(mj_loadXML(file.c_str(), nullptr, why, sizeof why));
-  if (model == nullptr) fail(why);
+  if (model == nullptr) {
+    std::string text = why;
+    text.erase(text.find_last_not_of(" \n") + 1);
+    fail(text + "; this is MuJoCo " + mj_versionString() +
+         ": change the model to what it reads, build the module with another MuJoCo, or leave out "
+         "plant.mujoco.model");
+  }
   return model;
 }
 

@@ -103,13 +103,17 @@ TEST_F(MujocoPlant, HasItsContactsInTheLog) {
 TEST_F(MujocoPlant, PushesTheBoxOfTheExample) {
   const auto scenario =
       scenario::load_scenario(TACHLESS_SOURCE_DIR "/examples/mujoco/push_box.yaml");
-  double first_s = 0, largest = 0;
+  double first_s = 0, largest = 0, sliding = 0;
+  int begins = 0;
   ArmState last;
   in_process::run_in_process(scenario, [&](const TickRecord& record) {
+    const bool touched = last.contact && last.contact->force > 0;
     last = record.truth;
     EXPECT_THAT(last.contact->geoms, AnyOf("", "paddle, box"));
     if (last.contact->force > 0 && first_s == 0) first_s = record.time_s;
+    if (last.contact->force > 0 && !touched) ++begins;
     largest = std::max(largest, last.contact->force);
+    if (record.time_s > first_s + 0.15) sliding = std::max(sliding, last.contact->force);
     return true;
   });
   // The paddle meets the box a third of the way on, where the motion is fast.
@@ -117,6 +121,10 @@ TEST_F(MujocoPlant, PushesTheBoxOfTheExample) {
   // Dry friction of half the box's weight has to be overcome.
   EXPECT_GT(largest, 0.5 * 2 * 9.81 * 0.9);
   EXPECT_LT(largest, 1000);
+  // After the impact the box slides on the table: it neither hops nor chatters, and friction of
+  // half its weight is nearly all of the force. The rest accelerates it.
+  EXPECT_EQ(begins, 1);
+  EXPECT_LT(sliding, 1.3 * 0.5 * 2 * 9.81);
   EXPECT_NEAR(last.q[0], 0.5, 0.01);
 }
 

@@ -98,6 +98,9 @@ TEST_F(MujocoPlant, RefusesWhatDoesNotFit) {
         "</mujoco>");
   EXPECT_THAT(refusal({"plant.mujoco.model=other.xml"}), HasSubstr("no joint \"yaw\""));
   EXPECT_THAT(refusal({"plant.mujoco.model=none.xml"}), HasSubstr("none.xml"));
+  write("newer.xml", "<mujoco><option integrator='newest'/></mujoco>");
+  EXPECT_THAT(refusal({"plant.mujoco.model=newer.xml"}),
+              AllOf(HasSubstr("newest"), HasSubstr("; this is MuJoCo "), HasSubstr("leave out")));
   EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml", "plant.mujoco.keyframe=home"}),
               HasSubstr("no keyframe \"home\""));
   EXPECT_THAT(refusal({"plant.mujoco.model=arm.xml", "plant.payload.mass_kg=1"}),

@@ -92,6 +92,10 @@ for header in $documented; do
   # shellcheck disable=SC2086
   c++ -std=c++20 -fsyntax-only -include "tachless/$header" $flags -x c++ /dev/null || fail=1
 done
+for compiler in g++ clang++; do  # this one in C++17 too
+  "$compiler" -std=c++17 -Wall -Wextra -Wpedantic -Werror -fsyntax-only -I "$prefix/include" \
+    -include tachless/own_loop/own_loop.h -x c++ /dev/null || fail=1
+done
 [[ ! -e $prefix/include/tachless/design && ! -e $prefix/include/tachless/cli ]] || fail=1
 
 PKG_CONFIG_PATH=$(dirname "$(find "$prefix" -name tachless.pc)")

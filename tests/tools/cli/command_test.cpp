@@ -169,6 +169,32 @@ TEST_F(Command, DesignReadsABareUrdfAsTheSettingsOfTheRobotSay) {
   EXPECT_EQ(tachless("design " + robot + " --set 'robot.locked={wrist: 0.5}'").exit_code, 2);
 }
 
+TEST_F(Command, DesignOfASceneWritesThatMuJoCoMovesItWhereTheModuleIs) {
+  const std::string file = directory_ / "scene.yaml";
+  const std::string design = binary +
+                             " design " TACHLESS_SOURCE_DIR
+                             "/examples/mujoco/push_box.xml --structure diagonal --force --write " +
+                             file + " 2>&1";
+  const auto written = [&] {
+    std::ifstream in(file);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const Outcome without = shell("TACHLESS_MUJOCO=/none " + design);
+  EXPECT_EQ(without.exit_code, 0) << without.output;
+  EXPECT_THAT(without.output, HasSubstr("no module for MuJoCo (package tachless-mujoco)"));
+  EXPECT_THAT(written(), Not(HasSubstr("mujoco:")));
+  if (!fs::exists(TACHLESS_BINARY_DIR "/lib/tachless/mujoco.so")) {
+    GTEST_SKIP() << "built without MuJoCo";
+  }
+  const Outcome with = shell(design);
+  EXPECT_EQ(with.exit_code, 0) << with.output;
+  EXPECT_THAT(written(), HasSubstr("mujoco:"));
+  const Outcome run =
+      tachless("run --in-process --out " + (directory_ / "out").string() + " " + file);
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("in free motion"));
+}
+
 TEST_F(Command, RefusesWhatItDoesNotKnowInOneLine) {
   for (const std::string& arguments : std::vector<std::string>{
            "fly", "run", "run " + scenario + " --no-such-option", "run " + scenario + " --run-id 0",
