@@ -339,7 +339,7 @@ void GuardedRobot::watch_limits(std::int64_t tick) {
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
     const bool outside = guard_.is_outside(i, state_.q[i]);
-    const bool fast = guard_.is_fast(i, speed_[i]);
+    const bool fast = guard_.is_fast(i, state_.q[i], speed_[i]);
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;
@@ -373,7 +373,7 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
                    "plant.on_limit: warn";
   }
   return (outside ? guard_.range_text(joint, state_.q[joint], tick)
-                  : guard_.speed_text(joint, speed_[joint], tick)) +
+                  : guard_.speed_text(joint, state_.q[joint], speed_[joint], tick)) +
          remedy;
 }
 

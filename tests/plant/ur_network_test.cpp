@@ -9,9 +9,9 @@
 #include <thread>
 #include <vector>
 
+#include "plant/drivers/ur/emulated_controller.h"
 #include "plant/drivers/ur/ur_driver.h"
 #include "tests/plant/failure_of.h"
-#include "tests/plant/ur_controller.h"
 
 namespace tachless::ur {
 namespace {
@@ -52,7 +52,7 @@ class UrNetwork : public testing::Test {
     return failure;
   }
 
-  std::optional<Controller> controller_;
+  std::optional<EmulatedController> controller_;
   std::string stop_;
 };
 

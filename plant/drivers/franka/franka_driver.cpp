@@ -216,10 +216,17 @@ void FrankaDriver::compare_limits(const scenario::Scenario& scenario) const {
                         base::shortest(allowed));
     };
     constexpr double rounding = 1e-4;  // of the numbers in such files
+    constexpr double end_rad = 0.1;
     if (ours.lower[i] < arm.lower[i] - rounding) warn("lower limit", ours.lower[i], arm.lower[i]);
     if (ours.upper[i] > arm.upper[i] + rounding) warn("upper limit", ours.upper[i], arm.upper[i]);
     if (ours.velocity_limit[i] > arm.velocity_limit[i] + rounding) {
       warn("speed limit", ours.velocity_limit[i], arm.velocity_limit[i]);
+    }
+    const double near_end = robot::speed_limit(ours, i, ours.upper[i] - end_rad, 1);
+    const double allowed = robot::speed_limit(arm, i, arm.upper[i] - end_rad, 1);
+    if (near_end > allowed + rounding) {
+      warn("speed limit (position_based_velocity_limits, 0.1 rad before the end of the range)",
+           near_end, allowed);
     }
   }
 }
