@@ -131,9 +131,14 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
   }
   if (driver != nullptr && scenario.robot.compensates.adds_torque()) own_torque_.emplace(scenario);
   const Spec& spec = scenario.plant;
-  if (driver == nullptr && (spec.dry_run || spec.withheld_ticks > 0)) {
-    throw scenario.complaint(spec.dry_run ? "plant.dry_run" : "plant.withheld_ticks",
+  if (const std::string_view key = key_without_torques(spec); driver == nullptr && !key.empty()) {
+    throw scenario.complaint(std::string(key),
                              "given, but the robot is emulated; allowed: with a driver (--plant)");
+  }
+  if (spec.zero_torque && (!scenario.robot.compensates.gravity || drive_loop_)) {
+    throw scenario.complaint("plant.zero_torque",
+                             "true, but the arm would fall; allowed: with robot.compensates: "
+                             "{gravity: true} and without plant.drive.loop");
   }
   stopped_ = spec.dry_run;
   if (drive_loop_) {
@@ -391,8 +396,9 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
 void GuardedRobot::hold_or_rest(std::int64_t tick) {
   const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
   if (stopped_ || withheld(scenario_.plant, tick)) return driver_.rest(end_s);
-  const Vector tau = emulated() ? drive_.applied().tau
-                                : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
+  const Vector tau = scenario_.plant.zero_torque ? Vector(Vector::Zero(model_.num_joints))
+                     : emulated()                ? drive_.applied().tau
+                                  : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
   if (follower_ == nullptr) return driver_.hold(tau, end_s);
   follower_->follow(tau, set_point(tick), end_s);
 }

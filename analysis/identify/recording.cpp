@@ -36,6 +36,26 @@ void begin_as_recorded(Recording& recording) {
   }
 }
 
+/// Returns the torque that the arm told in a tick.
+Vector told_torque(const logger::TickRecord& record, TorqueSource source,
+                   const logger::RunLog& log) {
+  using messages::truth::Told;
+  const Told told = source == TorqueSource::accepted ? Told::accepted : Told::measured;
+  if (!record.arm_torque || !record.arm_torque->tells(told)) {
+    throw bad_usage("{}: holds no torque that the arm {}; allowed: --torque commanded",
+                    log.path().string(),
+                    source == TorqueSource::accepted ? "accepted" : "measured");
+  }
+  return told == Told::accepted ? record.arm_torque->accepted : record.arm_torque->measured;
+}
+
+/// Takes rotors and friction out of the scenario: sensors behind the gears do not see them.
+void leave_links_alone(scenario::Scenario& scenario) {
+  scenario.robot.rigid_rotor_inertia_kgm2.setZero();
+  scenario.plant.drive.viscous_friction_Nms_per_rad.setZero();
+  scenario.plant.drive.coulomb_friction_Nm.setZero();
+}
+
 }  // namespace
 
 Recording with_torques_moved(const Recording& recording, int ticks) {
@@ -70,7 +90,7 @@ Eigen::MatrixXd TickRows::matrix(Eigen::Index columns) const {
   return Eigen::Map<const Rows>(numbers_.data(), std::ssize(numbers_) / columns, columns);
 }
 
-Ticks read_ticks(logger::RunLog& log, bool to_stop) {
+Ticks read_ticks(logger::RunLog& log, bool to_stop, TorqueSource source) {
   const Eigen::Index n = log.scenario().num_joints;
   TickRows q, tau;
   Ticks result;
@@ -86,7 +106,7 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
           log.path().string());
     }
     q.add(positions);
-    tau.add(truth.tau);
+    tau.add(source == TorqueSource::commanded ? truth.tau : told_torque(record, source, log));
     result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
     result.missed += truth.fault == messages::truth::DriveFault::command_missed ? 1 : 0;
   }
@@ -95,18 +115,19 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
   return result;
 }
 
-Recording read_recording(const std::filesystem::path& log) {
+Recording read_recording(const std::filesystem::path& log, TorqueSource source) {
   logger::RunLog run = logger::RunLog::open(log);
   Recording result{log.string(), run.scenario(), {}, {}};
   if (result.scenario.robot.flexible) {
     throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
   }
   const plant::Spec& plant = result.scenario.plant;
-  if (plant.dry_run || plant.withheld_ticks > 0) {
-    throw bad_usage("{}: {}, in which the robot was sent nothing; record a run of it",
-                    result.source, plant.dry_run ? "a dry run" : "a run with plant.withheld_ticks");
+  if (const std::string_view key = plant::key_without_torques(plant); !key.empty()) {
+    throw bad_usage(
+        "{}: a run with {}, in which the robot was sent nothing; record a run without it",
+        result.source, key);
   }
-  Ticks ticks = read_ticks(run);
+  Ticks ticks = read_ticks(run, false, source);
   if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
     throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
                     result.source, gaps, ticks.missed);
@@ -123,7 +144,9 @@ Recording read_recording(const std::filesystem::path& log) {
                     result.source, ticks.saturated, result.num_ticks());
   }
   require_usable(result);
-  begin_as_recorded(result);
+  result.controlled = source == TorqueSource::commanded;
+  if (result.controlled) begin_as_recorded(result);
+  if (source == TorqueSource::behind_gear) leave_links_alone(result.scenario);
   return result;
 }
 

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "logger/run_log.h"
@@ -12,6 +14,14 @@
 /// positions and applied torques. It needs no measured velocity and does not read an emulator's
 /// true state.
 namespace tachless::identify {
+
+/// Torques of a log. An arm may tell the torque that it `accepted` and the one that it `measured`
+/// by its motors' currents. A torque `behind_gear` is measured by sensors between gear and link: it
+/// has no rotor inertia and none of the friction before the sensor in it.
+enum class TorqueSource { commanded, accepted, measured, behind_gear };
+constexpr std::array<std::string_view, 4> names(TorqueSource /*type*/) {
+  return {"commanded", "accepted", "measured", "behind_gear"};
+}
 
 /// The data of a run that identification reads.
 struct Recording {
@@ -50,16 +60,21 @@ class TickRows {
 
 /// Reads positions and torques from a log.
 /// @param to_stop leave out the ticks from a protective stop on
-/// @throw base::Failure(bad_usage) when positions of the joints are not recorded
-Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
+/// @throw base::Failure(bad_usage) when positions of the joints are not recorded, or the arm told
+/// no such torque
+Ticks read_ticks(logger::RunLog& log, bool to_stop = false,
+                 TorqueSource source = TorqueSource::commanded);
 
-/// Reads a recording from a log.
+/// Reads a recording from a log. With torques that the arm told, the recording is of no known law
+/// (`controlled` is false). With torques behind the gear, its scenario has no rotors and no
+/// friction.
 /// @throw base::Failure(bad_usage), one line, if the robot has flexible joints
 /// @throw base::Failure(bad_usage), one line, if positions are not recorded, or ticks or commands
 /// are missing
 /// @throw base::Failure(bad_usage), one line, for a dry run, withheld torques, changing gains, a
 /// torque at its limit in more than 1 % of the ticks, less than 2 s, or no joint that moves
-Recording read_recording(const std::filesystem::path& log);
+Recording read_recording(const std::filesystem::path& log,
+                         TorqueSource source = TorqueSource::commanded);
 
 /// Reads a recording from another logger's table. The YAML file `description` names the table's
 /// columns (docs/identification.md). Interpolates on an even grid whose step is the median step of
