@@ -65,6 +65,19 @@ TEST_F(UrNetwork, HoldsByTorquesWithoutTheArmsOwnFriction) {
   EXPECT_FALSE(controller_->program_runs) << "the arm brakes";
 }
 
+/// The doctor, a ramp and a run are three clients of `tachless-ur emulate`.
+TEST_F(UrNetwork, HasAControllerThatServesOneClientAfterTheOther) {
+  controller_.emplace(arm());
+  const std::jthread serving([&](const std::stop_token& ends) { controller_->serve(ends); });
+  for (int client = 0; client < 3; ++client) {
+    UrDriver driver(arm());
+    driver.start();
+    for (int k = 0; k < 50; ++k) driver.hold(Vector::Zero(6), 0);
+    driver.stop();
+    EXPECT_EQ(driver.figures()[0].value, 50);
+  }
+}
+
 TEST_F(UrNetwork, NamesTheSafetyStop) {
   const auto failure = hold({.protective_stop_at = 50}, 500);
   ASSERT_TRUE(failure);
