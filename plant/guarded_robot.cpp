@@ -339,12 +339,19 @@ void GuardedRobot::measure_speed(Clock::time_point asked) {
   speed_ = meter_.speed();
 }
 
+double GuardedRobot::watched_speed(Eigen::Index joint) const {
+  // Toward the end of a range the mean may be too old: the arm itself watches each tick.
+  const bool newer =
+      guard_.slows_near_ends(joint) && std::abs(state_.v[joint]) > std::abs(speed_[joint]);
+  return newer ? state_.v[joint] : speed_[joint];
+}
+
 void GuardedRobot::watch_limits(std::int64_t tick) {
   const bool warns = emulated() && scenario_.plant.on_limit == OnLimit::warn;
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
     const bool outside = guard_.is_outside(i, state_.q[i]);
-    const bool fast = guard_.is_fast(i, state_.q[i], speed_[i]);
+    const bool fast = guard_.is_fast(i, state_.q[i], watched_speed(i));
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;
@@ -378,7 +385,7 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
                    "plant.on_limit: warn";
   }
   return (outside ? guard_.range_text(joint, state_.q[joint], tick)
-                  : guard_.speed_text(joint, state_.q[joint], speed_[joint], tick)) +
+                  : guard_.speed_text(joint, state_.q[joint], watched_speed(joint), tick)) +
          remedy;
 }
 

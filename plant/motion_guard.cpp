@@ -31,6 +31,10 @@ bool MotionGuard::is_outside(Eigen::Index joint, double q) const {
   return above(q, model_.upper[joint]) || above(-q, -model_.lower[joint]);
 }
 
+bool MotionGuard::slows_near_ends(Eigen::Index joint) const {
+  return model_.deceleration_limit.size() > 0 && std::isfinite(model_.deceleration_limit[joint]);
+}
+
 double MotionGuard::speed_limit(Eigen::Index joint, double q, double v) const {
   return robot::speed_limit(model_, joint, q + lead_s * v, v);
 }

@@ -49,8 +49,10 @@ class MotionGuard {
 
   /// Returns true if `q` is outside the range of the URDF by more than rounding.
   [[nodiscard]] bool is_outside(Eigen::Index joint, double q) const;
-  /// Time before which a joint is stopped that would be too fast for the end of its range. A mean
-  /// speed is as old as its window, and an arm that watches its own speed does so each tick.
+  /// Returns true if a joint's speed limit decreases toward the ends of its range.
+  [[nodiscard]] bool slows_near_ends(Eigen::Index joint) const;
+  /// Time before which a joint is stopped that would be too fast for the end of its range. An arm
+  /// that watches this limit itself stops at once.
   static constexpr double lead_s = SpeedMeter::window_s;
   /// Returns the limit of a joint's speed: the URDF's (robot::speed_limit) at the position that the
   /// joint reaches at `v` within `lead_s`.

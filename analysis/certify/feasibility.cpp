@@ -191,8 +191,8 @@ Feasibility feasibility(const scenario::Scenario& scenario) {
     moving = moving.cwiseMax(drive_torque(scenario, model, r).cwiseAbs());
     speed = speed.cwiseMax(r.v_ref.cwiseAbs());
     acceleration = acceleration.cwiseMax(r.a_ref.cwiseAbs());
-    for (Eigen::Index i = 0; i < model.deceleration_limit.size(); ++i) {
-      if (std::isfinite(model.deceleration_limit[i])) tighten(tight[i], guard, i, t_s, r);
+    for (Eigen::Index i = 0; i < model.num_joints; ++i) {
+      if (guard.slows_near_ends(i)) tighten(tight[static_cast<std::size_t>(i)], guard, i, t_s, r);
     }
   }
   const Pace pace = pace_of(scenario);

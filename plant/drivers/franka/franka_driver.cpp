@@ -211,9 +211,9 @@ void FrankaDriver::compare_limits(const scenario::Scenario& scenario) const {
   const Eigen::Index n = std::min(ours.num_joints, arm.num_joints);
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto warn = [&](const char* limit, double given, double allowed) {
-      base::log_warning("robot.urdf has the {} {} for {}, the arm's own model {}: take the arm's",
-                        limit, base::shortest(given), ours.joint_names[static_cast<std::size_t>(i)],
-                        base::shortest(allowed));
+      base::log_warning(
+          "robot.urdf has the {} {:.6g} for {}, the arm's own model {:.6g}: take the arm's", limit,
+          given, ours.joint_names[static_cast<std::size_t>(i)], allowed);
     };
     constexpr double rounding = 1e-4;  // of the numbers in such files
     constexpr double end_rad = 0.1;
