@@ -56,6 +56,42 @@ void leave_links_alone(scenario::Scenario& scenario) {
   scenario.plant.drive.coulomb_friction_Nm.setZero();
 }
 
+/// Takes rows of ticks of which some are missing.
+/// @throw base::Failure(bad_usage) if too many are missing
+void set_rows(Recording& recording, const Ticks& ticks) {
+  constexpr double most_missed = 0.05, longest_gap_s = 0.02;
+  const Eigen::Index rows =
+      ticks.tick.empty() ? 0
+                         : static_cast<Eigen::Index>(ticks.tick.back() - ticks.tick.front()) + 1;
+  const Eigen::Index columns = ticks.q.cols();
+  recording.q.resize(rows, columns);
+  recording.tau.resize(rows, columns);
+  std::int64_t longest = 0;
+  for (Eigen::Index i = 0, row = 0; i < std::ssize(ticks.tick); ++i) {
+    const auto at =
+        static_cast<Eigen::Index>(ticks.tick[static_cast<std::size_t>(i)] - ticks.tick.front());
+    const Eigen::Index gap = at - row;
+    longest = std::max<std::int64_t>(longest, gap);
+    for (Eigen::Index k = 0; k < gap; ++k, ++row) {
+      const double x = static_cast<double>(k + 1) / static_cast<double>(gap + 1);
+      recording.q.row(row) = (1 - x) * ticks.q.row(i - 1) + x * ticks.q.row(i);
+      recording.tau.row(row) = ticks.tau.row(i - 1);
+    }
+    recording.q.row(row) = ticks.q.row(i);
+    recording.tau.row(row) = ticks.tau.row(i);
+    ++row;
+  }
+  recording.missed = rows - std::ssize(ticks.tick) + ticks.missed;
+  if (static_cast<double>(recording.missed) <= most_missed * static_cast<double>(rows) &&
+      static_cast<double>(longest) * recording.scenario.loop.period_s <= longest_gap_s) {
+    return;
+  }
+  throw bad_usage(
+      "{}: {} of {} ticks are missed, up to {} in a row are missing; allowed: {:g} % and {:g} ms; "
+      "record the run again",
+      recording.source, recording.missed, rows, longest, 100 * most_missed, 1e3 * longest_gap_s);
+}
+
 }  // namespace
 
 Recording with_torques_moved(const Recording& recording, int ticks) {
@@ -105,6 +141,7 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop, TorqueSource source) {
           "{}: holds no positions of the joints (links); record a law that measures them",
           log.path().string());
     }
+    result.tick.push_back(record.tick);
     q.add(positions);
     tau.add(source == TorqueSource::commanded ? truth.tau : told_torque(record, source, log));
     result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
@@ -128,23 +165,18 @@ Recording read_recording(const std::filesystem::path& log, TorqueSource source) 
         result.source, key);
   }
   Ticks ticks = read_ticks(run, false, source);
-  if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
-    throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
-                    result.source, gaps, ticks.missed);
-  }
+  set_rows(result, ticks);
   if (!run.summary().gains.empty()) {
     throw bad_usage("{}: the law's gains change at tick {}; record a run whose gains stay",
                     result.source, run.summary().gains.front().tick);
   }
-  result.q = std::move(ticks.q);
-  result.tau = std::move(ticks.tau);
   if (static_cast<double>(ticks.saturated) >
       most_saturated * static_cast<double>(result.num_ticks())) {
     throw bad_usage("{}: a torque was at its limit in {} of {} ticks; record a slower motion",
                     result.source, ticks.saturated, result.num_ticks());
   }
   require_usable(result);
-  result.controlled = source == TorqueSource::commanded;
+  result.controlled = source == TorqueSource::commanded && result.missed == 0;
   if (result.controlled) begin_as_recorded(result);
   if (source == TorqueSource::behind_gear) leave_links_alone(result.scenario);
   return result;

@@ -143,6 +143,36 @@ TEST_F(RecordingOfALog, HasTheTorquesThatTheArmTold) {
   }
 }
 
+/// Arms lose readings now and then: four ticks of 3000 here, then 21 in a row of 1 ms.
+TEST_F(RecordingOfALog, FillsAFewMissingTicksAndIsRefusedWithMany) {
+  const auto whole = support::in_process_log(arm());
+  const auto without = [&](std::int64_t first, std::int64_t count) {
+    auto messages = whole;
+    const auto begin = messages.begin() + 1 + 6 * first;
+    messages.erase(begin, begin + 6 * count);
+    std::ofstream(directory_ / "lcmlog", std::ios::binary) << logger::log_of(messages);
+    return read_recording(directory_ / "lcmlog");
+  };
+  const Recording complete = without(0, 0), filled = without(500, 4);
+  EXPECT_EQ(complete.missed, 0);
+  EXPECT_TRUE(complete.controlled);
+  EXPECT_EQ(filled.missed, 4);
+  EXPECT_FALSE(filled.controlled) << "the law stepped over the ticks";
+  ASSERT_EQ(filled.num_ticks(), complete.num_ticks());
+  EXPECT_EQ(filled.q.bottomRows(2000), complete.q.bottomRows(2000));
+  const Eigen::RowVectorXd before = complete.q.row(499), after = complete.q.row(504);
+  EXPECT_LT((filled.q.row(502) - (0.4 * before + 0.6 * after)).norm(), 1e-12);
+  EXPECT_EQ(filled.tau.row(503), complete.tau.row(499));
+  try {
+    without(500, 21);
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_THAT(failure.what(),
+                testing::HasSubstr("21 of 3000 ticks are missed, up to 21 in a row are missing; "
+                                   "allowed: 5 % and 20 ms"));
+  }
+}
+
 TEST_F(RecordingOfALog, IsRefusedWhereTheArmWasSentNothing) {
   for (const char* nothing :
        {"plant.dry_run=true", "plant.withheld_ticks=2", "plant.zero_torque=true"}) {

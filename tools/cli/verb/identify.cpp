@@ -233,7 +233,8 @@ struct Identify {
         recordings, unknown_kinds, other,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
-    print(json, found, identify::text(found, scenario.name) + torque_text());
+    print(json, found,
+          identify::text(found, scenario.name) + torque_text() + missed_text(recordings));
     if (!found.no_fit.empty()) {
       base::log_error("{}: {}{}", recordings.front().source, found.no_fit,
                       output.empty() ? "" : "; nothing written");
@@ -293,6 +294,18 @@ struct Identify {
                "least squares, the loop is not simulated\n";
     }
     return "";
+  }
+
+  /// Returns a line about missed ticks of logs; nothing if there are none.
+  [[nodiscard]] static std::string missed_text(const std::vector<Recording>& recordings) {
+    std::string text;
+    for (const Recording& each : recordings) {
+      if (each.missed == 0) continue;
+      text += fmt::format(
+          "  {}: {} of {} ticks were missed; least squares, the loop is not simulated\n",
+          each.source, each.missed, each.num_ticks());
+    }
+    return text;
   }
 
   /// Reads a recording whose payload, if it is asked for, is on the link of --on.
