@@ -59,7 +59,7 @@ void leave_links_alone(scenario::Scenario& scenario) {
 /// Takes rows of ticks of which some are missing.
 /// @throw base::Failure(bad_usage) if too many are missing
 void set_rows(Recording& recording, const Ticks& ticks) {
-  constexpr double most_missed = 0.05, longest_gap_s = 0.02;
+  constexpr double most_missed = 0.2, longest_gap_s = 0.02;
   const Eigen::Index rows =
       ticks.tick.empty() ? 0
                          : static_cast<Eigen::Index>(ticks.tick.back() - ticks.tick.front()) + 1;

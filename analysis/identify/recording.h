@@ -73,7 +73,7 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop = false,
 /// friction. A law steps over missed ticks as no simulation knows, so `controlled` is false with
 /// them, too. Positions of missing ticks are interpolated, and their torques are those before.
 /// @throw base::Failure(bad_usage), one line, if the robot has flexible joints
-/// @throw base::Failure(bad_usage), one line, if positions are not recorded, or more than 5 % of
+/// @throw base::Failure(bad_usage), one line, if positions are not recorded, or more than 20 % of
 /// the ticks are missed, or 20 ms in a row are missing
 /// @throw base::Failure(bad_usage), one line, for a dry run, withheld torques, changing gains, a
 /// torque at its limit in more than 1 % of the ticks, less than 2 s, or no joint that moves

@@ -169,7 +169,7 @@ TEST_F(RecordingOfALog, FillsAFewMissingTicksAndIsRefusedWithMany) {
   } catch (const base::Failure& failure) {
     EXPECT_THAT(failure.what(),
                 testing::HasSubstr("21 of 3000 ticks are missed, up to 21 in a row are missing; "
-                                   "allowed: 5 % and 20 ms"));
+                                   "allowed: 20 % and 20 ms"));
   }
 }
 
