@@ -131,9 +131,14 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
   }
   if (driver != nullptr && scenario.robot.compensates.adds_torque()) own_torque_.emplace(scenario);
   const Spec& spec = scenario.plant;
-  if (driver == nullptr && (spec.dry_run || spec.withheld_ticks > 0)) {
-    throw scenario.complaint(spec.dry_run ? "plant.dry_run" : "plant.withheld_ticks",
+  if (const std::string_view key = key_without_torques(spec); driver == nullptr && !key.empty()) {
+    throw scenario.complaint(std::string(key),
                              "given, but the robot is emulated; allowed: with a driver (--plant)");
+  }
+  if (spec.zero_torque && (!scenario.robot.compensates.gravity || drive_loop_)) {
+    throw scenario.complaint("plant.zero_torque",
+                             "true, but the arm would fall; allowed: with robot.compensates: "
+                             "{gravity: true} and without plant.drive.loop");
   }
   stopped_ = spec.dry_run;
   if (drive_loop_) {
@@ -334,12 +339,19 @@ void GuardedRobot::measure_speed(Clock::time_point asked) {
   speed_ = meter_.speed();
 }
 
+double GuardedRobot::watched_speed(Eigen::Index joint) const {
+  // Toward the end of a range the mean may be too old: the arm itself watches each tick.
+  const bool newer =
+      guard_.slows_near_ends(joint) && std::abs(state_.v[joint]) > std::abs(speed_[joint]);
+  return newer ? state_.v[joint] : speed_[joint];
+}
+
 void GuardedRobot::watch_limits(std::int64_t tick) {
   const bool warns = emulated() && scenario_.plant.on_limit == OnLimit::warn;
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
     const bool outside = guard_.is_outside(i, state_.q[i]);
-    const bool fast = guard_.is_fast(i, speed_[i]);
+    const bool fast = guard_.is_fast(i, state_.q[i], watched_speed(i));
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;
@@ -373,7 +385,7 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
                    "plant.on_limit: warn";
   }
   return (outside ? guard_.range_text(joint, state_.q[joint], tick)
-                  : guard_.speed_text(joint, speed_[joint], tick)) +
+                  : guard_.speed_text(joint, state_.q[joint], watched_speed(joint), tick)) +
          remedy;
 }
 
@@ -391,8 +403,9 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
 void GuardedRobot::hold_or_rest(std::int64_t tick) {
   const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
   if (stopped_ || withheld(scenario_.plant, tick)) return driver_.rest(end_s);
-  const Vector tau = emulated() ? drive_.applied().tau
-                                : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
+  const Vector tau = scenario_.plant.zero_torque ? Vector(Vector::Zero(model_.num_joints))
+                     : emulated()                ? drive_.applied().tau
+                                  : Vector(scenario_.robot.joint_signs.cwiseProduct(drive_.sent()));
   if (follower_ == nullptr) return driver_.hold(tau, end_s);
   follower_->follow(tau, set_point(tick), end_s);
 }

@@ -147,6 +147,8 @@ class GuardedRobot {
   /// else this computer's.
   /// @param asked the time before `state_` was read
   void measure_speed(base::Clock::time_point asked);
+  /// Returns the velocity of a joint that is compared with its limit [rad/s; m/s].
+  [[nodiscard]] double watched_speed(Eigen::Index joint) const;
   void watch_limits(std::int64_t tick);
   void watch_following(std::int64_t tick);
   [[nodiscard]] std::string limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const;

@@ -31,8 +31,16 @@ bool MotionGuard::is_outside(Eigen::Index joint, double q) const {
   return above(q, model_.upper[joint]) || above(-q, -model_.lower[joint]);
 }
 
-bool MotionGuard::is_fast(Eigen::Index joint, double speed) const {
-  return above(std::abs(speed), model_.velocity_limit[joint]);
+bool MotionGuard::slows_near_ends(Eigen::Index joint) const {
+  return model_.deceleration_limit.size() > 0 && std::isfinite(model_.deceleration_limit[joint]);
+}
+
+double MotionGuard::speed_limit(Eigen::Index joint, double q, double v) const {
+  return robot::speed_limit(model_, joint, q + lead_s * v, v);
+}
+
+bool MotionGuard::is_fast(Eigen::Index joint, double q, double v) const {
+  return above(std::abs(v), speed_limit(joint, q, v));
 }
 
 Eigen::Index MotionGuard::late_joint(const Vector& q, const Vector& q_ref) const {
@@ -48,10 +56,16 @@ std::string MotionGuard::range_text(Eigen::Index joint, double q, std::int64_t t
                      model_.upper[joint], unit(joint), robot_file_);
 }
 
-std::string MotionGuard::speed_text(Eigen::Index joint, double speed, std::int64_t tick) const {
-  return fmt::format("{} moves at {:.6g} {}/s {}, faster than its limit of {:.6g} {}/s in {}",
-                     name(joint), speed, unit(joint), when(tick), model_.velocity_limit[joint],
-                     unit(joint), robot_file_);
+std::string MotionGuard::speed_text(Eigen::Index joint, double q, double v,
+                                    std::int64_t tick) const {
+  const double limit = speed_limit(joint, q, v);
+  const std::string place =
+      limit < model_.velocity_limit[joint]
+          ? fmt::format(" at {:.6g} {}, near the end of its range,", q, unit(joint))
+          : "";
+  return fmt::format("{} moves at {:.6g} {}/s {}, faster than its limit{} of {:.6g} {}/s in {}",
+                     name(joint), v, unit(joint), when(tick), place, limit, unit(joint),
+                     robot_file_);
 }
 
 std::string MotionGuard::following_text(Eigen::Index joint, double error, std::int64_t tick,

@@ -49,8 +49,16 @@ class MotionGuard {
 
   /// Returns true if `q` is outside the range of the URDF by more than rounding.
   [[nodiscard]] bool is_outside(Eigen::Index joint, double q) const;
-  /// Returns true if `speed` is above the URDF's speed limit by more than rounding.
-  [[nodiscard]] bool is_fast(Eigen::Index joint, double speed) const;
+  /// Returns true if a joint's speed limit decreases toward the ends of its range.
+  [[nodiscard]] bool slows_near_ends(Eigen::Index joint) const;
+  /// Time before which a joint is stopped that would be too fast for the end of its range. An arm
+  /// that watches this limit itself stops at once.
+  static constexpr double lead_s = SpeedMeter::window_s;
+  /// Returns the limit of a joint's speed: the URDF's (robot::speed_limit) at the position that the
+  /// joint reaches at `v` within `lead_s`.
+  [[nodiscard]] double speed_limit(Eigen::Index joint, double q, double v) const;
+  /// Returns true if |v| is above `speed_limit` by more than rounding.
+  [[nodiscard]] bool is_fast(Eigen::Index joint, double q, double v) const;
   /// Returns the first joint whose |q - q_ref| exceeds its limit plus the first error; -1: none.
   [[nodiscard]] Eigen::Index late_joint(const Vector& q, const Vector& q_ref) const;
   /// Takes the error that the robot starts with.
@@ -60,7 +68,8 @@ class MotionGuard {
   [[nodiscard]] bool watches_following() const { return following_error_.size() > 0; }
 
   [[nodiscard]] std::string range_text(Eigen::Index joint, double q, std::int64_t tick) const;
-  [[nodiscard]] std::string speed_text(Eigen::Index joint, double speed, std::int64_t tick) const;
+  [[nodiscard]] std::string speed_text(Eigen::Index joint, double q, double v,
+                                       std::int64_t tick) const;
   /// @param contact text about a contact that is known, with its separator
   [[nodiscard]] std::string following_text(Eigen::Index joint, double error, std::int64_t tick,
                                            std::string_view contact = {}) const;

@@ -394,6 +394,7 @@ struct Spec {
   OnLimit on_limit = OnLimit::stop;
   std::optional<Vector> following_error_rad;
   bool dry_run = false;
+  bool zero_torque = false;
   int withheld_ticks = 0;
 
   static constexpr std::tuple keys{
@@ -424,12 +425,23 @@ struct Spec {
                 "A real robot is read and sent nothing, its drives are not enabled; everything "
                 "else is as in a run"}
           .by_default(),
+      base::Key{"zero_torque", &Spec::zero_torque, "",
+                "A real robot that adds gravity is started and sent zero torques; everything else "
+                "is as in a run"}
+          .by_default(),
       base::Key{"withheld_ticks", &Spec::withheld_ticks, "ticks",
                 "A real robot is sent nothing in so many ticks in a row, the last of each ten "
                 "times as many; what it does then is for `commission` to see"}
           .in({0, 1000})
           .by_default()};
 };
+
+/// Returns the key with which a real robot is not sent the law's torques; empty: it is.
+inline std::string_view key_without_torques(const Spec& plant) {
+  if (plant.dry_run) return "plant.dry_run";
+  if (plant.zero_torque) return "plant.zero_torque";
+  return plant.withheld_ticks > 0 ? "plant.withheld_ticks" : "";
+}
 
 /// Returns true if a real robot is sent nothing in `tick`.
 inline bool withheld(const Spec& plant, std::int64_t tick) {

@@ -149,6 +149,16 @@ Group reference_group(const Feasibility& f) {
                       {"cycles_per_tick", joint.cycles_per_tick}});
     std::string text = fmt::format("torque {}, speed {}", of(joint.moving, joint.torque_limit),
                                    of(joint.speed, joint.speed_limit));
+    if (const auto& tight = joint.tight_speed) {
+      joints.back()["tight_speed"] = {{"at_s", tight->at_s},
+                                      {"position", tight->position},
+                                      {"speed", tight->speed},
+                                      {"limit", tight->limit}};
+      if (tight->limit < joint.speed_limit.value_or(infinity)) {
+        text += fmt::format(", {:.4g} of {:.4g} near an end of its range at {:.4g} s", tight->speed,
+                            tight->limit, tight->at_s);
+      }
+    }
     if (joint.feedforward_max) {
       joints.back()["feedforward_max"] = *joint.feedforward_max;
       joints.back()["feedforward_anywhere"] = *joint.feedforward_anywhere;
@@ -422,7 +432,9 @@ std::string largest_text(const Feasibility& f, bool speed, const robot::JointLab
   for (std::size_t i = 0; i < f.joints.size(); ++i) {
     const JointDemand& joint = f.joints[i];
     const auto& limit = speed ? joint.speed_limit : joint.torque_limit;
-    const double share = (speed ? joint.speed : joint.moving) / limit.value_or(1);
+    double share = (speed ? joint.speed : joint.moving) / limit.value_or(1);
+    const auto& tight = joint.tight_speed;
+    if (speed && tight && tight->speed > 0) share = std::max(share, tight->speed / tight->limit);
     if (std::pair(limit.has_value(), share) < largest) continue;
     largest = {limit.has_value(), share};
     text = limit ? fmt::format("{:.0f} % of the {} limit ({})", 100 * share,

@@ -12,6 +12,7 @@
 #include "controller/law/loria_ortega_bounded.h"
 #include "controller/registry.h"
 #include "linear/scenario_loop.h"
+#include "plant/motion_guard.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
 
@@ -90,7 +91,15 @@ void judge(Feasibility& result, const scenario::Scenario& scenario, const robot:
                       "slow the reference down or raise plant.drive.torque_limit_Nm",
                       name, joint.moving, effort, *joint.torque_limit, effort));
     }
-    if (joint.speed_limit && joint.speed > *joint.speed_limit) {
+    const auto& tight = joint.tight_speed;
+    if (tight && tight->speed > tight->limit) {
+      result.impossible.push_back(fmt::format(
+          "{} is to move at {:.4g} {}/s at {:.4g} s, where it is at {:.4g} {}, and the URDF allows "
+          "{:.4g} {}/s so near to the end of its range; slow the reference down or keep away from "
+          "the end",
+          name, tight->speed, labels.length[i], tight->at_s, tight->position, labels.length[i],
+          tight->limit, labels.length[i]));
+    } else if (joint.speed_limit && joint.speed > *joint.speed_limit) {
       result.impossible.push_back(
           fmt::format("{} is to move at up to {:.4g} {}/s, and the URDF allows {:g} {}/s; slow the "
                       "reference down",
@@ -159,10 +168,21 @@ void judge_feedforward(Feasibility& result, const scenario::Scenario& scenario) 
   }
 }
 
+/// Takes the speed at `r` for the tightest one if its share of the limit there is larger.
+void tighten(std::optional<TightSpeed>& tight, const plant::MotionGuard& guard, Eigen::Index joint,
+             double t_s, const ReferencePoint& r) {
+  const double v = r.v_ref[joint], q = r.q_ref[joint];
+  const TightSpeed now{t_s, q, std::abs(v), guard.speed_limit(joint, q, v)};
+  // Without a division: a limit may be 0.
+  if (!tight || now.speed * tight->limit > tight->speed * now.limit) tight = now;
+}
+
 }  // namespace
 
 Feasibility feasibility(const scenario::Scenario& scenario) {
   const robot::Model model = linear::plant_of(scenario);
+  const plant::MotionGuard guard(model, scenario.robot.urdf_path);
+  std::vector<std::optional<TightSpeed>> tight(static_cast<std::size_t>(model.num_joints));
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   Vector at_rest = Vector::Zero(model.num_joints), moving = at_rest, speed = at_rest,
          acceleration = at_rest;
@@ -172,6 +192,9 @@ Feasibility feasibility(const scenario::Scenario& scenario) {
     moving = moving.cwiseMax(drive_torque(scenario, model, r).cwiseAbs());
     speed = speed.cwiseMax(r.v_ref.cwiseAbs());
     acceleration = acceleration.cwiseMax(r.a_ref.cwiseAbs());
+    for (Eigen::Index i = 0; i < model.num_joints; ++i) {
+      if (guard.slows_near_ends(i)) tighten(tight[static_cast<std::size_t>(i)], guard, i, t_s, r);
+    }
   }
   const Pace pace = pace_of(scenario);
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
@@ -181,6 +204,7 @@ Feasibility feasibility(const scenario::Scenario& scenario) {
                        speed[i]};
     if (limit && std::isfinite((*limit)[i])) demand.torque_limit = (*limit)[i];
     if (std::isfinite(model.velocity_limit[i])) demand.speed_limit = model.velocity_limit[i];
+    demand.tight_speed = tight[static_cast<std::size_t>(i)];
     if (pace.frequency_hz) {
       demand.cycles_per_tick = (*pace.frequency_hz)[i] * scenario.loop.period_s;
     } else if (speed[i] > 0) {

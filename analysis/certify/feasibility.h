@@ -10,6 +10,14 @@
 /// alone makes these demands. Errors add to them.
 namespace tachless::certify {
 
+/// Speed of a joint's reference at the time when it is nearest to the limit there.
+struct TightSpeed {
+  double at_s = 0;
+  double position = 0;  ///< [rad; m]
+  double speed = 0;     ///< |v_ref| [rad/s; m/s]
+  double limit = 0;     ///< plant::MotionGuard::speed_limit [rad/s; m/s]
+};
+
 struct JointDemand {
   std::string name;
   double at_rest = 0;  ///< largest |torque| that holds the arm at rest along the motion [N m; N]
@@ -19,6 +27,8 @@ struct JointDemand {
   /// sinusoid it is sup|a_ref| / sup|v_ref| over 2 pi, times h.
   double cycles_per_tick = 0;
   std::optional<double> torque_limit{}, speed_limit{};  ///< nothing: none is given
+  /// Given if the joint's speed limit decreases toward the ends of its range (robot::speed_limit).
+  std::optional<TightSpeed> tight_speed{};
   /// The bound of a law that bounds its feed-forward, and the largest feed-forward over all
   /// postures [N m; N].
   std::optional<double> feedforward_max{}, feedforward_anywhere{};

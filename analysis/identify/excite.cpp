@@ -14,6 +14,7 @@
 #include "base/failure.h"
 #include "identify/least_squares.h"
 #include "numerics/decompositions.h"
+#include "plant/motion_guard.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
 #include "robot/kinematics.h"
@@ -106,7 +107,9 @@ std::vector<std::string> overrides_of(const MatrixXd& offset, const VectorXd& st
 struct Motion {
   Recording recording;     ///< torques of the arm without unknowns
   VectorXd speed, torque;  ///< largest of each joint
-  VectorXd holding;        ///< torque at rest at the start
+  /// Largest share of a speed limit that decreases toward the ends of the range; zero without one.
+  VectorXd share;
+  VectorXd holding;  ///< torque at rest at the start
 };
 
 Motion motion_of(const scenario::Scenario& scenario) {
@@ -116,15 +119,22 @@ Motion motion_of(const scenario::Scenario& scenario) {
   Motion motion{{"the motion", scenario, MatrixXd(rows, n), MatrixXd::Zero(rows, n)},
                 VectorXd::Zero(n),
                 VectorXd::Zero(n),
+                VectorXd::Zero(n),
                 {}};
   motion.recording.scenario.loop.period_s = sample_s;
   robot::Model model = scenario::with_payload(scenario, *scenario.model);
   model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+  const plant::MotionGuard guard(model, scenario.robot.urdf_path);
   const plant::DriveSpec& drive = scenario.plant.drive;
   for (Eigen::Index k = 0; k < rows; ++k) {
     const messages::ReferencePoint at = trajectory.at(static_cast<double>(k) * sample_s);
     motion.recording.q.row(k) = at.q_ref.transpose();
     motion.speed = motion.speed.cwiseMax(at.v_ref.cwiseAbs());
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (!guard.slows_near_ends(i) || at.v_ref[i] == 0) continue;
+      const double limit = guard.speed_limit(i, at.q_ref[i], at.v_ref[i]);
+      motion.share[i] = std::max(motion.share[i], std::abs(at.v_ref[i]) / limit);
+    }
     const Vector tau =
         robot::inverse_dynamics<double>(model, at.q_ref, at.v_ref, at.a_ref).cwiseAbs() +
         drive.viscous_friction_Nms_per_rad.cwiseProduct(at.v_ref.cwiseAbs()) +
@@ -142,7 +152,8 @@ VectorXd shrink(const scenario::Scenario& scenario, const Motion& motion) {
   const Vector& rated = scenario.model->velocity_limit;
   for (Eigen::Index i = 0; i < factor.size(); ++i) {
     const double speed = std::isfinite(rated[i]) ? of_limit * rated[i] : usual_speed;
-    factor[i] = std::min(1.0, speed / std::max(1e-12, motion.speed[i]));
+    factor[i] = std::min({1.0, speed / std::max(1e-12, motion.speed[i]),
+                          of_limit / std::max(1e-12, motion.share[i])});
   }
   if (!scenario.plant.drive.torque_limit_Nm) return factor;
   const VectorXd left = of_limit * *scenario.plant.drive.torque_limit_Nm - motion.holding;

@@ -36,6 +36,62 @@ void begin_as_recorded(Recording& recording) {
   }
 }
 
+/// Returns the torque that the arm told in a tick.
+Vector told_torque(const logger::TickRecord& record, TorqueSource source,
+                   const logger::RunLog& log) {
+  using messages::truth::Told;
+  const Told told = source == TorqueSource::accepted ? Told::accepted : Told::measured;
+  if (!record.arm_torque || !record.arm_torque->tells(told)) {
+    throw bad_usage("{}: holds no torque that the arm {}; allowed: --torque commanded",
+                    log.path().string(),
+                    source == TorqueSource::accepted ? "accepted" : "measured");
+  }
+  return told == Told::accepted ? record.arm_torque->accepted : record.arm_torque->measured;
+}
+
+/// Takes rotors and friction out of the scenario: sensors behind the gears do not see them.
+void leave_links_alone(scenario::Scenario& scenario) {
+  scenario.robot.rigid_rotor_inertia_kgm2.setZero();
+  scenario.plant.drive.viscous_friction_Nms_per_rad.setZero();
+  scenario.plant.drive.coulomb_friction_Nm.setZero();
+}
+
+/// Takes rows of ticks of which some are missing.
+/// @throw base::Failure(bad_usage) if too many are missing
+void set_rows(Recording& recording, const Ticks& ticks) {
+  constexpr double most_missed = 0.2, longest_gap_s = 0.02;
+  const Eigen::Index rows =
+      ticks.tick.empty() ? 0
+                         : static_cast<Eigen::Index>(ticks.tick.back() - ticks.tick.front()) + 1;
+  const Eigen::Index columns = ticks.q.cols();
+  recording.q.resize(rows, columns);
+  recording.tau.resize(rows, columns);
+  std::int64_t longest = 0;
+  for (Eigen::Index i = 0, row = 0; i < std::ssize(ticks.tick); ++i) {
+    const auto at =
+        static_cast<Eigen::Index>(ticks.tick[static_cast<std::size_t>(i)] - ticks.tick.front());
+    const Eigen::Index gap = at - row;
+    longest = std::max<std::int64_t>(longest, gap);
+    for (Eigen::Index k = 0; k < gap; ++k, ++row) {
+      const double x = static_cast<double>(k + 1) / static_cast<double>(gap + 1);
+      recording.q.row(row) = (1 - x) * ticks.q.row(i - 1) + x * ticks.q.row(i);
+      recording.tau.row(row) = ticks.tau.row(i - 1);
+    }
+    recording.q.row(row) = ticks.q.row(i);
+    recording.tau.row(row) = ticks.tau.row(i);
+    ++row;
+  }
+  recording.missed = rows - std::ssize(ticks.tick) + ticks.missed;
+  if (static_cast<double>(recording.missed) <= most_missed * static_cast<double>(rows) &&
+      static_cast<double>(longest) * recording.scenario.loop.period_s <= longest_gap_s) {
+    return;
+  }
+  throw bad_usage(
+      "{}: {} of {} ticks are missed, up to {} in a row are missing; allowed: {:g} % and {:g} ms; "
+      "record the run again",
+      recording.source, recording.missed, rows, longest, 100 * most_missed, 1e3 * longest_gap_s);
+}
+
 }  // namespace
 
 Recording with_torques_moved(const Recording& recording, int ticks) {
@@ -70,7 +126,7 @@ Eigen::MatrixXd TickRows::matrix(Eigen::Index columns) const {
   return Eigen::Map<const Rows>(numbers_.data(), std::ssize(numbers_) / columns, columns);
 }
 
-Ticks read_ticks(logger::RunLog& log, bool to_stop) {
+Ticks read_ticks(logger::RunLog& log, bool to_stop, TorqueSource source) {
   const Eigen::Index n = log.scenario().num_joints;
   TickRows q, tau;
   Ticks result;
@@ -85,8 +141,9 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
           "{}: holds no positions of the joints (links); record a law that measures them",
           log.path().string());
     }
+    result.tick.push_back(record.tick);
     q.add(positions);
-    tau.add(truth.tau);
+    tau.add(source == TorqueSource::commanded ? truth.tau : told_torque(record, source, log));
     result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
     result.missed += truth.fault == messages::truth::DriveFault::command_missed ? 1 : 0;
   }
@@ -95,35 +152,33 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop) {
   return result;
 }
 
-Recording read_recording(const std::filesystem::path& log) {
+Recording read_recording(const std::filesystem::path& log, TorqueSource source) {
   logger::RunLog run = logger::RunLog::open(log);
   Recording result{log.string(), run.scenario(), {}, {}};
   if (result.scenario.robot.flexible) {
     throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
   }
   const plant::Spec& plant = result.scenario.plant;
-  if (plant.dry_run || plant.withheld_ticks > 0) {
-    throw bad_usage("{}: {}, in which the robot was sent nothing; record a run of it",
-                    result.source, plant.dry_run ? "a dry run" : "a run with plant.withheld_ticks");
+  if (const std::string_view key = plant::key_without_torques(plant); !key.empty()) {
+    throw bad_usage(
+        "{}: a run with {}, in which the robot was sent nothing; record a run without it",
+        result.source, key);
   }
-  Ticks ticks = read_ticks(run);
-  if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
-    throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
-                    result.source, gaps, ticks.missed);
-  }
+  Ticks ticks = read_ticks(run, false, source);
+  set_rows(result, ticks);
   if (!run.summary().gains.empty()) {
     throw bad_usage("{}: the law's gains change at tick {}; record a run whose gains stay",
                     result.source, run.summary().gains.front().tick);
   }
-  result.q = std::move(ticks.q);
-  result.tau = std::move(ticks.tau);
   if (static_cast<double>(ticks.saturated) >
       most_saturated * static_cast<double>(result.num_ticks())) {
     throw bad_usage("{}: a torque was at its limit in {} of {} ticks; record a slower motion",
                     result.source, ticks.saturated, result.num_ticks());
   }
   require_usable(result);
-  begin_as_recorded(result);
+  result.controlled = source == TorqueSource::commanded && result.missed == 0;
+  if (result.controlled) begin_as_recorded(result);
+  if (source == TorqueSource::behind_gear) leave_links_alone(result.scenario);
   return result;
 }
 

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "logger/run_log.h"
@@ -12,6 +15,14 @@
 /// positions and applied torques. It needs no measured velocity and does not read an emulator's
 /// true state.
 namespace tachless::identify {
+
+/// Torques of a log. An arm may tell the torque that it `accepted` and the one that it `measured`
+/// by its motors' currents. A torque `behind_gear` is measured by sensors between gear and link: it
+/// has no rotor inertia and none of the friction before the sensor in it.
+enum class TorqueSource { commanded, accepted, measured, behind_gear };
+constexpr std::array<std::string_view, 4> names(TorqueSource /*type*/) {
+  return {"commanded", "accepted", "measured", "behind_gear"};
+}
 
 /// The data of a run that identification reads.
 struct Recording {
@@ -25,7 +36,8 @@ struct Recording {
   /// Ticks by which the torques of a table have been moved: row k holds the torque that the table
   /// has `moved` rows earlier.
   int moved = 0;
-  bool loaded = true;  ///< the arm carried the load that is to be identified
+  bool loaded = true;       ///< the arm carried the load that is to be identified
+  std::int64_t missed = 0;  ///< ticks without a reading, which were filled, or without a command
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
 };
@@ -35,6 +47,7 @@ struct Ticks {
   Eigen::MatrixXd q, tau;
   /// Ticks without a command; ticks with a torque at its limit.
   std::int64_t missed = 0, saturated = 0;
+  std::vector<std::int64_t> tick;  ///< of each row
 };
 
 /// A matrix that grows by a row for each tick.
@@ -50,16 +63,22 @@ class TickRows {
 
 /// Reads positions and torques from a log.
 /// @param to_stop whether to leave out the ticks from a protective stop on
-/// @throw base::Failure(bad_usage) when positions of the joints are not recorded
-Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
+/// @throw base::Failure(bad_usage) when positions of the joints are not recorded, or the arm
+/// reported no such torque
+Ticks read_ticks(logger::RunLog& log, bool to_stop = false,
+                 TorqueSource source = TorqueSource::commanded);
 
-/// Reads a recording from a log.
+/// Reads a recording from a log. With torques that the arm told, the recording is of no known law
+/// (`controlled` is false). With torques behind the gear, its scenario has no rotors and no
+/// friction. A law steps over missed ticks as no simulation knows, so `controlled` is false with
+/// them, too. Positions of missing ticks are interpolated, and their torques are those before.
 /// @throw base::Failure(bad_usage), one line, if the robot has flexible joints
-/// @throw base::Failure(bad_usage), one line, if positions are not recorded, or ticks or commands
-/// are missing
+/// @throw base::Failure(bad_usage), one line, if positions are not recorded, or more than 20 % of
+/// the ticks are missed, or 20 ms in a row are missing
 /// @throw base::Failure(bad_usage), one line, for a dry run, withheld torques, changing gains, a
 /// torque at its limit in more than 1 % of the ticks, less than 2 s, or no joint that moves
-Recording read_recording(const std::filesystem::path& log);
+Recording read_recording(const std::filesystem::path& log,
+                         TorqueSource source = TorqueSource::commanded);
 
 /// Reads a recording from another logger's table. The YAML file `description` names the table's
 /// columns (docs/identification.md). Interpolates on an even grid whose step is the median step of

@@ -47,7 +47,7 @@ struct Guards::Impl {
   [[nodiscard]] std::pair<Status, int> broken_by(const Vector& q, const Vector& q_ref) const {
     for (Eigen::Index i = 0; i < q.size(); ++i) {
       if (motion.is_outside(i, q[i])) return {Status::out_of_range, i};
-      if (motion.is_fast(i, meter.speed()[i])) return {Status::too_fast, i};
+      if (motion.is_fast(i, q[i], meter.speed()[i])) return {Status::too_fast, i};
     }
     const Eigen::Index late = motion.late_joint(q, q_ref);
     return {late < 0 ? Status::ok : Status::off_reference, late};
@@ -65,6 +65,7 @@ struct Guards::Impl {
   Status broken = Status::ok;
   int broken_joint = -1;
   double broken_value = 0;  ///< position, speed or error of that joint
+  double broken_at = 0;     ///< its position [rad; m]
 };
 
 Guards::Guards(const Loop& loop) : impl_(std::make_unique<Impl>(loop.impl_)) {}
@@ -89,6 +90,7 @@ Step Guards::check(const Step& step) noexcept {
     const auto [broken, joint] = my.broken_by(q, q_ref);
     my.broken = broken;
     my.broken_joint = joint;
+    if (joint >= 0) my.broken_at = q[joint];
     if (broken == Status::out_of_range) my.broken_value = q[joint];
     if (broken == Status::too_fast) my.broken_value = my.meter.speed()[joint];
     if (broken == Status::off_reference) my.broken_value = std::abs(q[joint] - q_ref[joint]);
@@ -120,7 +122,7 @@ std::string Guards::reason(const Step& step) const {
     case Status::out_of_range:
       return my.motion.range_text(step.joint, my.broken_value, step.tick);
     case Status::too_fast:
-      return my.motion.speed_text(step.joint, my.broken_value, step.tick);
+      return my.motion.speed_text(step.joint, my.broken_at, my.broken_value, step.tick);
     case Status::off_reference:
       return my.motion.following_text(step.joint, my.broken_value, step.tick);
     default:

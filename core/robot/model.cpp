@@ -118,6 +118,16 @@ JointLabels joint_labels(const Model& model) {
   return labels;
 }
 
+double speed_limit(const Model& model, Eigen::Index joint, double q, double v) {
+  const double most = model.velocity_limit[joint];
+  if (model.deceleration_limit.size() == 0 || v == 0) return most;
+  const double deceleration = model.deceleration_limit[joint];
+  if (!std::isfinite(deceleration)) return most;
+  const double left = v > 0 ? model.upper[joint] - q : q - model.lower[joint];
+  const double braked = std::sqrt(2 * deceleration * std::max(0.0, left));
+  return std::min(most, std::max(0.0, braked - model.velocity_offset[joint]));
+}
+
 Vector nearest_to_zero(const Model& model) {
   return Vector::Zero(model.num_joints).cwiseMax(model.lower).cwiseMin(model.upper);
 }

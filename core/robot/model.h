@@ -70,15 +70,17 @@ struct Model {
   /// Value of a limit that a joint does not have.
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
-  int num_joints = 0;                       ///< independent coordinates
-  std::vector<Body> bodies;                 ///< parents before children
-  std::map<std::string, Frame> frames;      ///< by URDF link name
-  std::vector<std::string> joint_names;     ///< by coordinate
-  std::vector<JointType> joint_types;       ///< by coordinate
-  Vector lower;                             ///< [rad; m], -unlimited where the URDF has none
-  Vector upper;                             ///< [rad; m], unlimited where the URDF has none
-  Vector effort_limit;                      ///< [N m; N], unlimited where none (or 0) is given
-  Vector velocity_limit;                    ///< [rad/s; m/s]
+  int num_joints = 0;                    ///< independent coordinates
+  std::vector<Body> bodies;              ///< parents before children
+  std::map<std::string, Frame> frames;   ///< by URDF link name
+  std::vector<std::string> joint_names;  ///< by coordinate
+  std::vector<JointType> joint_types;    ///< by coordinate
+  Vector lower;                          ///< [rad; m], -unlimited where the URDF has none
+  Vector upper;                          ///< [rad; m], unlimited where the URDF has none
+  Vector effort_limit;                   ///< [N m; N], unlimited where none (or 0) is given
+  Vector velocity_limit;                 ///< [rad/s; m/s]
+  Vector deceleration_limit;  ///< of `speed_limit` [rad/s2; m/s2], unlimited: none; empty: none
+  Vector velocity_offset;     ///< of `speed_limit` [rad/s; m/s], where that one is limited
   Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the world [m/s2]
   Vector
       rotor_inertia;  ///< added to the diagonal of M [kg m2], of the URDF's armature; empty: zero
@@ -98,6 +100,13 @@ struct JointLabels {
 };
 /// Returns the labels of all joints.
 JointLabels joint_labels(const Model& model);
+
+/// Returns the limit of |v| of a joint that is at `q` and moves with a velocity of the sign of `v`
+/// [rad/s; m/s]: the `velocity_limit`, and at a distance d from the end of the range that the joint
+/// moves to, sqrt(2 a d) - v0 if that is less, at least 0. The deceleration a and the offset v0 are
+/// those of the URDF's position_based_velocity_limits, an element of the descriptions of Franka's
+/// arms.
+double speed_limit(const Model& model, Eigen::Index joint, double q, double v);
 
 /// Returns the posture with each joint as near to 0 as its range allows.
 Vector nearest_to_zero(const Model& model);

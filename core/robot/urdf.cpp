@@ -246,7 +246,9 @@ class Loader {
     model_.joint_types.resize(n);
     model_.lower = Vector::Constant(n, -Model::unlimited);
     model_.upper = model_.effort_limit = model_.velocity_limit = -model_.lower;
+    model_.deceleration_limit = -model_.lower;
     model_.rotor_inertia = model_.damping = model_.friction = Vector::Zero(n);
+    model_.velocity_offset = Vector::Zero(n);
     for (Body& body : model_.bodies) {
       const UrdfJoint& joint = urdf_.joints.at(body.joint);
       const MimicRelation& drive = relations_.at(joint.name);
@@ -264,6 +266,8 @@ class Loader {
       model_.joint_names[j] = joint.name;
       model_.joint_types[j] = body.type;
       model_.effort_limit[j] = limit_or_none(joint, "effort", joint.effort);
+      if (joint.deceleration_limit > 0) model_.deceleration_limit[j] = joint.deceleration_limit;
+      model_.velocity_offset[j] = joint.velocity_offset;
       narrow(body);
     }
     for (const Body& body : model_.bodies) {

@@ -14,7 +14,8 @@ const ElementRule* rule_of(std::string_view element) {
         {"name", "type"}}},
       {"inertial", {{"origin", "mass", "inertia"}, {}, {}}},
       {"joint",
-       {{"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
+       {{"origin", "parent", "child", "axis", "limit", "dynamics", "mimic",
+         "position_based_velocity_limits"},
         {"calibration", "safety_controller", "hardwareInterface"},
         {"name", "type"}}},
       {"origin", {{}, {}, {"xyz", "rpy", "quat_xyzw"}}},
@@ -28,6 +29,7 @@ const ElementRule* rule_of(std::string_view element) {
         {},
         {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk",
          "drake:acceleration"}}},
+      {"position_based_velocity_limits", {{}, {}, {"deceleration_limit", "velocity_offset"}}},
       {"dynamics", {{}, {}, {"damping", "friction", "armature"}}},
       {"mimic", {{}, {}, {"joint", "multiplier", "offset"}}}};
   const auto found = rules.find(element);
@@ -35,10 +37,26 @@ const ElementRule* rule_of(std::string_view element) {
 }
 
 bool is_mechanics(std::string_view attribute) {
-  static constexpr std::array<std::string_view, 18> names{
-      "xyz",      "rpy",     "quat_xyzw", "lower",      "upper",  "effort",
-      "velocity", "damping", "friction",  "multiplier", "offset", "ixx",
-      "ixy",      "ixz",     "iyy",       "iyz",        "izz",    "armature"};
+  static constexpr std::array<std::string_view, 20> names{"xyz",
+                                                          "rpy",
+                                                          "quat_xyzw",
+                                                          "lower",
+                                                          "upper",
+                                                          "effort",
+                                                          "velocity",
+                                                          "damping",
+                                                          "friction",
+                                                          "multiplier",
+                                                          "offset",
+                                                          "ixx",
+                                                          "ixy",
+                                                          "ixz",
+                                                          "iyy",
+                                                          "iyz",
+                                                          "izz",
+                                                          "armature",
+                                                          "deceleration_limit",
+                                                          "velocity_offset"};
   return std::ranges::find(names, attribute) != names.end();
 }
 

@@ -418,6 +418,12 @@ class Reader {
       made.friction = number(dynamics, "friction", 0);
       made.armature = number(dynamics, "armature", 0);
     }
+    if (const auto* end = e.FirstChildElement("position_based_velocity_limits")) {
+      made.deceleration_limit = number(*end, "deceleration_limit");
+      made.velocity_offset = number(*end, "velocity_offset");
+      if (!(made.deceleration_limit > 0)) refuse_value(*end, "deceleration_limit", "above 0");
+      if (!(made.velocity_offset >= 0)) refuse_value(*end, "velocity_offset", "0 or more");
+    }
     const bool warns = !made.fixed && !made.mimic && locked.count(name) == 0;
     set_limits(e.FirstChildElement("limit"), warns, made);
     return made;

@@ -42,6 +42,8 @@ struct UrdfJoint {
   bool has_range = false;
   double lower = 0, upper = 0, effort = 0, velocity = 0;  ///< 0: not given
   bool zero_effort = false, zero_velocity = false;        ///< the limit is given as 0
+  /// Attributes of <position_based_velocity_limits>; 0: not given.
+  double deceleration_limit = 0, velocity_offset = 0;
   double damping = 0, friction = 0, armature = 0;
   double largest_angle = 0;  ///< largest angle of the origin's rpy as written [rad]
   std::optional<MimicRelation> mimic;

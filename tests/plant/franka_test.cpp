@@ -166,8 +166,9 @@ TEST(FrankaDriver, WarnsOfLimitsThatAreWiderThanTheArms) {
     ASSERT_NE(urdf.find(what), std::string::npos) << what;
     urdf.replace(urdf.find(what), what.size(), by);
   };
-  replace("1.7837", "1.5");  // of joint 2; the lower limit comes first
-  replace("4.18", "3.5");    // of joint 6
+  replace("1.7837", "1.5");     // of joint 2; the lower limit comes first
+  replace("4.18", "3.5");       // of joint 6
+  replace("\"5.5\"", "\"2\"");  // its deceleration
   Served served(s, {.urdf = urdf});
   base::start_logging("test", base::Verbosity::normal);
   testing::internal::CaptureStderr();
@@ -175,6 +176,9 @@ TEST(FrankaDriver, WarnsOfLimitsThatAreWiderThanTheArms) {
   const std::string told = testing::internal::GetCapturedStderr();
   EXPECT_THAT(told, HasSubstr("lower limit -1.7837 for joint2, the arm's own model -1.5"));
   EXPECT_THAT(told, HasSubstr("speed limit 4.18 for joint6, the arm's own model 3.5"));
+  // sqrt(2 5.5 0.1) - 0.35 and sqrt(2 2 0.1) - 0.35
+  EXPECT_THAT(told, AllOf(HasSubstr("0.1 rad before the end of the range) 0.698809 for joint6"),
+                          HasSubstr("the arm's own model 0.282456")));
   EXPECT_THAT(told, testing::Not(HasSubstr("joint3")));
   EXPECT_THAT(told_urdf("127.0.0.1"), HasSubstr("joint7"));
 }
@@ -256,32 +260,39 @@ struct Course {
   double largest_error = 0;
 };
 
-/// Runs the scenario's law on an emulated arm by the driver, in this process.
+/// Runs the scenario's law on the arm of `driver`, in this process.
+Course move(const scenario::Scenario& s, FrankaDriver& driver) {
+  Course course;
+  const controller::ScenarioLaw law = controller::scenario_law(s);
+  const reference::Trajectory trajectory = reference::make_trajectory(s);
+  plant::GuardedRobot robot(s, &driver);
+  robot.feed(law->measurement());
+  robot.start();
+  for (std::int64_t k = 0; k < s.loop.num_ticks; ++k) {
+    robot.read(k);
+    robot.skip(robot.tick() - k);
+    k = robot.tick();
+    const auto reference = trajectory.at(static_cast<double>(k) * s.loop.period_s);
+    const auto outcome = law->step(k, robot.measure(k), reference);
+    course.torques[k] = outcome.command.tau;
+    course.largest_error =
+        std::max(course.largest_error, (robot.state().q - reference.q_ref).cwiseAbs().maxCoeff());
+    robot.accept(outcome.command);
+    robot.advance(k);
+    robot.end_tick();
+  }
+  robot.stop();
+  robot.require_stopped();
+  return course;
+}
+
+/// Runs the scenario's law on an emulated arm by the driver.
 Course run(const scenario::Scenario& s, Trouble trouble) {
   Served served(s, std::move(trouble));
   Course course;
   {
     FrankaDriver driver(s);
-    const controller::ScenarioLaw law = controller::scenario_law(s);
-    const reference::Trajectory trajectory = reference::make_trajectory(s);
-    plant::GuardedRobot robot(s, &driver);
-    robot.feed(law->measurement());
-    robot.start();
-    for (std::int64_t k = 0; k < s.loop.num_ticks; ++k) {
-      robot.read(k);
-      robot.skip(robot.tick() - k);
-      k = robot.tick();
-      const auto reference = trajectory.at(static_cast<double>(k) * s.loop.period_s);
-      const auto outcome = law->step(k, robot.measure(k), reference);
-      course.torques[k] = outcome.command.tau;
-      course.largest_error =
-          std::max(course.largest_error, (robot.state().q - reference.q_ref).cwiseAbs().maxCoeff());
-      robot.accept(outcome.command);
-      robot.advance(k);
-      robot.end_tick();
-    }
-    robot.stop();
-    robot.require_stopped();
+    course = move(s, driver);
   }
   EXPECT_EQ(served.ended().mode(), Mode::idle);
   EXPECT_EQ(served.ended().motions(), 1);
@@ -296,6 +307,25 @@ TEST(FrankaDriver, TracksOnTheEmulatedArm) {
     EXPECT_LT(course.largest_error, 2e-4) << "[rad], the issue's bound";
     RecordProperty("largest_error_urad_delay_" + delay, std::to_string(1e6 * course.largest_error));
   }
+}
+
+/// Joint 2 stops 0.03 rad before the end of its range. 0.18 rad before the end it moves at 0.81
+/// rad/s, and the arm allows 0.77 rad/s.
+TEST(FrankaDriver, StopsAJointTooFastForTheEndOfItsRangeBeforeTheArmsReflex) {
+  const std::vector<std::string> settings = {
+      "reference.point_to_point.to_rad=[0, -1.7537, 0, -2.3562, 0, 1.5708, 0.7854]",
+      "reference.point_to_point.duration_s=1.8", "loop.duration_s=2.2"};
+  const auto s = fr3(settings);
+  Served served(s);
+  const auto failure = failure_of([&] {
+    FrankaDriver driver(s);
+    move(s, driver);
+  });
+  ASSERT_TRUE(failure);
+  EXPECT_EQ(failure->code(), ExitCode::protective_stop);
+  EXPECT_THAT(failure->what(), AllOf(HasSubstr("joint 2 (joint2) moves at -"),
+                                     HasSubstr("near the end of its range, of ")));
+  EXPECT_EQ(served.ended().mode(), Mode::idle) << "no reflex";
 }
 
 TEST(FrankaDriver, MakesNoTorqueStepOfLostStatesInMotion) {

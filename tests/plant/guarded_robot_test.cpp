@@ -81,6 +81,23 @@ TEST(GuardedRobot, StopsAnEmulatedJointThatIsTooFast) {
                                    "limit of 1.5 rad/s in robots/two_link.urdf"));
 }
 
+TEST(GuardedRobot, StopsAJointThatIsTooFastForTheEndOfItsRange) {
+  // The elbow moves from 0 at some -2 rad/s. At a distance d from the end, sqrt(2 8 d) - 0.4 is
+  // allowed: 2 rad/s at d = 0.36.
+  const scenario::Scenario s = moving(
+      "practical_rigid",
+      R"(lower="-0.5" upper="3" velocity="10"/><position_based_velocity_limits deceleration_limit="8" velocity_offset="0.4")");
+  GuardedRobot robot(s);
+  const End end = run(robot);
+  EXPECT_THAT(end.fault, AllOf(HasSubstr("joint 2 (elbow) moves at -"),
+                               HasSubstr("near the end of its range, of "),
+                               HasSubstr("plant.on_limit: warn")));
+  const double q = robot.state().q[1], v = robot.state().v[1];
+  const auto allowed = [](double at) { return std::sqrt(16 * (at + 0.5)) - 0.4; };
+  EXPECT_LT(-v, allowed(q)) << "an arm that watches its speed itself has not stopped yet";
+  EXPECT_GT(-v, allowed(q + MotionGuard::lead_s * v)) << "it would have within 20 ms";
+}
+
 TEST(GuardedRobot, LetsAJointMoveAtItsLimitButForRounding) {
   // The elbow starts at -2 rad/s, beyond its limit by 1e-12.
   const char* almost = R"(lower="-3" upper="3" effort="100" velocity="1.999999999999")";

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -64,15 +65,22 @@ class MitCanRun : public testing::Test {
   std::int64_t lost_ = 0;
 };
 
+/// TACHLESS_MIT_CAN_SECONDS sets the length of both runs.
 TEST_F(MitCanRun, GoesOnOverLostFramesAndIsReplayedBitForBit) {
-  for (const auto& settings :
-       {std::vector<std::string>{"loop.duration_s=2"},
-        {"plant.driver.fd=false", "loop.period_s=0.0025", "loop.duration_s=3"}}) {
+  const char* seconds = std::getenv("TACHLESS_MIT_CAN_SECONDS");
+  const auto duration = [&](const char* usual) {
+    return std::string("loop.duration_s=") + (seconds == nullptr ? usual : seconds);
+  };
+  for (const auto& settings : {std::vector<std::string>{duration("2")},
+                               {"plant.driver.fd=false", "loop.period_s=0.0025", duration("3")}}) {
     SCOPED_TRACE(settings.front());
     ASSERT_EQ(run(settings), 0) << errors_;
     EXPECT_GT(lost_, 0);
     const auto summary = nlohmann::json::parse(contents(out() / "summary.json"));
     EXPECT_GT(summary["missed_readings"].get<int>(), 0);
+    for (const char* counted : {"ticks", "missed_readings", "longest_reading_miss"}) {
+      RecordProperty(settings[0] + " " + counted, summary[counted].get<int>());
+    }
     EXPECT_GT(summary["missed_commands"].get<int>(), 0);
     EXPECT_GT(summary["driver"]["answers_missing"].get<double>(), 0);
     EXPECT_EQ(summary["robot_stopped"], true);

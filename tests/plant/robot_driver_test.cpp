@@ -421,6 +421,27 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   EXPECT_FALSE(clock.stopped);
 }
 
+TEST(RobotDriver, IsSentZerosOnlyIfItAddsGravity) {
+  const std::vector<std::string> zeros = {"plant.zero_torque=true",
+                                          "robot.compensates={gravity: true}"};
+  const scenario::Scenario s = limited(zeros);
+  Peers peers(s);
+  Recording robot;
+  ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
+  ASSERT_EQ(robot.torques.size(), 30U);
+  for (const Vector& torque : robot.torques) EXPECT_TRUE(torque.isZero(0)) << torque.transpose();
+  EXPECT_FALSE(peers.truths[20].tau.isZero(0)) << "the log has the law's torque";
+  Recording falling;
+  try {
+    GuardedRobot{limited({zeros[0]}), &falling};
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_THAT(failure.what(), AllOf(HasSubstr("plant.zero_torque: true, but the arm would fall"),
+                                      HasSubstr("robot.compensates: {gravity: true}")));
+  }
+  EXPECT_THROW(GuardedRobot{s}, base::Failure);  // emulated
+}
+
 /// Torques are withheld in 2 of each 20 ticks, as in `commission`.
 TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
   const scenario::Scenario s = limited({"plant.withheld_ticks=2"});

@@ -9,9 +9,9 @@
 #include <thread>
 #include <vector>
 
+#include "plant/drivers/ur/emulated_controller.h"
 #include "plant/drivers/ur/ur_driver.h"
 #include "tests/plant/failure_of.h"
-#include "tests/plant/ur_controller.h"
 
 namespace tachless::ur {
 namespace {
@@ -52,7 +52,7 @@ class UrNetwork : public testing::Test {
     return failure;
   }
 
-  std::optional<Controller> controller_;
+  std::optional<EmulatedController> controller_;
   std::string stop_;
 };
 
@@ -63,6 +63,19 @@ TEST_F(UrNetwork, HoldsByTorquesWithoutTheArmsOwnFriction) {
   EXPECT_GT(controller_->torques, 400) << "a busy machine loses some ticks";
   EXPECT_THAT(controller_->scales, AllOf(SizeIs(12), Each(0)));
   EXPECT_FALSE(controller_->program_runs) << "the arm brakes";
+}
+
+/// The doctor, a ramp and a run are three clients of `tachless-ur emulate`.
+TEST_F(UrNetwork, HasAControllerThatServesOneClientAfterTheOther) {
+  controller_.emplace(arm());
+  const std::jthread serving([&](const std::stop_token& ends) { controller_->serve(ends); });
+  for (int client = 0; client < 3; ++client) {
+    UrDriver driver(arm());
+    driver.start();
+    for (int k = 0; k < 50; ++k) driver.hold(Vector::Zero(6), 0);
+    driver.stop();
+    EXPECT_EQ(driver.figures()[0].value, 50);
+  }
 }
 
 TEST_F(UrNetwork, NamesTheSafetyStop) {

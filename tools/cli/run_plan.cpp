@@ -46,8 +46,9 @@ void require_fitting_mode(const RunOptions& options, const scenario::Scenario& s
         "type --mode lockstep, or leave --in-process out",
         scenario.source);
   }
-  if (options.plant_program.empty() && scenario.plant.dry_run) {
-    throw scenario.complaint("plant.dry_run", "true: the robot is emulated; allowed: with --plant");
+  if (options.plant_program.empty() && (scenario.plant.dry_run || scenario.plant.zero_torque)) {
+    throw scenario.complaint(std::string(plant::key_without_torques(scenario.plant)),
+                             "true: the robot is emulated; allowed: with --plant");
   }
 }
 

@@ -58,7 +58,7 @@ class Motion {
 
   [[nodiscard]] std::vector<ModelTorque> torques(const scenario::Scenario& scenario) const {
     const Eigen::Index n = scenario.num_joints;
-    if (scenario.robot.flexible || scenario.plant.dry_run ||
+    if (scenario.robot.flexible || scenario.plant.dry_run || scenario.plant.zero_torque ||
         static_cast<double>(ticks_) * scenario.loop.period_s < shortest_motion_s) {
       return {};
     }
@@ -242,9 +242,10 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     yardsticks.saturated_share.push_back(run.share_of(ticks));
   }
   run.verdict = judge(run.tracking, yardsticks);
-  if (run.scenario.plant.dry_run) {
+  if (const plant::Spec& plant = run.scenario.plant; plant.dry_run || plant.zero_torque) {
     run.verdict = {};
-    run.verdict.reason = "a dry run, the robot was sent nothing";
+    run.verdict.reason = plant.dry_run ? "a dry run, the robot was sent nothing"
+                                       : "the robot was sent zero torques (plant.zero_torque)";
   }
   run.outcome = read_outcome(run);
   if (std::string reason = run.summary.stop_reason(run.info.num_ticks); !reason.empty()) {

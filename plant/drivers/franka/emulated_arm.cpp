@@ -50,8 +50,10 @@ const sockaddr* generic(const sockaddr_in& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-/// Returns a URDF with the limits that libfranka reads and a URDF of the scenario lacks.
+/// Returns a URDF with the limits near the ends of the ranges, which libfranka reads. A URDF that
+/// has its own stays as it is.
 std::string with_position_dependent_limits(std::string urdf) {
+  if (urdf.find("<position_based_velocity_limits") != std::string::npos) return urdf;
   std::size_t at = 0;
   for (std::size_t i = 0; i < num_joints; ++i) {
     at = urdf.find("<limit", at);
@@ -85,6 +87,8 @@ EmulatedArm::EmulatedArm(const scenario::Scenario& scenario, Pace pace, Trouble 
     throw scenario.complaint("robot.urdf", "{} joints; a Franka arm has 7", model_.num_joints);
   }
   model_.gravity.setZero();
+  model_.deceleration_limit = Eigen::Map<const Eigen::VectorXd>(deceleration.data(), num_joints);
+  model_.velocity_offset = Eigen::Map<const Eigen::VectorXd>(speed_offset.data(), num_joints);
   q_[0] += trouble_.offset_rad;
   urdf_ = with_position_dependent_limits(trouble_.urdf.empty() ? scenario.robot.urdf_text
                                                                : trouble_.urdf);
@@ -229,12 +233,8 @@ void EmulatedArm::brake() {
 void EmulatedArm::watch() {
   for (std::size_t j = 0; j < num_joints; ++j) {
     const auto i = static_cast<Eigen::Index>(j);
-    const auto limit = [&](double way_left) {
-      const double braked = std::sqrt(std::max(0.0, 2 * deceleration[j] * way_left));
-      return std::min(model_.velocity_limit[i], std::max(0.0, braked - speed_offset[j]));
-    };
     if (q_[i] < model_.lower[i] || q_[i] > model_.upper[i]) reflex(Error::joint_position_limits);
-    if (v_[i] > limit(model_.upper[i] - q_[i]) || -v_[i] > limit(q_[i] - model_.lower[i])) {
+    if (std::abs(v_[i]) > robot::speed_limit(model_, i, q_[i], v_[i])) {
       reflex(Error::joint_velocity);
     }
     if (std::abs(external_[i]) > thresholds_[j]) reflex(Error::joint_reflex);

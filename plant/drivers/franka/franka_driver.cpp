@@ -211,15 +211,22 @@ void FrankaDriver::compare_limits(const scenario::Scenario& scenario) const {
   const Eigen::Index n = std::min(ours.num_joints, arm.num_joints);
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto warn = [&](const char* limit, double given, double allowed) {
-      base::log_warning("robot.urdf has the {} {} for {}, the arm's own model {}: take the arm's",
-                        limit, base::shortest(given), ours.joint_names[static_cast<std::size_t>(i)],
-                        base::shortest(allowed));
+      base::log_warning(
+          "robot.urdf has the {} {:.6g} for {}, the arm's own model {:.6g}: take the arm's", limit,
+          given, ours.joint_names[static_cast<std::size_t>(i)], allowed);
     };
     constexpr double rounding = 1e-4;  // of the numbers in such files
+    constexpr double end_rad = 0.1;
     if (ours.lower[i] < arm.lower[i] - rounding) warn("lower limit", ours.lower[i], arm.lower[i]);
     if (ours.upper[i] > arm.upper[i] + rounding) warn("upper limit", ours.upper[i], arm.upper[i]);
     if (ours.velocity_limit[i] > arm.velocity_limit[i] + rounding) {
       warn("speed limit", ours.velocity_limit[i], arm.velocity_limit[i]);
+    }
+    const double near_end = robot::speed_limit(ours, i, ours.upper[i] - end_rad, 1);
+    const double allowed = robot::speed_limit(arm, i, arm.upper[i] - end_rad, 1);
+    if (near_end > allowed + rounding) {
+      warn("speed limit (position_based_velocity_limits, 0.1 rad before the end of the range)",
+           near_end, allowed);
     }
   }
 }

@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/analysis/linear/scenarios.h"
+#include "tests/support/limited_elbow.h"
 
 namespace tachless::certify {
 namespace {
@@ -57,6 +60,34 @@ TEST(Feasibility, SeesTheSpeedOfAFastSinusoid) {
                  "loop.duration_s=20");
   // 50 instants a period would be at most 0.2 % off.
   for (const JointDemand& joint : joints) EXPECT_NEAR(joint.speed, 1, 0.002);
+}
+
+/// The elbow moves by 0.5 rad at some 1 rad/s toward the end of its range and stops 0.1 rad before.
+TEST(Feasibility, NamesTheTimeAtWhichAJointIsTooFastForTheEndOfItsRange) {
+  const auto demand = [](const std::string& deceleration) {
+    return feasibility(with_limited_elbow(
+        linear::testing::shipped(
+            "practical_rigid", {"reference={point_to_point: {from_rad: [0, 0], to_rad: [0, 0.5], "
+                                "start_s: 0.1, duration_s: 1.2}}",
+                                "plant.initial={position_rad: [0, 0], velocity_rad_per_s: [0, 0]}",
+                                "loop.duration_s=2"}),
+        R"(lower="-3" upper="0.6" velocity="10"/><position_based_velocity_limits deceleration_limit=")" +
+            deceleration + R"(" velocity_offset="0.1")"));
+  };
+  const Feasibility wide = demand("100");
+  EXPECT_THAT(wide.impossible, IsEmpty());
+  ASSERT_TRUE(wide.joints[1].tight_speed);
+  EXPECT_FALSE(wide.joints[0].tight_speed);
+  EXPECT_LT(wide.joints[1].tight_speed->speed, wide.joints[1].tight_speed->limit);
+  const Feasibility narrow = demand("0.5");
+  EXPECT_THAT(narrow.impossible, ElementsAre(AllOf(HasSubstr("joint 2 (elbow) is to move at "),
+                                                   HasSubstr("so near to the end of its range"))));
+  const TightSpeed& tight = *narrow.joints[1].tight_speed;
+  EXPECT_GT(tight.at_s, 0.7) << "later than the fastest instant, the middle of the motion";
+  EXPECT_LT(tight.at_s, 1.3);
+  EXPECT_NEAR(tight.limit, std::sqrt(2 * 0.5 * (0.6 - tight.position - 0.02 * tight.speed)) - 0.1,
+              1e-12)
+      << "20 ms ahead, as the guard of a run";
 }
 
 TEST(Feasibility, NamesTheJointThatCannotHoldItself) {

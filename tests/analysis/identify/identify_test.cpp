@@ -5,14 +5,19 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <random>
 
 #include "base/failure.h"
 #include "identify/excite.h"
 #include "identify/least_squares.h"
+#include "plant/motion_guard.h"
+#include "reference/make_trajectory.h"
 #include "robot/kinematics.h"
 #include "tests/analysis/identify/hidden_arm.h"
+#include "tests/support/limited_elbow.h"
 
 namespace tachless::identify {
 namespace {
@@ -190,6 +195,26 @@ TEST(Excite, KeepsToFourFifthsOfTheTorquesOrRefuses) {
     EXPECT_THAT(failure.what(),
                 HasSubstr("plant.drive.torque_limit_Nm: holding the arm at its start"));
   }
+}
+
+TEST(Excite, KeepsToFourFifthsOfASpeedLimitThatDecreasesTowardTheEndsOfTheRange) {
+  const scenario::Scenario arm = with_limited_elbow(
+      beginning_at("[0.25, 0]", "null"),
+      R"(lower="-0.6" upper="0.6" velocity="10"/><position_based_velocity_limits deceleration_limit="2" velocity_offset="0.1")");
+  const Excitation found = excite(arm, {Kind::viscous}, short_motion, ignore);
+  const scenario::Scenario moving =
+      scenario::parse_scenario(arm.text, arm.robot.urdf_text, arm.source, found.overrides);
+  const plant::MotionGuard guard(*moving.model, "");
+  const reference::Trajectory trajectory = reference::make_trajectory(moving);
+  double largest = 0;
+  for (double t_s = 0; t_s < moving.loop.duration_s; t_s += 0.002) {
+    const messages::ReferencePoint at = trajectory.at(t_s);
+    if (at.v_ref[1] == 0) continue;
+    largest =
+        std::max(largest, std::abs(at.v_ref[1]) / guard.speed_limit(1, at.q_ref[1], at.v_ref[1]));
+  }
+  EXPECT_LT(largest, 0.82) << "0.8 at the instants that excite looks at";
+  EXPECT_GT(largest, 0.7);
 }
 
 TEST(Excite, MovesAJointWithoutLimitsFromWhereverItBegins) {

@@ -7,12 +7,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <fstream>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "base/failure.h"
 #include "identify/output_error.h"
+#include "messages/truth/truth_wire.h"
 #include "session/run_info.h"
 #include "tests/analysis/identify/hidden_arm.h"
 #include "tests/support/in_process_log.h"
@@ -31,12 +34,16 @@ class RecordingOfALog : public testing::Test {
     return support::shortened("practical_rigid.yaml", "3", overrides);
   }
 
+  static std::string run_info_of(const scenario::Scenario& believed) {
+    const auto info =
+        session::run_info(believed, 7, controller::law_info(*controller::scenario_law(believed)));
+    return {reinterpret_cast<const char*>(info.data()), info.size()};
+  }
+
   /// Returns the recording of a run of `there` whose RUN_INFO states the scenario `believed`.
   Recording recorded(const scenario::Scenario& there, const scenario::Scenario& believed) const {
     auto messages = support::in_process_log(there);
-    const auto info =
-        session::run_info(believed, 7, controller::law_info(*controller::scenario_law(believed)));
-    messages.front().data = {reinterpret_cast<const char*>(info.data()), info.size()};
+    messages.front().data = run_info_of(believed);
     std::ofstream(directory_ / "lcmlog", std::ios::binary) << logger::log_of(messages);
     return read_recording(directory_ / "lcmlog");
   }
@@ -76,8 +83,99 @@ TEST_F(RecordingOfALog, BeginsWhereTheScenarioSaysIfItsEncodersMaySay) {
   }
 }
 
+/// An arm whose sensors behind the gears measure half of the torque that the drives give.
+TEST_F(RecordingOfALog, HasTheTorquesThatTheArmTold) {
+  const std::vector<std::string> drives = {
+      "plant.drive.viscous_friction_Nms_per_rad=[2, 1]", "plant.drive.coulomb_friction_Nm=[5, 0.5]",
+      "robot.joints={rigid: {rotor_inertia_kgm2: [0.2, 0.1]}}"};
+  std::vector<std::string> realtime = drives;
+  realtime.emplace_back("loop.mode=realtime");  // only an arm tells torques
+  const scenario::Scenario there = arm(drives), believed = arm(realtime);
+  auto messages = support::in_process_log(there);
+  messages.front().data = run_info_of(believed);
+  const messages::Layout layout = messages::layout(2, false);
+  const auto told = [&](const messages::truth::PlantTruth& truth) {
+    return messages::truth::ArmTorque{truth.tau.array() + 1, 0.5 * truth.tau};
+  };
+  const auto write = [&](bool tells) {
+    std::vector<logger::Recorded> all;
+    for (const logger::Recorded& each : messages) {
+      all.push_back(each);
+      if (!tells || !each.channel.ends_with("_TRUTH")) continue;
+      const auto bytes = std::as_bytes(std::span(each.data));
+      messages::Stamp stamp;
+      messages::truth::PlantTruth truth;
+      messages::Codec<messages::truth::PlantTruth>(layout).decode(bytes, stamp, truth);
+      messages::Codec<messages::truth::ArmTorque> codec(layout);
+      const auto arm_torque = codec.encode(stamp, told(truth));
+      all.push_back({each.utime,
+                     each.channel.substr(0, each.channel.size() - 5) + "ARM_TORQUE",
+                     {reinterpret_cast<const char*>(arm_torque.data()), arm_torque.size()}});
+    }
+    std::ofstream(directory_ / "lcmlog", std::ios::binary) << logger::log_of(all);
+  };
+  const auto read = [&](TorqueSource source) {
+    return read_recording(directory_ / "lcmlog", source);
+  };
+  write(true);
+  const Recording commanded = read(TorqueSource::commanded),
+                  accepted = read(TorqueSource::accepted), measured = read(TorqueSource::measured),
+                  behind_gear = read(TorqueSource::behind_gear);
+  EXPECT_TRUE(commanded.controlled);
+  EXPECT_EQ(accepted.tau, Eigen::MatrixXd(commanded.tau.array() + 1));
+  EXPECT_EQ(measured.tau, Eigen::MatrixXd(0.5 * commanded.tau));
+  EXPECT_EQ(behind_gear.tau, measured.tau);
+  EXPECT_EQ(measured.q, commanded.q);
+  for (const Recording* each : {&accepted, &measured, &behind_gear}) {
+    EXPECT_FALSE(each->controlled) << "the law's loop is not simulated with such torques";
+  }
+  EXPECT_FALSE(measured.scenario.plant.drive.coulomb_friction_Nm.isZero(0));
+  EXPECT_TRUE(behind_gear.scenario.plant.drive.coulomb_friction_Nm.isZero(0));
+  EXPECT_TRUE(behind_gear.scenario.plant.drive.viscous_friction_Nms_per_rad.isZero(0));
+  EXPECT_TRUE(behind_gear.scenario.robot.rigid_rotor_inertia_kgm2.isZero(0));
+  write(false);
+  EXPECT_NO_THROW(read(TorqueSource::commanded));
+  try {
+    read(TorqueSource::measured);
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_THAT(failure.what(), testing::HasSubstr("holds no torque that the arm measured"));
+  }
+}
+
+/// Arms lose readings now and then: four ticks of 3000 here, then 21 in a row of 1 ms.
+TEST_F(RecordingOfALog, FillsAFewMissingTicksAndIsRefusedWithMany) {
+  const auto whole = support::in_process_log(arm());
+  const auto without = [&](std::int64_t first, std::int64_t count) {
+    auto messages = whole;
+    const auto begin = messages.begin() + 1 + 6 * first;
+    messages.erase(begin, begin + 6 * count);
+    std::ofstream(directory_ / "lcmlog", std::ios::binary) << logger::log_of(messages);
+    return read_recording(directory_ / "lcmlog");
+  };
+  const Recording complete = without(0, 0), filled = without(500, 4);
+  EXPECT_EQ(complete.missed, 0);
+  EXPECT_TRUE(complete.controlled);
+  EXPECT_EQ(filled.missed, 4);
+  EXPECT_FALSE(filled.controlled) << "the law stepped over the ticks";
+  ASSERT_EQ(filled.num_ticks(), complete.num_ticks());
+  EXPECT_EQ(filled.q.bottomRows(2000), complete.q.bottomRows(2000));
+  const Eigen::RowVectorXd before = complete.q.row(499), after = complete.q.row(504);
+  EXPECT_LT((filled.q.row(502) - (0.4 * before + 0.6 * after)).norm(), 1e-12);
+  EXPECT_EQ(filled.tau.row(503), complete.tau.row(499));
+  try {
+    without(500, 21);
+    ADD_FAILURE();
+  } catch (const base::Failure& failure) {
+    EXPECT_THAT(failure.what(),
+                testing::HasSubstr("21 of 3000 ticks are missed, up to 21 in a row are missing; "
+                                   "allowed: 20 % and 20 ms"));
+  }
+}
+
 TEST_F(RecordingOfALog, IsRefusedWhereTheArmWasSentNothing) {
-  for (const char* nothing : {"plant.dry_run=true", "plant.withheld_ticks=2"}) {
+  for (const char* nothing :
+       {"plant.dry_run=true", "plant.withheld_ticks=2", "plant.zero_torque=true"}) {
     try {
       recorded(arm(), arm({nothing}));
       ADD_FAILURE() << nothing;

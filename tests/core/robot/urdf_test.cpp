@@ -669,6 +669,35 @@ TEST(Urdf, NarrowsTheLimitsOfAJointToThoseOfItsMimics) {
                                            "'first' no room; they are not used"));
 }
 
+/// The element of franka_description. A limit decreases toward the end that the joint moves to.
+TEST(Urdf, ReadsSpeedLimitsThatDecreaseTowardTheEndsOfTheRange) {
+  const auto arm = [](const std::string& attributes) {
+    std::string text = right_arm;
+    text.insert(text.find("</joint>"), "<position_based_velocity_limits " + attributes + "/>");
+    return text;
+  };
+  const Model model =
+      model_from_urdf(arm("deceleration_limit='2' velocity_offset='0.5'"), "arm.urdf");
+  EXPECT_THAT(list(model.deceleration_limit), ElementsAre(2, inf));
+  EXPECT_THAT(list(model.velocity_offset), ElementsAre(0.5, 0));
+  // first has [-2, 2] rad and 3 rad/s: sqrt(2 2 d) - 0.5 is 3 at d = 3.0625.
+  EXPECT_EQ(speed_limit(model, 0, -1.5, 1), 3);
+  EXPECT_EQ(speed_limit(model, 0, -1.5, -1), std::sqrt(2.0) - 0.5);
+  EXPECT_EQ(speed_limit(model, 0, 1, 1), 1.5);
+  EXPECT_EQ(speed_limit(model, 0, 1.99, 1), 0) << "v0 is above sqrt(2 a d)";
+  EXPECT_EQ(speed_limit(model, 0, 2.1, 1), 0);
+  EXPECT_EQ(speed_limit(model, 0, 2.1, 0), 3) << "a joint that rests";
+  EXPECT_EQ(speed_limit(model, 1, 5, 1), inf) << "a continuous joint";
+  EXPECT_EQ(speed_limit(model_from_urdf(right_arm, "arm.urdf"), 0, 2, 1), 3);
+  EXPECT_THAT(complaint(arm("deceleration_limit='2'")), HasSubstr("has no velocity_offset"));
+  EXPECT_THAT(complaint(arm("deceleration_limit='0' velocity_offset='0'")),
+              HasSubstr("deceleration_limit=\"0\"; allowed: above 0"));
+  EXPECT_THAT(complaint(arm("deceleration_limit='1' velocity_offset='-1'")),
+              HasSubstr("velocity_offset=\"-1\"; allowed: 0 or more"));
+  EXPECT_THAT(warnings(arm("deceleration_limit='1' velocity_offset='1' velocity_ofset='2'")),
+              ElementsAre(HasSubstr("velocity_ofset")));
+}
+
 TEST(Urdf, NamesAllJointsWithoutRoomAtOnceWithTheLineThatLocksThem) {
   std::string text = right_arm;
   text.replace(text.find("upper=\"2\""), 9, "upper=\"-2\"");

@@ -142,8 +142,9 @@ Mechanics mechanics_of(const std::string& text) {
   const auto add = [&](const auto& values) {
     result.numbers.insert(result.numbers.end(), values.begin(), values.end());
   };
-  for (const Vector* each : {&model.lower, &model.upper, &model.effort_limit, &model.velocity_limit,
-                             &model.damping, &model.friction}) {
+  for (const Vector* each :
+       {&model.lower, &model.upper, &model.effort_limit, &model.velocity_limit,
+        &model.deceleration_limit, &model.velocity_offset, &model.damping, &model.friction}) {
     add(*each);
   }
   for (const double q : {0.0, 0.3, -0.7}) {

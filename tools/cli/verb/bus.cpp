@@ -92,7 +92,7 @@ struct Doctor {
   fs::path scenario;
   std::string plant;
   double seconds = 60;
-  bool json = false;
+  bool zero_torque = false, json = false;
 
   void declare(CLI::App& command) {
     session::add_lcm_url(command, lcm_url);
@@ -100,11 +100,18 @@ struct Doctor {
         "--scenario", scenario,
         "Run this scenario in realtime, in a private network, and compare the commands it misses "
         "with those that its loop tolerates"));
+    CLI::Option* const driver =
+        command
+            .add_option(
+                "--plant", plant,
+                "Driver of a real arm, as typed in a shell: the run is then a dry run, which "
+                "reads the arm and sends nothing to it")
+            ->needs(given);
     command
-        .add_option("--plant", plant,
-                    "Driver of a real arm, as typed in a shell: the run is then a dry run, which "
-                    "reads the arm and sends nothing to it")
-        ->needs(given);
+        .add_flag("--zero-torque", zero_torque,
+                  "Start the arm, which has to add gravity, and send it zero torques where the "
+                  "scenario begins, in place of a dry run")
+        ->needs(driver);
     command.add_option("--seconds", seconds, "Length of that run")
         ->check(CLI::Range(1.0, 3600.0))
         ->capture_default_str()
@@ -138,8 +145,8 @@ struct Doctor {
   /// Runs the four programs of the scenario on this machine and judges their timing, and the
   /// readings of a driver.
   void examine_run(std::vector<Finding>& findings) const {
-    const certify::Prediction loop =
-        certify::analyse(scenario::load_scenario(scenario, {}), linear::Effort::full);
+    const scenario::Scenario of = scenario::load_scenario(scenario, {});
+    const certify::Prediction loop = certify::analyse(of, linear::Effort::full);
     const base::TemporaryDirectory directory;
     RunOptions options;
     options.out = directory.path() / "run";
@@ -149,13 +156,24 @@ struct Doctor {
     options.any_outcome = options.quiet = true;
     options.isolate = plant.empty();
     options.plant_program = plant;
-    options.dry_run = !plant.empty();
+    options.dry_run = !plant.empty() && !zero_torque;
+    const std::vector<std::string> without_torque = {
+        "plant.zero_torque=true", fmt::format("reference={{hold: {{position_rad: [{}]}}}}",
+                                              fmt::join(of.plant.initial.position_rad, ", "))};
+    if (zero_torque) {
+      options.overrides.insert(options.overrides.end(), without_torque.begin(),
+                               without_torque.end());
+    }
     base::log_info("runs {} in realtime for {:g} s", scenario.string(), seconds);
     const ExitCode code = cli::run(options, {scenario});
     if (code == ExitCode::interrupted) throw base::Failure(code, "doctor: its run was interrupted");
     const std::string file = base::shell_word(scenario.string());
     std::string command = fmt::format("tachless run {} --mode realtime", file);
-    if (!plant.empty()) command += fmt::format(" --plant {} --dry-run", base::shell_word(plant));
+    if (!plant.empty()) command += fmt::format(" --plant {}", base::shell_word(plant));
+    if (options.dry_run) command += " --dry-run";
+    for (const std::string& each : zero_torque ? without_torque : std::vector<std::string>()) {
+      command += fmt::format(" --set {}", base::shell_word(each));
+    }
     if (code != ExitCode::done) {
       findings.push_back({"timing",
                           fmt::format("the run ended with exit code {}", static_cast<int>(code)),
@@ -325,6 +343,7 @@ const Verb doctor_verb = verb_of<Doctor>(
     "  tachless doctor --json\n"
     "  tachless doctor --scenario scenarios/practical_rigid.yaml --seconds 60\n"
     "  tachless doctor --scenario arm.yaml --plant ./own_driver --seconds 10\n"
+    "  tachless doctor --scenario arm.yaml --plant ./own_driver --zero-torque --seconds 10\n"
     "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
     "Exit code 0 when there is no problem, 1 otherwise.");
 

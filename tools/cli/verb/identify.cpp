@@ -39,10 +39,15 @@ namespace {
 namespace fs = std::filesystem;
 using base::ExitCode;
 using identify::Recording;
+using identify::TorqueSource;
 
-Recording read(const fs::path& log) {
-  if (is_yaml(log)) return identify::read_table(log);
-  Recording recording = identify::read_recording(logger::find_log(log));
+Recording read(const fs::path& log, TorqueSource source) {
+  if (is_yaml(log)) {
+    if (source == TorqueSource::commanded) return identify::read_table(log);
+    throw base::bad_usage("--torque {}: {} is a table, whose file names the column of torques",
+                          base::name_of(source), log.string());
+  }
+  Recording recording = identify::read_recording(logger::find_log(log), source);
   scenario::require_no_drive_loop(
       recording.scenario, "the log has the host's torques, identify needs the sums of the drives");
   return recording;
@@ -159,7 +164,7 @@ struct Identify {
   std::vector<fs::path> logs;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
   std::vector<fs::path> without;
-  std::string carrier;
+  std::string carrier, torque{base::name_of(TorqueSource::commanded)};
   fs::path validate, output;
   bool all = false, force = false, json = false, quiet = false;
   CLI::Option* chosen = nullptr;  ///< --unknown
@@ -179,6 +184,12 @@ struct Identify {
     command.add_option("--on", carrier,
                        "Link that carries a payload of unknown mass, centre and inertia");
     command.add_option("--without", without, "Logs of runs without this payload")->needs("--on");
+    constexpr auto sources = names(TorqueSource());
+    command
+        .add_option("--torque", torque,
+                    "Torques of a log: commanded, or what the arm told: accepted, measured by its "
+                    "motors, or measured behind_gear by its joints' sensors")
+        ->check(CLI::IsMember(std::vector<std::string>(sources.begin(), sources.end())));
     command.add_option("--validate", validate, "A log that is not used, to check the result with");
     command.add_option("--write", output,
                        "The log's scenario with the result, as F.yaml, and its URDF beside it");
@@ -215,13 +226,15 @@ struct Identify {
     std::vector<std::string> sought = all ? everything : unknown;
     if (!chosen->count() && !recordings.front().controlled) sought.emplace_back("delay");
     if (!carrier.empty()) std::erase(sought, "payload");
+    if (source() == TorqueSource::behind_gear) keep_to_links(sought);
     std::vector<identify::Kind> unknown_kinds = kinds(sought);
     if (!carrier.empty()) unknown_kinds.push_back(identify::Kind::load);
     const identify::Identified found = identify::identify(
         recordings, unknown_kinds, other,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
-    print(json, found, identify::text(found, scenario.name));
+    print(json, found,
+          identify::text(found, scenario.name) + torque_text() + missed_text(recordings));
     if (!found.no_fit.empty()) {
       base::log_error("{}: {}{}", recordings.front().source, found.no_fit,
                       output.empty() ? "" : "; nothing written");
@@ -243,9 +256,61 @@ struct Identify {
   }
 
  private:
+  [[nodiscard]] TorqueSource source() const { return *base::value_of<TorqueSource>(torque); }
+
+  /// Leaves out the kinds that sensors behind the gears do not see.
+  /// @throw base::Failure(bad_usage) if nothing is left, or if --unknown asks for one of them
+  void keep_to_links(std::vector<std::string>& sought) const {
+    for (const char* kind : {"rotor", "viscous", "coulomb"}) {
+      const auto unseen = std::erase(sought, kind);
+      if (unseen > 0 && chosen->count() > 0) {
+        throw base::bad_usage(
+            "--unknown {}: sensors behind the gears do not see it; allowed with --torque "
+            "behind_gear: payload, delay, inertia, offset",
+            kind);
+      }
+    }
+    if (!carrier.empty() || std::ranges::find(sought, "inertia") != sought.end() ||
+        chosen->count() > 0) {
+      return;
+    }
+    throw base::bad_usage(
+        "--torque behind_gear: name what is unknown: --unknown inertia, payload or offset, --all "
+        "or --on LINK");
+  }
+
+  /// Returns a line that names the torques; nothing for commanded ones.
+  [[nodiscard]] std::string torque_text() const {
+    switch (source()) {
+      case TorqueSource::commanded:
+        break;
+      case TorqueSource::accepted:
+        return "  torques: those that the arm accepted; least squares, the loop is not simulated\n";
+      case TorqueSource::measured:
+        return "  torques: those that the arm measured, taken for its motors' (of sensors behind "
+               "the gears: --torque behind_gear); least squares, the loop is not simulated\n";
+      case TorqueSource::behind_gear:
+        return "  torques: those of the sensors behind the gears, without rotors and friction; "
+               "least squares, the loop is not simulated\n";
+    }
+    return "";
+  }
+
+  /// Returns a line about missed ticks of logs; nothing if there are none.
+  [[nodiscard]] static std::string missed_text(const std::vector<Recording>& recordings) {
+    std::string text;
+    for (const Recording& each : recordings) {
+      if (each.missed == 0) continue;
+      text += fmt::format(
+          "  {}: {} of {} ticks were missed; least squares, the loop is not simulated\n",
+          each.source, each.missed, each.num_ticks());
+    }
+    return text;
+  }
+
   /// Reads a recording whose payload, if it is asked for, is on the link of --on.
   [[nodiscard]] Recording read_loaded(const fs::path& log) const {
-    Recording recording = read(log);
+    Recording recording = read(log, source());
     if (carrier.empty()) return recording;
     try {
       robot::with_payload(*recording.scenario.model, {}, carrier);

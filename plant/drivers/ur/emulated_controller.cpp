@@ -1,19 +1,19 @@
-#include "tests/plant/ur_controller.h"
+#include "plant/drivers/ur/emulated_controller.h"
 
-#include <fmt/format.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstring>
-#include <stdexcept>
 #include <thread>
 
 #include "base/clock.h"
+#include "base/failure.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
 
@@ -61,7 +61,8 @@ base::FileDescriptor listener(std::uint16_t port) {
   const sockaddr_in at = local(port);
   if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&at), sizeof at) != 0 ||
       ::listen(socket.get(), 4) != 0) {
-    throw std::runtime_error(fmt::format("port {} is taken", port));
+    throw base::bad_usage("the emulated controller cannot listen on 127.0.0.1:{}: {}", port,
+                          std::strerror(errno));
   }
   return socket;
 }
@@ -129,7 +130,7 @@ std::vector<std::string> names_in(std::string_view list) {
 
 }  // namespace
 
-Controller::Controller(const scenario::Scenario& scenario, Trouble trouble)
+EmulatedController::EmulatedController(const scenario::Scenario& scenario, Trouble trouble)
     : trouble_(trouble),
       model_(plant::plant_model(scenario)),
       q_(plant::initial_state(scenario.plant, scenario.robot.flexible, model_).q),
@@ -138,17 +139,21 @@ Controller::Controller(const scenario::Scenario& scenario, Trouble trouble)
       acting_(v_),
       primary_listener_(listener(30001)),
       rtde_listener_(listener(30004)) {
+  if (model_.num_joints != 6) {
+    throw scenario.complaint("robot.urdf", "{} joints; an arm of Universal Robots has 6",
+                             model_.num_joints);
+  }
   model_.gravity.setZero();  // the arm adds it
 }
 
-void Controller::serve(const std::stop_token& ends) {
+void EmulatedController::serve(const std::stop_token& ends) {
   const auto begin = Clock::now();
   for (; !ends.stop_requested(); ++tick_) {
     std::this_thread::sleep_until(begin + tick_ * 2ms);
     serve_primary();
     serve_rtde();
     if (sends_ && torques < trouble_.silent_from) send_state();
-    if (rtde_.get() >= 0 && torque_.get() < 0 && tick_ % 50 == 0 && torques == 0) start_program();
+    if (starts_ && rtde_.get() >= 0 && tick_ % 50 == 0) start_program();
     take_torques();
     take_script_commands();
     if (torque_mode_ && static_cast<double>(tick_) * tick_s - heard_s_ > timeout_s_) end_program();
@@ -156,14 +161,18 @@ void Controller::serve(const std::stop_token& ends) {
   }
 }
 
-void Controller::serve_primary() {
+void EmulatedController::serve_primary() {
   take_client(primary_listener_, primary_);
-  primary_in_.clear();  // the script is not run
+  primary_in_.clear();
   if (!receive(primary_, primary_in_)) primary_ = base::FileDescriptor();
+  if (!primary_in_.empty()) {
+    end_program();
+    starts_ = true;
+  }
   if (tick_ % 50 == 0) send(primary_, configuration());
 }
 
-void Controller::serve_rtde() {
+void EmulatedController::serve_rtde() {
   if (is_ready(rtde_listener_)) {
     take_client(rtde_listener_, rtde_);
     sends_ = false;
@@ -182,7 +191,7 @@ void Controller::serve_rtde() {
   }
 }
 
-void Controller::answer(char type, std::string_view body) {
+void EmulatedController::answer(char type, std::string_view body) {
   std::string data;
   switch (type) {
     case 'S':
@@ -215,7 +224,7 @@ void Controller::answer(char type, std::string_view body) {
   send(rtde_, message + data);
 }
 
-void Controller::send_state() {
+void EmulatedController::send_state() {
   std::string data(1, 1);
   for (const std::string& name : recipe_) {
     if (name == "timestamp") {
@@ -232,20 +241,24 @@ void Controller::send_state() {
   send(rtde_, message + data);
 }
 
-void Controller::start_program() {
+void EmulatedController::start_program() {
   trajectory_ = connection(50003);
   script_ = connection(50004);
   torque_ = connection(50001);
   program_runs = torque_.get() >= 0;
+  starts_ = !program_runs;
 }
 
-void Controller::end_program() {
+void EmulatedController::end_program() {
   torque_mode_ = program_runs = false;
+  torque_in_.clear();
+  script_in_.clear();
   for (auto* each : {&torque_, &trajectory_, &script_}) *each = base::FileDescriptor();
 }
 
-void Controller::take_torques() {
+void EmulatedController::take_torques() {
   constexpr std::size_t size = 8 * 4;  // time-out, six torques, mode
+  if (torque_.get() < 0) return;
   if (!receive(torque_, torque_in_)) return end_program();
   for (; torque_in_.size() >= size; torque_in_.erase(0, size)) {
     const std::int32_t mode = number(torque_in_, 7);
@@ -265,7 +278,7 @@ void Controller::take_torques() {
   }
 }
 
-void Controller::take_script_commands() {
+void EmulatedController::take_script_commands() {
   constexpr std::size_t numbers = 28;
   receive(script_, script_in_);
   for (; script_in_.size() >= 4 * numbers; script_in_.erase(0, 4 * numbers)) {
@@ -275,7 +288,7 @@ void Controller::take_script_commands() {
   }
 }
 
-void Controller::move() {
+void EmulatedController::move() {
   constexpr int steps = 20;
   constexpr double step_s = tick_s / steps, braking_s = 0.02;
   for (int i = 0; i < steps; ++i) {

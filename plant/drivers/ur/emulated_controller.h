@@ -27,13 +27,14 @@ struct Trouble {
 /// (port 30004), the configuration of the primary interface (30001), and the sides of the arm's
 /// program in the connections for torques, trajectories and script commands (50001, 50003, 50004).
 /// The arm is the scenario's without gravity, which it adds, at 500 Hz. Its program brakes the arm
-/// when no torque has come within the time-out that the last one named.
-class Controller {
+/// when no torque has come within the time-out that the last one named. The program starts when the
+/// primary interface has got a script. The script itself is not run.
+class EmulatedController {
  public:
-  /// @throw std::runtime_error if a port is taken
-  explicit Controller(const scenario::Scenario& scenario, Trouble trouble = {});
+  /// @throw base::Failure(bad_usage) when a port is taken or the robot has not six joints
+  explicit EmulatedController(const scenario::Scenario& scenario, Trouble trouble = {});
 
-  /// Serves one client of the library until `ends` is requested.
+  /// Serves one client of the library after the other until `ends` is requested.
   void serve(const std::stop_token& ends);
 
   // Read these once `serve` has returned.
@@ -60,6 +61,7 @@ class Controller {
   std::string primary_in_, rtde_in_, torque_in_, script_in_;
   std::vector<std::string> recipe_;
   bool sends_ = false, torque_mode_ = false;
+  bool starts_ = false;      ///< a script has come, and its program has not connected yet
   std::int32_t safety_ = 1;  // normal
   std::int64_t tick_ = 0;
   double timeout_s_ = 0, heard_s_ = 0;
