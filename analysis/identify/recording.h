@@ -23,8 +23,8 @@ struct Recording {
   /// can then be simulated. Otherwise torques and positions are of the same instant.
   bool controlled = true;
   /// Ticks by which the torques of a table have been moved: row k holds the torque that the table
-  /// has `moved` rows earlier.
-  int moved = 0;
+  /// has `moved` rows earlier, interpolated if this is no whole number.
+  double moved = 0;
   bool loaded = true;  ///< the arm carried the load that is to be identified
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
@@ -67,9 +67,10 @@ Recording read_recording(const std::filesystem::path& log);
 /// @throw base::Failure(bad_usage) with one line: file, line, fault and allowed values
 Recording read_table(const std::filesystem::path& description);
 
-/// Returns a table's recording with its torques moved by `ticks` more ticks. Rows without a torque
-/// are left out.
-Recording with_torques_moved(const Recording& recording, int ticks);
+/// Returns a table's recording with its torques moved by so many ticks. Torques between two rows
+/// are those of the cubic through four rows. Rows without a torque are left out.
+/// @param recording a table whose torques have not been moved
+Recording with_torques_moved(const Recording& recording, double ticks);
 
 /// Checks the length and motion of a recording.
 /// @throw base::Failure(bad_usage) for less than 2 s, or when no joint moves
