@@ -1,7 +1,8 @@
 // Measures how often the 95 % intervals of `identify` hold the true values of random arms, and how
 // often a right model is called wrong. docs/identification.md has the numbers.
 //
-//   identify_coverage KIND ARMS [FIRST]   KIND: aligned, noise, late (tables), log, noisy_log
+//   identify_coverage KIND ARMS [FIRST]   KIND: exact, aligned, noise, late (tables), log,
+//   noisy_log
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -18,16 +19,36 @@
 #include <vector>
 
 #include "tests/analysis/identify/hidden_arm.h"
+#include "tests/analysis/identify/table_of_motion.h"
 
 namespace {
 
 using namespace tachless;
 using namespace tachless::identify;
 
-/// The kinds of data. A table's torques are those at its instants, those with 1 % of noise, or the
-/// commands, which act a tick later and are held over it. A noisy log's encoders have up to 2e-4
-/// rad of noise.
-enum class Data { aligned, noise, late, log, noisy_log };
+/// The kinds of data. A table's torques are those of a motion at its instants without a loop, the
+/// means around the instants of a run, those with 1 % of noise, or the commands, which act a tick
+/// later and are held over it. A noisy log's encoders have up to 2e-4 rad of noise.
+enum class Data { exact, aligned, noise, late, log, noisy_log };
+
+/// Returns the table of a motion with the torques that it takes exactly, at 200 Hz. Only positions
+/// are rounded, to the encoders' counts.
+Recording exact_table(const scenario::Scenario& believed, const scenario::Scenario& plant,
+                      unsigned seed) {
+  robot::Model arm = scenario::with_payload(plant, *plant.model);
+  arm.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
+  const plant::DriveSpec& drive = plant.plant.drive;
+  const auto friction = [&](Eigen::Index joint, double v, double /*load*/) {
+    return drive.viscous_friction_Nms_per_rad[joint] * v +
+           (v > 0 ? 1 : -1) * drive.coulomb_friction_Nm[joint];
+  };
+  Recording table = table_of_motion(believed, arm, 15, 0.01 * (seed % 37), friction);
+  const Vector count = scenario::encoder_count(believed, *believed.model);
+  for (Eigen::Index j = 0; j < count.size(); ++j) {
+    table.q.col(j) = count[j] * (table.q.col(j) / count[j]).array().round().matrix();
+  }
+  return table;
+}
 
 /// Returns the recording of a run as a table.
 Recording table_of(const Recording& run, Data data, std::mt19937& random) {
@@ -70,10 +91,12 @@ struct Campaign {
     }
     const Parameters parameters(believed, all);
     const Eigen::VectorXd truth = draw_truth(believed, parameters, random);
-    Recording run = record(believed, hidden(believed, truth));
+    const scenario::Scenario plant = hidden(believed, truth);
+    Recording run =
+        data == Data::exact ? exact_table(believed, plant, seed) : record(believed, plant);
     std::vector<Kind> unknown = all;
     if (!is_log) {
-      run = table_of(run, data, random);
+      if (data != Data::exact) run = table_of(run, data, random);
       unknown.push_back(Kind::delay);
     }
     const Identified found = identify::identify({run}, unknown, {}, ignore);
@@ -113,8 +136,8 @@ struct Campaign {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::array<std::string_view, 5> names = {"aligned", "noise", "late", "log",
-                                                     "noisy_log"};
+  constexpr std::array<std::string_view, 6> names = {"exact", "aligned", "noise",
+                                                     "late",  "log",     "noisy_log"};
   const auto* const found =
       argc > 2 ? std::ranges::find(names, std::string_view(argv[1])) : names.end();
   if (found == names.end()) {

@@ -90,18 +90,33 @@ MatrixXd draw(std::mt19937& random, const VectorXd& start, const VectorXd& most,
   return result;
 }
 
-/// Returns the waypoints as overrides of the scenario.
+/// Returns the motion's waypoints, a row of offsets from the start per waypoint.
+reference::trajectory::Waypoints waypoints(const MatrixXd& offset, const VectorXd& start) {
+  reference::trajectory::Waypoints result;
+  for (Eigen::Index k = 0; k < offset.rows(); ++k) {
+    result.time_s.push_back(static_cast<double>(k) * row_s);
+    result.position_rad.emplace_back(start + offset.row(k).transpose());
+  }
+  return result;
+}
+
+/// Returns the duration of a run of the motion, a whole number of periods that ends after it [s].
+double duration(const MatrixXd& offset, double period_s) {
+  const double end = static_cast<double>(offset.rows() - 1) * row_s;
+  return std::ceil((end + 0.5) / period_s) * period_s;
+}
+
+/// Returns the motion as overrides of the scenario.
 std::vector<std::string> overrides_of(const MatrixXd& offset, const VectorXd& start,
                                       double period_s) {
-  std::string times, rows;
-  for (Eigen::Index k = 0; k < offset.rows(); ++k) {
-    const VectorXd q = start + offset.row(k).transpose();
-    times += fmt::format("{}{:.6g}", k > 0 ? ", " : "", static_cast<double>(k) * row_s);
-    rows += fmt::format("{}[{:.5g}]", k > 0 ? ", " : "", fmt::join(q, ", "));
+  const reference::trajectory::Waypoints points = waypoints(offset, start);
+  std::string rows;
+  for (const Vector& q : points.position_rad) {
+    rows += fmt::format("{}[{:.5g}]", rows.empty() ? "" : ", ", fmt::join(q, ", "));
   }
-  const double end = static_cast<double>(offset.rows() - 1) * row_s;
-  return {fmt::format("reference={{waypoints: {{time_s: [{}], position_rad: [{}]}}}}", times, rows),
-          fmt::format("loop.duration_s={:.12g}", std::ceil((end + 0.5) / period_s) * period_s)};
+  return {fmt::format("reference={{waypoints: {{time_s: [{:.6g}], position_rad: [{}]}}}}",
+                      fmt::join(points.time_s, ", "), rows),
+          fmt::format("loop.duration_s={:.12g}", duration(offset, period_s))};
 }
 
 struct Motion {
@@ -239,13 +254,13 @@ class Designer {
   /// Takes a motion if it has more information than the best one so far.
   void consider(MatrixXd offset) {
     const VectorXd& start = scenario_.plant.initial.position_rad;
-    Motion motion = motion_of(with(overrides_of(offset, start, scenario_.loop.period_s)));
+    Motion motion = motion_of(moving(offset));
     constexpr int most_passes = 8;  // a motion that is still too fast is dropped
     for (int pass = 0; pass < most_passes; ++pass) {
       const VectorXd factor = shrink(scenario_, motion);
       if (factor.minCoeff() >= 1) break;
       offset = offset * (0.99 * factor).cwiseMin(1).asDiagonal();
-      motion = motion_of(with(overrides_of(offset, start, scenario_.loop.period_s)));
+      motion = motion_of(moving(offset));
     }
     if ((shrink(scenario_, motion).array() < 1).any()) return;
     if (goal_.floor && lowest(motion) < *goal_.floor) {
@@ -269,9 +284,12 @@ class Designer {
   [[nodiscard]] bool below_floor() const { return below_floor_; }
 
  private:
-  [[nodiscard]] scenario::Scenario with(const std::vector<std::string>& overrides) const {
-    return scenario::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
-                                    overrides);
+  /// Returns the scenario with this motion as its reference.
+  [[nodiscard]] scenario::Scenario moving(const MatrixXd& offset) const {
+    scenario::Scenario result = scenario_;
+    result.reference = waypoints(offset, scenario_.plant.initial.position_rad);
+    result.loop.duration_s = duration(offset, scenario_.loop.period_s);
+    return result;
   }
 
   [[nodiscard]] VectorXd noise_of(const Motion& motion) const {

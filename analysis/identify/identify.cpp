@@ -160,30 +160,35 @@ std::vector<Regression> regressions_of(const std::vector<Recording>& recordings,
 }
 
 /// Identifies from tables. The delay of their torques is linear in small changes only, so that the
-/// torques are moved by whole ticks until less than one is left.
-Answer answer_of_tables(std::vector<Recording> recordings, const Parameters& parameters) {
-  constexpr int most_moves = 4;
+/// torques are moved until a hundredth of a tick is left.
+Answer answer_of_tables(const std::vector<Recording>& recordings, const Parameters& parameters) {
+  constexpr int most_moves = 6;
+  constexpr double little = 0.01;  // [ticks]
   const robot::Model& model = *recordings.front().scenario.model;
   const Eigen::Index delay = parameters.first(Kind::delay);
+  std::vector<Recording> moved = recordings;
   for (int move = 0;; ++move) {
-    std::vector<Regression> regressions = regressions_of(recordings, parameters);
+    std::vector<Regression> regressions = regressions_of(moved, parameters);
     TableAnswer found = table_answer(regressions, parameters, model);
-    const double late = delay < 0 ? 0 : found.values[delay];
-    const auto more = static_cast<int>(
-        std::clamp(std::round(late - recordings.front().moved), -longest_move, longest_move));
-    if (more == 0 || delay < 0 || move == most_moves) {
-      return {found, std::move(found.misfits), std::move(recordings), std::move(regressions), {}};
+    const double now = moved.front().moved;
+    const double more =
+        delay < 0 ? 0 : std::clamp(found.values[delay] - now, -longest_move, longest_move);
+    if (std::abs(more) < little || move == most_moves) {
+      return {found, std::move(found.misfits), std::move(moved), std::move(regressions), {}};
     }
-    for (Recording& each : recordings) each = with_torques_moved(each, more);
+    for (std::size_t i = 0; i < moved.size(); ++i) {
+      moved[i] = with_torques_moved(recordings[i], now + more);
+    }
   }
 }
 
 /// Returns whether a delay should not be taken out of tables: the model lacks something, and the
-/// delay is not told from zero.
+/// delay is not clearly told from zero. What the model lacks may look like a delay.
 bool delay_is_doubtful(const Answer& answer, const Parameters& parameters) {
+  constexpr double clear = 3;  // half widths of the 95 % interval
   const Eigen::Index delay = parameters.first(Kind::delay);
   return delay >= 0 && parameters.size() > 1 && std::ranges::any_of(answer.misfits, is_misfit) &&
-         !(answer.half_width[delay] < std::abs(answer.values[delay]));
+         !(clear * answer.half_width[delay] < std::abs(answer.values[delay]));
 }
 
 /// Identifies from logs.
@@ -262,7 +267,7 @@ void set_checks(const Answer& answer, const Parameters& parameters,
                 const std::optional<Recording>& validate, Identified& to) {
   const robot::JointLabels labels = joint_labels(*answer.recordings.front().scenario.model);
   if (validate) {
-    const int moved = answer.recordings.front().moved;
+    const double moved = answer.recordings.front().moved;
     const Recording other =
         moved == 0 || validate->controlled ? *validate : with_torques_moved(*validate, moved);
     std::vector<MatrixXd> error;

@@ -18,6 +18,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double cutoff_hz = 15;
+/// Cutoff of the filter before the differences. The robot's torque is no linear function of the
+/// positions, and only of signals far below the cutoff does it pass the filter unchanged.
+constexpr double wide_hz = 40;
 constexpr double settle_s = 0.3;  ///< left out at both ends because of the filter's transient
 /// Twice the noise bandwidth of the filter in both directions: white noise has so many independent
 /// values per second behind it. The integral of 1 / (1 + x^4)^2 is 0.833.
@@ -180,6 +183,29 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
   return result;
 }
 
+/// Filters both sides of the equations: the low-pass of 15 Hz twice.
+MatrixXd smoothed(MatrixXd columns, double h) {
+  return low_passed(low_passed(std::move(columns), h), h);
+}
+
+/// Filtered positions with their first and second differences over time.
+struct Differences {
+  Vector v, a;
+
+  /// @param k instant, neither the first nor the last
+  /// @param held the torque is held over each tick, with its mean over both ticks at k: the second
+  /// difference of three positions is the mean of the acceleration over the same time. Otherwise
+  /// the torque is that of the instant, and five positions give the instant's acceleration.
+  Differences(const MatrixXd& q, Eigen::Index k, double h, bool held) {
+    const auto row = [&](Eigen::Index by) -> Vector { return q.row(k + by).transpose(); };
+    v = (row(1) - row(-1)) / (2 * h);
+    a = (row(1) - 2 * row(0) + row(-1)) / (h * h);
+    if (held || k < 2 || k + 2 >= q.rows()) return;
+    v = (8 * (row(1) - row(-1)) - row(2) + row(-2)) / (12 * h);
+    a = (16 * (row(1) + row(-1)) - 30 * row(0) - row(2) - row(-2)) / (12 * h * h);
+  }
+};
+
 /// The filtered motion at an instant.
 struct Instant {
   const Vector &q, &v, &a;
@@ -261,24 +287,23 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const double h = recording.scenario.loop.period_s;
   const Eigen::Index ticks = recording.num_ticks(), n = recording.q.cols(), p = parameters.size();
   const Models models(recording, parameters);
-  const MatrixXd q = low_passed(recording.q, h);
+  const MatrixXd q = low_passed(recording.q, h, wide_hz);
   // Mean torque about t_k, because each torque is held over its tick.
   MatrixXd tau = recording.tau;
   if (recording.controlled) {
     tau.bottomRows(ticks - 1) =
         0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
   }
-  MatrixXd left = low_passed(tau, h);  // the robot's own torque is subtracted below
+  MatrixXd left = low_passed(tau, h, wide_hz);  // the robot's own torque is subtracted below
   const MatrixXd whole = left;
   const Eigen::Index delay = parameters.first(Kind::delay);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
   MatrixXd speed = MatrixXd::Zero(ticks, n);
   // Ticks of delay that the torques have already.
-  const int had = recording.controlled ? recording.scenario.loop.command_delay : recording.moved;
+  const double had = recording.controlled ? recording.scenario.loop.command_delay : recording.moved;
   for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
     const Vector at = q.row(k).transpose();
-    const Vector v = (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h);
-    const Vector a = (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h);
+    const auto [v, a] = Differences(q, k, h, recording.controlled);
     const Vector own = robot::inverse_dynamics<double>(models.bare, at, v, a);
     Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
     for (Eigen::Index j = 0; j < n; ++j)
@@ -292,10 +317,10 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   }
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);
-  left = low_passed(std::move(left), h);
-  for (MatrixXd& column : columns) column = low_passed(std::move(column), h);
+  left = smoothed(std::move(left), h);
+  for (MatrixXd& column : columns) column = smoothed(std::move(column), h);
 
-  return thinned(columns, left, whole, low_passed(whole, h), low_passed(std::move(speed), h), h,
+  return thinned(columns, left, whole, smoothed(whole, h), smoothed(std::move(speed), h), h,
                  recording.controlled);
 }
 

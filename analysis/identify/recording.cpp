@@ -94,12 +94,17 @@ void set_rows(Recording& recording, const Ticks& ticks) {
 
 }  // namespace
 
-Recording with_torques_moved(const Recording& recording, int ticks) {
+Recording with_torques_moved(const Recording& recording, double ticks) {
   Recording result = recording;
-  const Eigen::Index rows = recording.num_ticks() - std::abs(ticks);
-  result.q = ticks > 0 ? recording.q.bottomRows(rows) : recording.q.topRows(rows);
-  result.tau = ticks > 0 ? recording.tau.topRows(rows) : recording.tau.bottomRows(rows);
-  result.moved += ticks;
+  result.moved = ticks;
+  const double whole = std::floor(ticks), part = ticks - whole;
+  const auto shift = static_cast<Eigen::Index>(whole);
+  const Eigen::Index more = part > 0 ? 1 : 0;
+  const Eigen::Index first = std::max<Eigen::Index>(0, shift + more),
+                     rows = recording.num_ticks() - first - std::max<Eigen::Index>(0, -shift);
+  result.q = recording.q.middleRows(first, rows);
+  result.tau = (1 - part) * recording.tau.middleRows(first - shift, rows) +
+               part * recording.tau.middleRows(first - shift - more, rows);
   return result;
 }
 

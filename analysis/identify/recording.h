@@ -34,8 +34,8 @@ struct Recording {
   /// can then be simulated. Otherwise torques and positions are of the same instant.
   bool controlled = true;
   /// Ticks by which the torques of a table have been moved: row k holds the torque that the table
-  /// has `moved` rows earlier.
-  int moved = 0;
+  /// has `moved` rows earlier, interpolated if this is no whole number.
+  double moved = 0;
   bool loaded = true;       ///< the arm carried the load that is to be identified
   std::int64_t missed = 0;  ///< ticks without a reading, which were filled, or without a command
 
@@ -86,9 +86,10 @@ Recording read_recording(const std::filesystem::path& log,
 /// @throw base::Failure(bad_usage) with one line: file, line, fault and allowed values
 Recording read_table(const std::filesystem::path& description);
 
-/// Returns a table's recording with its torques moved by `ticks` more ticks. Rows without a torque
-/// are left out.
-Recording with_torques_moved(const Recording& recording, int ticks);
+/// Returns a table's recording with its torques moved by so many ticks. Torques between two rows
+/// are those of the cubic through four rows. Rows without a torque are left out.
+/// @param recording a table whose torques have not been moved
+Recording with_torques_moved(const Recording& recording, double ticks);
 
 /// Checks the length and motion of a recording.
 /// @throw base::Failure(bad_usage) for less than 2 s, or when no joint moves

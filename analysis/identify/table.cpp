@@ -11,6 +11,7 @@
 #include "base/file_text.h"
 #include "base/text.h"
 #include "identify/recording.h"
+#include "identify/spikes.h"
 #include "scenario/reader.h"
 #include "scenario/table.h"
 
@@ -77,7 +78,7 @@ struct Description {
 class Rows {
  public:
   Rows(std::string_view text, const std::string& source, const Description& of)
-      : table_(text, source), offset_(of.time_offset) {
+      : table_(text, source), source_(source), offset_(of.time_offset) {
     columns_.push_back(table_.time_column(of.time_column, of.time_scale != 1));
     for (const Columns* each : {&of.position, &of.torque}) {
       for (const std::string& column : each->given) {
@@ -95,8 +96,19 @@ class Rows {
     return {values_.data(), width, std::ssize(values_) / width};
   }
 
+  /// Throws for a value of the row: off from the rows around it.
+  [[noreturn]] void refuse_spike(Eigen::Index row, Eigen::Index value, double off) const {
+    const auto at = static_cast<std::size_t>(value);
+    throw bad_usage(
+        "{}:{}: {} in column {} is off by {:.3g} from the rows around it; correct or delete the "
+        "line, or cut the table there",
+        source_, lines_[static_cast<std::size_t>(row)], base::shortest(all()(value, row)),
+        columns_[at] + 1, std::abs(off));
+  }
+
  private:
   void add_row() {
+    lines_.push_back(table_.line());
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       const double value = table_.number(columns_[i]) * scale_[static_cast<Eigen::Index>(i)];
       if (i > 0 && !(std::abs(value) < most)) {
@@ -113,7 +125,8 @@ class Rows {
   }
 
   scenario::Table table_;
-  std::vector<std::size_t> columns_;
+  std::string source_;
+  std::vector<std::size_t> columns_, lines_;
   Eigen::VectorXd scale_;
   double offset_;
   std::vector<double> values_;
@@ -127,6 +140,21 @@ void require_seconds(double step, const std::string& source) {
       "time_scale: 0.001 for milliseconds, 1e-9 for nanoseconds",
       source, base::shortest(step), base::shortest(shortest_step_s),
       base::shortest(longest_step_s));
+}
+
+/// Refuses a row that does not fit those around it.
+/// @param even the rows on an even grid
+void require_no_spike(const Rows& rows, const Recording& even) {
+  const Eigen::MatrixXd all = rows.all();
+  const Eigen::Index n = even.q.cols();
+  for (Eigen::Index i = 0; i < 2 * n; ++i) {
+    const auto spike = i < n ? position_spike(even.q.col(i)) : torque_spike(even.tau.col(i - n));
+    if (!spike) continue;
+    const double t = all(0, 0) + static_cast<double>(spike->row) * even.scenario.loop.period_s;
+    Eigen::Index row = 0;
+    (all.row(0).array() - t).abs().minCoeff(&row);
+    rows.refuse_spike(row, i + 1, spike->off);
+  }
 }
 
 /// Interpolates the rows linearly on an even grid.
@@ -190,7 +218,9 @@ Recording read_table(const std::filesystem::path& description) {
   const std::filesystem::path table = directory / described.table;
   const std::string text = base::given_text(table, scenario::max_table_bytes);
   try {
-    set_even(Rows(text, table.string(), described).all(), table.string(), result);
+    const Rows rows(text, table.string(), described);
+    set_even(rows.all(), table.string(), result);
+    require_no_spike(rows, result);
   } catch (const std::invalid_argument& refused) {
     throw bad_usage(refused.what());
   }
