@@ -85,8 +85,8 @@ TEST(GuardedRobot, StopsAJointThatIsTooFastForTheEndOfItsRange) {
   // The elbow moves from 0 at some -2 rad/s. At a distance d from the end, sqrt(2 8 d) - 0.4 is
   // allowed: 2 rad/s at d = 0.36.
   const scenario::Scenario s = moving(
-      "practical_rigid",
-      R"(lower="-0.5" upper="3" velocity="10"/><position_based_velocity_limits deceleration_limit="8" velocity_offset="0.4")");
+      "practical_rigid", R"(lower="-0.5" upper="3" velocity="10"/><position_based_velocity_limits )"
+                         R"(deceleration_limit="8" velocity_offset="0.4")");
   GuardedRobot robot(s);
   const End end = run(robot);
   EXPECT_THAT(end.fault, AllOf(HasSubstr("joint 2 (elbow) moves at -"),

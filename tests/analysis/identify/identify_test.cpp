@@ -200,7 +200,8 @@ TEST(Excite, KeepsToFourFifthsOfTheTorquesOrRefuses) {
 TEST(Excite, KeepsToFourFifthsOfASpeedLimitThatDecreasesTowardTheEndsOfTheRange) {
   const scenario::Scenario arm = with_limited_elbow(
       beginning_at("[0.25, 0]", "null"),
-      R"(lower="-0.6" upper="0.6" velocity="10"/><position_based_velocity_limits deceleration_limit="2" velocity_offset="0.1")");
+      R"(lower="-0.6" upper="0.6" velocity="10"/><position_based_velocity_limits )"
+      R"(deceleration_limit="2" velocity_offset="0.1")");
   const Excitation found = excite(arm, {Kind::viscous}, short_motion, ignore);
   const scenario::Scenario moving =
       scenario::parse_scenario(arm.text, arm.robot.urdf_text, arm.source, found.overrides);
