@@ -55,6 +55,7 @@ constexpr double sets_agree = 1.02;    // ratio of the least moduli of two sets
 // A search is short if its gains settle this much later than the gains of another structure.
 // Longer searches shorten settling by less than half.
 constexpr double dominated = 3;
+constexpr int short_rounds = 2;
 // How often the bandwidth is halved in search of gains that keep the margin.
 constexpr int most_softened = 8;
 constexpr double slower = 1.02;  // least factor of the settling time by which a posture is added
@@ -135,7 +136,8 @@ class Search {
     if (starts.empty()) return {};
     time_left_->enter(TimeLeft::Phase::best);
     best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
-    if (starts.size() > 1 && !is_dominated(best_)) {
+    is_short_ = is_dominated(best_);
+    if (starts.size() > 1 && !is_short_) {
       time_left_->enter(TimeLeft::Phase::second);
       const FoundGains other =
           climbed("design: the second best start", starts[1].theta, steps_of_a_round, tell);
@@ -143,11 +145,12 @@ class Search {
     }
     if (answers_) try_beside(tell);
     worst_ = worst_postures();
-    for (int round = 0; round < rounds && add_worst(); ++round) {
+    const int most = is_short_ ? short_rounds : rounds;
+    for (int round = 0; round < most && add_worst(); ++round) {
       time_left_->enter(TimeLeft::Phase::rounds, rounds - round);
       const FoundGains next =
-          climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
-                  steps_of_a_round, tell);
+          climbed(fmt::format("design: round {} of at most {}", round + 1, most), best_.theta,
+                  most_steps(), tell);
       if (std::isfinite(next.settling_s) || !std::isfinite(best_.settling_s)) best_ = next;
       worst_ = worst_postures();
     }
@@ -181,7 +184,9 @@ class Search {
 
   /// Forgets what an earlier search has added.
   void begin(const Start& from) {
-    time_left_.emplace(along_motion_.same_everywhere, beside_.another_follows);
+    time_left_.emplace(along_motion_.same_everywhere, beside_.another_follows,
+                       std::isfinite(beside_.settling_s));
+    is_short_ = false;
     problem_ = along_motion_;
     if (from.bandwidth_hz) problem_.upper = law_.upper_within(*from.bandwidth_hz);
     in_range_ = from.in_range;
@@ -226,7 +231,7 @@ class Search {
 
   /// Goes on from the best gains. Returns whether some keep the margin at the postures added.
   bool climbed_on(const std::string& what, const linear::OnProgress& tell) {
-    best_ = climbed(what, best_.theta, steps_of_a_round, tell);
+    best_ = climbed(what, best_.theta, most_steps(), tell);
     return std::isfinite(best_.settling_s) || recovered(tell);
   }
 
@@ -241,10 +246,11 @@ class Search {
       softer = softer->cwiseMax(problem_.lower).cwiseMin(problem_.upper);
       modulus = least_modulus(problem_, *softer);
     }
-    best_ = climbed("design: again from softer gains", *softer, steps_of_a_round, tell);
+    best_ = climbed("design: again from softer gains", *softer, most_steps(), tell);
     return std::isfinite(best_.settling_s);
   }
 
+  [[nodiscard]] int most_steps() const { return is_short_ ? steps_of_a_start : steps_of_a_round; }
   /// Returns true for gains that settle much later than the gains found before.
   [[nodiscard]] bool is_dominated(const FoundGains& gains) const {
     return gains.settling_s > dominated * beside_.settling_s;
@@ -618,6 +624,7 @@ class Search {
   std::vector<GainProblem> fresh_;      ///< sets of loops in the joints' range
   std::vector<char> in_pool_, on_way_;  ///< whether each of these loops is in the problem
   FoundGains best_;
+  bool is_short_ = false;               ///< the gains of another structure settle much sooner
   VectorXd highest_;                    ///< the largest of each variable in all searches
   std::vector<UncertainPlant> plants_;  ///< beside the scenario's
   std::vector<Worst> worst_;            ///< least moduli of the best gains, with their postures
