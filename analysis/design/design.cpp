@@ -137,7 +137,7 @@ class Search {
     time_left_->enter(TimeLeft::Phase::best);
     best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
     is_short_ = is_dominated(best_);
-    if (starts.size() > 1 && !is_short_) {
+    if (starts.size() > 1 && !is_short_ && starts[1].theta != starts[0].theta) {
       time_left_->enter(TimeLeft::Phase::second);
       const FoundGains other =
           climbed("design: the second best start", starts[1].theta, steps_of_a_round, tell);
@@ -338,7 +338,7 @@ class Search {
                                    Rule{4, 1, 0.5, 0},   Rule{20, 1, 0.5, 0},
                                    Rule{20, 1, 1.02, 0}, Rule{1e9, 3, 1.02, 0}};
     std::vector<FoundGains> all;
-    std::vector<VectorXd> known;
+    std::vector<std::pair<VectorXd, FoundGains>> known;  // begins of the climbs, and their ends
     for (const Rule& start : starts) {
       if (start.part_of_margin > 1 && !all.empty()) break;
       if (std::ranges::any_of(all, [&](const FoundGains& each) { return is_dominated(each); }))
@@ -362,14 +362,20 @@ class Search {
         }
         if (modulus > start.part_of_margin * goal_.modulus) break;
       }
-      if (best_w == 0 || std::ranges::count(known, gains_at(best_w)) > 0) continue;
-      known.push_back(gains_at(best_w));
+      if (best_w == 0) continue;
+      const VectorXd begin = gains_at(best_w);
+      const auto same = std::ranges::find(known, begin, &std::pair<VectorXd, FoundGains>::first);
+      if (same != known.end()) {
+        if (std::isfinite(same->second.settling_s)) all.push_back(same->second);
+        continue;
+      }
       const bool enough = modulus > start.part_of_margin * goal_.modulus;
       time_left_->enter(TimeLeft::Phase::starts,
                         std::max(0, most_starts - static_cast<int>(&start - starts.data()) - 1));
       const FoundGains here = climbed(
           fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()),
-          gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
+          begin, enough ? steps_of_a_start : steps_of_a_round, tell, false);
+      known.emplace_back(begin, here);
       if (std::isfinite(here.settling_s)) all.push_back(here);
     }
     std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
@@ -593,7 +599,7 @@ class Search {
       }
       const auto [low, high] = robot::finite_range(*scenario_.model, static_cast<int>(j));
       const double whole = stiffness[j] * (high - low), noise = problem_.most_gain[j] * count[j];
-      if (count[j] > 0 && whole < noise) {
+      if (std::isfinite(noise) && whole < noise) {
         design.warnings.push_back(fmt::format(
             "{} is too soft: an error of its whole range ({:.3g} {}) makes {:.2g} {}, less than "
             "one "
