@@ -52,6 +52,12 @@ constexpr int fresh_postures = 400, fresh_apart = 10'000, descents = 8, descent_
               most_sets = 8;
 constexpr double same_posture = 0.05;  // [rad; m] two descents that end this near are one posture
 constexpr double sets_agree = 1.02;    // ratio of the least moduli of two sets
+// A search is short if its gains settle this much later than the gains of another structure.
+// Longer searches shorten settling by less than half.
+constexpr double dominated = 3;
+constexpr int short_rounds = 2;
+// How often the bandwidth is halved in search of gains that keep the margin.
+constexpr int most_softened = 8;
 constexpr double slower = 1.02;  // least factor of the settling time by which a posture is added
 constexpr double eased_hz = 1;   // bandwidth with which remedies are tried
 // Bandwidths of the searches for softer gains, each half of the one before [Hz].
@@ -70,8 +76,8 @@ void require_rigid(const scenario::Scenario& scenario) {
 class Search {
  public:
   Search(const scenario::Scenario& scenario, const DesignGoal& goal,
-         const linear::LawAnswers& answers, bool another_follows = false)
-      : another_follows_(another_follows),
+         const linear::LawAnswers& answers, const Beside& beside = {})
+      : beside_(beside),
         scenario_(scenario),
         goal_(goal),
         answers_(answers),
@@ -118,6 +124,11 @@ class Search {
     return GainPoint(problem_, theta).count_lack().lack > 0;
   }
 
+  /// Returns true if the bound of this bandwidth excludes gains that the last searches had.
+  [[nodiscard]] bool is_bounded_by(double hz) const {
+    return highest_.size() == 0 || (highest_.array() > law_.upper_within(hz).array()).any();
+  }
+
   /// Returns the design, or nothing when no gains keep the margin.
   std::optional<Design> found(const Start& from, const linear::OnProgress& tell) {
     begin(from);
@@ -125,7 +136,8 @@ class Search {
     if (starts.empty()) return {};
     time_left_->enter(TimeLeft::Phase::best);
     best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
-    if (starts.size() > 1) {
+    is_short_ = is_dominated(best_);
+    if (starts.size() > 1 && !is_short_ && starts[1].theta != starts[0].theta) {
       time_left_->enter(TimeLeft::Phase::second);
       const FoundGains other =
           climbed("design: the second best start", starts[1].theta, steps_of_a_round, tell);
@@ -133,15 +145,16 @@ class Search {
     }
     if (answers_) try_beside(tell);
     worst_ = worst_postures();
-    for (int round = 0; round < rounds && add_worst(); ++round) {
+    const int most = is_short_ ? short_rounds : rounds;
+    for (int round = 0; round < most && add_worst(); ++round) {
       time_left_->enter(TimeLeft::Phase::rounds, rounds - round);
       const FoundGains next =
-          climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
-                  steps_of_a_round, tell);
+          climbed(fmt::format("design: round {} of at most {}", round + 1, most), best_.theta,
+                  most_steps(), tell);
       if (std::isfinite(next.settling_s) || !std::isfinite(best_.settling_s)) best_ = next;
       worst_ = worst_postures();
     }
-    if (!std::isfinite(best_.settling_s)) return {};
+    if (!std::isfinite(best_.settling_s) && !recovered(tell)) return {};
     for (int attempt = 0; attempt < most_attempts; ++attempt) {
       const bool last = attempt + 1 == most_attempts || !in_range_;
       worst_.clear();  // these moduli are of other gains
@@ -171,7 +184,9 @@ class Search {
 
   /// Forgets what an earlier search has added.
   void begin(const Start& from) {
-    time_left_.emplace(along_motion_.same_everywhere, another_follows_);
+    time_left_.emplace(along_motion_.same_everywhere, beside_.another_follows,
+                       std::isfinite(beside_.settling_s));
+    is_short_ = false;
     problem_ = along_motion_;
     if (from.bandwidth_hz) problem_.upper = law_.upper_within(*from.bandwidth_hz);
     in_range_ = from.in_range;
@@ -194,7 +209,7 @@ class Search {
 
   FoundGains climbed(const std::string& what, const VectorXd& theta, int steps,
                      const linear::OnProgress& tell, bool adding = true) {
-    return faster_gains(
+    const FoundGains found = faster_gains(
         problem_, theta, steps,
         [&](GainProblem& problem, const VectorXd& here) {
           return adding && add_lacking(problem, here);
@@ -208,12 +223,37 @@ class Search {
                                : "no margin yet",
                            time_left_->text()));
         });
+    for (const VectorXd& gains : {theta, found.theta}) {
+      highest_ = highest_.size() == 0 ? gains : highest_.cwiseMax(gains);
+    }
+    return found;
   }
 
   /// Goes on from the best gains. Returns whether some keep the margin at the postures added.
   bool climbed_on(const std::string& what, const linear::OnProgress& tell) {
-    best_ = climbed(what, best_.theta, steps_of_a_round, tell);
+    best_ = climbed(what, best_.theta, most_steps(), tell);
+    return std::isfinite(best_.settling_s) || recovered(tell);
+  }
+
+  /// Goes on from softer gains that keep the margin at all postures of the problem. Returns whether
+  /// there are any.
+  bool recovered(const linear::OnProgress& tell) {
+    std::optional<VectorXd> softer = best_.theta;
+    double modulus = 0;
+    for (int k = 0; modulus < problem_.margin + margin_kept; ++k) {
+      softer = law_.softer(*softer);
+      if (!softer || k == most_softened) return false;
+      softer = softer->cwiseMax(problem_.lower).cwiseMin(problem_.upper);
+      modulus = least_modulus(problem_, *softer);
+    }
+    best_ = climbed("design: again from softer gains", *softer, most_steps(), tell);
     return std::isfinite(best_.settling_s);
+  }
+
+  [[nodiscard]] int most_steps() const { return is_short_ ? steps_of_a_start : steps_of_a_round; }
+  /// Returns true for gains that settle much later than the gains found before.
+  [[nodiscard]] bool is_dominated(const FoundGains& gains) const {
+    return gains.settling_s > dominated * beside_.settling_s;
   }
 
   /// Restarts the search beside the best gains of an external law. The search has only one start
@@ -298,8 +338,11 @@ class Search {
                                    Rule{4, 1, 0.5, 0},   Rule{20, 1, 0.5, 0},
                                    Rule{20, 1, 1.02, 0}, Rule{1e9, 3, 1.02, 0}};
     std::vector<FoundGains> all;
+    std::vector<std::pair<VectorXd, FoundGains>> known;  // begins of the climbs, and their ends
     for (const Rule& start : starts) {
       if (start.part_of_margin > 1 && !all.empty()) break;
+      if (std::ranges::any_of(all, [&](const FoundGains& each) { return is_dominated(each); }))
+        break;
       const auto gains_at = [&](double w) -> VectorXd {
         return law_
             .theta_of(
@@ -320,12 +363,19 @@ class Search {
         if (modulus > start.part_of_margin * goal_.modulus) break;
       }
       if (best_w == 0) continue;
+      const VectorXd begin = gains_at(best_w);
+      const auto same = std::ranges::find(known, begin, &std::pair<VectorXd, FoundGains>::first);
+      if (same != known.end()) {
+        if (std::isfinite(same->second.settling_s)) all.push_back(same->second);
+        continue;
+      }
       const bool enough = modulus > start.part_of_margin * goal_.modulus;
       time_left_->enter(TimeLeft::Phase::starts,
                         std::max(0, most_starts - static_cast<int>(&start - starts.data()) - 1));
       const FoundGains here = climbed(
           fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()),
-          gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
+          begin, enough ? steps_of_a_start : steps_of_a_round, tell, false);
+      known.emplace_back(begin, here);
       if (std::isfinite(here.settling_s)) all.push_back(here);
     }
     std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
@@ -524,13 +574,14 @@ class Search {
     if (design.uncertain_modulus) {
       warn(*design.uncertain_modulus, design.uncertain_q, ", with " + design.uncertain_plant);
     }
-    add_friction(design);
+    add_warnings(design);
     return design;
   }
 
-  void add_friction(Design& design) const {
+  void add_warnings(Design& design) const {
     const Vector &stiffness = design.loop.stiffness, &stuck = design.loop.rest_error;
     const Vector& viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
+    const Vector count = scenario::encoder_count(scenario_, *scenario_.model);
     const std::vector<ReferencePoint> on_the_way =
         law_.loop().rest_points(certify::reference_postures);
     for (Index j = 0; j < stiffness.size(); ++j) {
@@ -546,6 +597,17 @@ class Search {
                                    name, stuck[j], labels_.length[static_cast<std::size_t>(j)],
                                    stiffness[j], motion));
       }
+      const auto [low, high] = robot::finite_range(*scenario_.model, static_cast<int>(j));
+      const double whole = stiffness[j] * (high - low), noise = problem_.most_gain[j] * count[j];
+      if (std::isfinite(noise) && whole < noise) {
+        design.warnings.push_back(fmt::format(
+            "{} is too soft: an error of its whole range ({:.3g} {}) makes {:.2g} {}, less than "
+            "one "
+            "encoder count may make ({:.2g}): state its rotor's inertia (--rotors typical, or "
+            "robot.joint_parameters)",
+            name, high - low, labels_.length[static_cast<std::size_t>(j)], whole,
+            labels_.effort[static_cast<std::size_t>(j)], noise));
+      }
       const double w = std::sqrt(stiffness[j] / law_.mean_inertia()[j]);
       if (viscous.size() > 0 && 3 * stiffness[j] < w * viscous[j]) {
         design.warnings.push_back(
@@ -555,7 +617,7 @@ class Search {
     }
   }
 
-  bool another_follows_;  ///< a search for scheduled gains
+  Beside beside_;
   const scenario::Scenario& scenario_;
   DesignGoal goal_;
   linear::LawAnswers answers_;
@@ -568,6 +630,8 @@ class Search {
   std::vector<GainProblem> fresh_;      ///< sets of loops in the joints' range
   std::vector<char> in_pool_, on_way_;  ///< whether each of these loops is in the problem
   FoundGains best_;
+  bool is_short_ = false;               ///< the gains of another structure settle much sooner
+  VectorXd highest_;                    ///< the largest of each variable in all searches
   std::vector<UncertainPlant> plants_;  ///< beside the scenario's
   std::vector<Worst> worst_;            ///< least moduli of the best gains, with their postures
   std::optional<TimeLeft> time_left_;   ///< of the present search
@@ -617,8 +681,8 @@ bool is_faster_than(const Design& design, double hz) {
 /// margin is kept along the motion alone.
 std::optional<Design> best_design(const scenario::Scenario& scenario, const DesignGoal& goal,
                                   const linear::OnProgress& tell, const linear::LawAnswers& answers,
-                                  bool another_follows) {
-  Search search(scenario, goal, answers, another_follows);
+                                  const Beside& beside) {
+  Search search(scenario, goal, answers, beside);
   if (answers) return search.found({.own = true, .bandwidth_hz = {}}, tell);
   std::optional<Design> best = search.found({}, tell);
   if (best || search.count_forbids_all()) return best;
@@ -630,6 +694,7 @@ std::optional<Design> best_design(const scenario::Scenario& scenario, const Desi
   const double first = std::min(goal.bandwidth_hz.value_or(softest_start_hz), softest_start_hz);
   for (double hz = first / 2; !goal.least_kp && hz >= least_bandwidth_hz; hz /= 2) {
     if (best && is_faster_than(*best, hz)) break;
+    if (!search.is_bounded_by(hz)) continue;  // the search would be the same
     std::optional<Design> softer = search.found({.bandwidth_hz = hz}, tell);
     if (!softer) continue;
     softer->warnings.push_back(
@@ -644,7 +709,7 @@ std::optional<Design> best_design(const scenario::Scenario& scenario, const Desi
 /// Returns the design of a law that has a linear model.
 Design linear_design(const scenario::Scenario& scenario, const DesignGoal& goal,
                      const linear::OnProgress& tell, const linear::LawAnswers& answers,
-                     bool another_follows) {
+                     const Beside& beside) {
   const certify::Feasibility feasible = certify::feasibility(scenario);
   if (!feasible.impossible.empty()) {
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
@@ -652,7 +717,7 @@ Design linear_design(const scenario::Scenario& scenario, const DesignGoal& goal,
   if (!answers) require_rule(scenario);
   std::optional<Design> best;
   try {
-    best = best_design(scenario, goal, tell, answers, another_follows);
+    best = best_design(scenario, goal, tell, answers, beside);
   } catch (const linear::NoLinearModel& why) {
     throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());
   }
@@ -678,12 +743,11 @@ Design linear_design(const scenario::Scenario& scenario, const DesignGoal& goal,
 
 Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
               const linear::OnProgress& tell, const linear::LawAnswers& answers,
-              bool another_follows) {
+              const Beside& beside) {
   if (answers || !adapts(scenario)) {
-    return linear_design(scenario, goal, tell, answers, another_follows);
+    return linear_design(scenario, goal, tell, answers, beside);
   }
-  Design found =
-      linear_design(with_constant_estimates(scenario), goal, tell, answers, another_follows);
+  Design found = linear_design(with_constant_estimates(scenario), goal, tell, answers, beside);
   tell("design: rates and weights of the adaptation");
   add_adaptation(scenario, found);
   return found;

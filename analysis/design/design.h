@@ -64,18 +64,25 @@ struct Design {
   std::optional<double> missed;  ///< the settling time asked for, if it is not reached [s]
 };
 
+/// Searches beside a design, whose gains are compared with its gains.
+struct Beside {
+  bool another_follows = false;  ///< the time left that `tell` gets includes a search for diagonal
+                                 ///< gains
+  /// Settling time of the gains found before [s]. A search whose gains settle much later is short:
+  /// it keeps the margin, and does not look for the fastest start.
+  double settling_s = infinity;
+};
+
 /// Designs the gains of a scenario's law. The result is deterministic.
 /// @param answers answers of an external law. The search for its gains starts from the scenario's
 /// gains, which have to make a stable loop. Each number changes by a factor of 100 at most. A gain
 /// with equal numbers for all joints keeps them equal. The goals about kp, bandwidth and start
 /// error do not apply.
-/// @param another_follows whether a search for scheduled gains follows; the time left in the text
-/// for `tell` then includes it
 /// @throw base::Failure(check_said_no) when no gains suffice. The message names the reason: a
 /// torque limit below gravity, a motion that is too fast, or a margin that no gains keep
 Design design(const scenario::Scenario& scenario, const DesignGoal& goal,
               const linear::OnProgress& tell = linear::no_progress,
-              const linear::LawAnswers& answers = {}, bool another_follows = false);
+              const linear::LawAnswers& answers = {}, const Beside& beside = {});
 
 /// Returns the gains as overrides of a scenario: "controller.gains.kp=[…]". With `law`, the
 /// overrides also name that law and drop the scenario's own gains.

@@ -269,6 +269,16 @@ std::optional<VectorXd> DesignProblem::own_theta() const {
   }
   return theta_of(own).cwiseMax(problem_.lower).cwiseMin(problem_.upper);
 }
+std::optional<VectorXd> DesignProblem::softer(const VectorXd& theta) const {
+  if (!entries_.empty()) return std::nullopt;
+  VectorXd half = theta;
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    auto own = half.segment(static_cast<Index>(kind) * per_kind(), per_kind()).array();
+    if (kinds_[kind].starts_with("kp")) own -= std::log(4);
+    if (kinds_[kind].starts_with("kd") || kinds_[kind] == "w") own -= std::log(2);
+  }
+  return half;
+}
 void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
   Vector& own = gains.at(kinds_[kind]);
   const bool all = entries_.empty() || entries_[kind] < 0;

@@ -61,6 +61,8 @@ class DesignProblem {
   /// Returns further starts of the search for an external law. Each is `theta` with all numbers of
   /// one gain doubled or halved.
   [[nodiscard]] std::vector<Eigen::VectorXd> beside(const Eigen::VectorXd& theta) const;
+  /// Returns the gains for half the bandwidth, or nothing for an external law.
+  [[nodiscard]] std::optional<Eigen::VectorXd> softer(const Eigen::VectorXd& theta) const;
   /// Returns the feedback terms about rest in a posture.
   [[nodiscard]] linear::LinearLaw feedback_at(const Gains& gains,
                                               const messages::ReferencePoint& rest) const;

@@ -23,12 +23,18 @@ const std::vector<Arm>& arms() {
   static const std::vector<std::string_view> ur = {"shoulder_pan_joint", "shoulder_lift_joint",
                                                    "elbow_joint",        "wrist_1_joint",
                                                    "wrist_2_joint",      "wrist_3_joint"};
+  static const std::vector<std::string_view> iiwa = {"iiwa_joint_1", "iiwa_joint_2", "iiwa_joint_3",
+                                                     "iiwa_joint_4", "iiwa_joint_5", "iiwa_joint_6",
+                                                     "iiwa_joint_7"};
+  constexpr std::string_view kuka_driver =
+      "kroshu/ros2_kuka_sunrise, default stiffness of its joint impedance mode";
   constexpr std::string_view libfranka = "libfranka, setJointImpedance in its examples";
   constexpr std::string_view ur_client =
       "Universal Robots Client Library, default gains of its torque controller";
   constexpr std::array<double, most_arm_joints> fci = {3000, 3000, 3000, 2500, 2500, 2000, 2000};
   static const std::vector<Arm> all = {
       {"Franka arm", libfranka, franka, 87, fci},
+      {"LBR iiwa", kuka_driver, iiwa, 0, {1000, 1000, 1000, 1000, 1000, 1000, 1000}},
       {"UR3", ur_client, ur, 54, {560, 560, 350, 163, 163, 163}},
       {"UR3e", ur_client, ur, 56, {560, 560, 350, 163, 163, 163}},
       {"UR5", ur_client, ur, 150, {900, 900, 900, 500, 500, 500}},
@@ -39,7 +45,8 @@ const std::vector<Arm>& arms() {
 
 bool is(const Arm& arm, const robot::Model& model) {
   const std::size_t count = arm.joints.size();
-  if (model.joint_names.size() < count || model.effort_limit[0] != arm.effort) return false;
+  if (model.joint_names.size() < count) return false;
+  if (arm.effort > 0 && model.effort_limit[0] != arm.effort) return false;
   for (std::size_t j = 0; j < count; ++j) {
     if (model.joint_names[j].find(arm.joints[j]) == std::string::npos) return false;
   }

@@ -15,8 +15,8 @@ struct MakerStiffness {
 };
 
 /// Returns the stiffness that the maker of this arm publishes, or nothing. The names of the first
-/// joints identify the arm. A prefix and a suffix of the names do not matter. Franka and Universal
-/// Robots publish numbers. KUKA, UFACTORY and Kinova do not.
+/// joints identify the arm. A prefix and a suffix of the names do not matter. Franka, KUKA (LBR
+/// iiwa) and Universal Robots publish numbers. UFACTORY and Kinova do not.
 std::optional<MakerStiffness> maker_stiffness(const robot::Model& model);
 
 }  // namespace tachless::design

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ranges>
 #include <tuple>
 #include <utility>
 
@@ -52,22 +53,28 @@ Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_
                    const DesignGoal& goal, const linear::OnProgress& tell) {
   Comparison comparison;
   for (const Structure each : {Structure::diagonal, Structure::scheduled}) {
+    comparison.candidates.push_back({each, scenario_with(each), {}, {}});
+  }
+  // The search for scheduled gains has four variables and comes first. Its gains say how much the
+  // longer one for diagonal gains is worth.
+  Beside beside{.another_follows = true};
+  for (Candidate& candidate : std::ranges::reverse_view(comparison.candidates)) {
     DesignGoal wanted = goal;
-    if (each == Structure::scheduled && !wanted.bandwidth_hz) {
+    if (candidate.structure == Structure::scheduled && !wanted.bandwidth_hz) {
       wanted.bandwidth_hz = default_bandwidth_hz;
     }
-    comparison.candidates.push_back({each, scenario_with(each), {}, {}});
-    Candidate& candidate = comparison.candidates.back();
-    const std::string name(base::name_of(each));
+    const std::string name(base::name_of(candidate.structure));
     try {
       candidate.design = design(
           candidate.scenario, wanted,
           [&](std::string_view what) { tell(fmt::format("{} gains: {}", name, what)); }, {},
-          each == Structure::diagonal);
+          beside);
+      beside.settling_s = candidate.design->loop.modes.settling_s;
     } catch (const base::Failure& failure) {
       if (failure.code() != base::ExitCode::check_said_no) throw;
       candidate.refusal = failure.what();
     }
+    beside.another_follows = false;
   }
   if (std::ranges::none_of(comparison.candidates,
                            [](const Candidate& each) { return each.design.has_value(); })) {

@@ -17,9 +17,10 @@ class TimeLeft {
   enum class Phase { starts, best, second, rounds, range };
 
   /// @param by_joint whether each joint's gains are variables; such a search repeats in rounds
-  /// @param another_follows whether a search for scheduled gains follows
-  TimeLeft(bool by_joint, bool another_follows)
-      : by_joint_(by_joint), another_follows_(another_follows) {}
+  /// @param another_follows whether a search for diagonal gains follows
+  /// @param is_short whether the search has one start alone
+  TimeLeft(bool by_joint, bool another_follows, bool is_short)
+      : by_joint_(by_joint), another_follows_(another_follows), is_short_(is_short) {}
 
   /// Begins a phase.
   /// @param left number of parts of this phase that are still to come
@@ -34,7 +35,7 @@ class TimeLeft {
   [[nodiscard]] std::string text() const;
 
  private:
-  bool by_joint_, another_follows_;
+  bool by_joint_, another_follows_, is_short_;
   double done_ = 0;   ///< work
   double here_ = 0;   ///< work left in the present local search
   double ahead_ = 0;  ///< work after the present local search

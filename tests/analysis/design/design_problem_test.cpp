@@ -75,6 +75,21 @@ TEST(DesignProblem, RuleOfAMatrixHasFrictionOnce) {
 }
 
 /// A gain cannot hold 9 x 9 numbers, so the matrix stays diagonal, with the friction.
+/// Gains for half the bandwidth: a quarter of kp, half of kd, the same filters.
+TEST(DesignProblem, SofterGainsHaveHalfTheBandwidth) {
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
+  DesignProblem problem(scenario, {});
+  problem.choose_variables();
+  const Gains gains = problem.by_rule(20, 10);
+  const auto theta = problem.softer(problem.theta_of(gains));
+  ASSERT_TRUE(theta);
+  const Gains softer = problem.gains(*theta);
+  // Rounding errors of logarithms.
+  EXPECT_TRUE(softer.at("kp").isApprox(gains.at("kp") / 4, 1e-12));
+  EXPECT_TRUE(softer.at("kd").isApprox(gains.at("kd") / 2, 1e-12));
+  EXPECT_TRUE(softer.at("a").isApprox(gains.at("a"), 1e-12));
+}
+
 TEST(DesignProblem, RuleOfAMatrixIsDiagonalForNineJoints) {
   scenario::Scenario scenario = bare(robot::testing::chain_urdf(9), "loria_ortega_matrix");
   scenario.plant.drive.viscous_friction_Nms_per_rad.setConstant(3);

@@ -171,6 +171,18 @@ TEST(Design, KnowsFriction) {
   EXPECT_THAT(found.objections, ElementsAre(HasSubstr("joint 2 (elbow) stops up to")));
 }
 
+/// A bandwidth of 0.02 Hz makes 0.1 N m/rad. One encoder count may make 1 % of 1000 N m.
+TEST(Design, WarnsOfAJointThatOneCountOutweighs) {
+  const scenario::Scenario scenario = linear::testing::shipped(
+      "regulation", {"reference.hold.position_rad=[0, 0]", "plant.drive.torque_limit_Nm=1000",
+                     "plant.encoder.resolution_bits=20"});
+  DesignGoal soft;
+  soft.bandwidth_hz = 0.02;
+  EXPECT_THAT(design(scenario, soft).warnings,
+              Contains(HasSubstr("joint 2 (elbow) is too soft: an error of its whole range")));
+  EXPECT_THAT(design(scenario, {}).warnings, Not(Contains(HasSubstr("too soft"))));
+}
+
 TEST(Design, KeepsToWhatIsAskedOfTheGains) {
   const scenario::Scenario scenario = linear::testing::shipped(
       "regulation", {"loop.command_delay=1", "plant.encoder.resolution_bits=20",

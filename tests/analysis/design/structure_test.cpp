@@ -76,7 +76,12 @@ TEST(MakerStiffness, IsThatOfTheArmByItsJoints) {
   const auto panda = maker_stiffness(model_of("panda.urdf"));
   ASSERT_TRUE(panda);
   EXPECT_EQ(panda->N_m_per_rad[6], 2000);
-  EXPECT_EQ(panda->N_m_per_rad[7], 0);                    // the finger
+  EXPECT_EQ(panda->N_m_per_rad[7], 0);  // the finger
+  robot::Model iiwa = model_of("iiwa7.urdf");
+  EXPECT_FALSE(maker_stiffness(iiwa));  // its joints have no name of the maker's
+  for (std::string& name : iiwa.joint_names) name = "iiwa_joint_" + name.substr(5);
+  ASSERT_TRUE(maker_stiffness(iiwa));
+  EXPECT_EQ(maker_stiffness(iiwa)->N_m_per_rad, Vector::Constant(7, 1000));
   EXPECT_FALSE(maker_stiffness(model_of("xarm7.urdf")));  // joint1 … joint7, but other efforts
   EXPECT_FALSE(maker_stiffness(model_of("two_link.urdf")));
 }
