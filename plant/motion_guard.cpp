@@ -32,7 +32,7 @@ bool MotionGuard::is_outside(Eigen::Index joint, double q) const {
 }
 
 bool MotionGuard::is_fast(Eigen::Index joint, double speed) const {
-  return above(std::abs(speed), model_.velocity_limit[joint]);
+  return above(std::abs(speed), std::min(speed_limit_[joint], model_.velocity_limit[joint]));
 }
 
 Eigen::Index MotionGuard::late_joint(const Vector& q, const Vector& q_ref) const {
@@ -49,9 +49,12 @@ std::string MotionGuard::range_text(Eigen::Index joint, double q, std::int64_t t
 }
 
 std::string MotionGuard::speed_text(Eigen::Index joint, double speed, std::int64_t tick) const {
+  const double of_robot = model_.velocity_limit[joint];
+  const bool own = speed_limit_[joint] < of_robot;
   return fmt::format("{} moves at {:.6g} {}/s {}, faster than its limit of {:.6g} {}/s in {}",
-                     name(joint), speed, unit(joint), when(tick), model_.velocity_limit[joint],
-                     unit(joint), robot_file_);
+                     name(joint), speed, unit(joint), when(tick),
+                     own ? speed_limit_[joint] : of_robot, unit(joint),
+                     own ? "plant.speed_limit_rad_per_s" : robot_file_);
 }
 
 std::string MotionGuard::following_text(Eigen::Index joint, double error, std::int64_t tick,

@@ -41,15 +41,21 @@ class MotionGuard {
  public:
   /// @param robot_file for messages
   /// @param following_error limit of each joint [rad; m]; empty: none
-  MotionGuard(robot::Model model, std::string robot_file, Vector following_error = {})
+  /// @param speed_limit of each joint beside the URDF's [rad/s; m/s]; empty: none
+  MotionGuard(robot::Model model, std::string robot_file, Vector following_error = {},
+              Vector speed_limit = {})
       : model_(std::move(model)),
         robot_file_(std::move(robot_file)),
         following_error_(std::move(following_error)),
-        first_error_(Vector::Zero(following_error_.size())) {}
+        speed_limit_(std::move(speed_limit)),
+        first_error_(Vector::Zero(following_error_.size())) {
+    if (speed_limit_.size() == 0)
+      speed_limit_.setConstant(model_.num_joints, robot::Model::unlimited);
+  }
 
   /// Returns true if `q` is outside the range of the URDF by more than rounding.
   [[nodiscard]] bool is_outside(Eigen::Index joint, double q) const;
-  /// Returns true if `speed` is above the URDF's speed limit by more than rounding.
+  /// Returns true if `speed` is above a speed limit by more than rounding.
   [[nodiscard]] bool is_fast(Eigen::Index joint, double speed) const;
   /// Returns the first joint whose |q - q_ref| exceeds its limit plus the first error; -1: none.
   [[nodiscard]] Eigen::Index late_joint(const Vector& q, const Vector& q_ref) const;
@@ -72,6 +78,7 @@ class MotionGuard {
   robot::Model model_;
   std::string robot_file_;
   Vector following_error_;
+  Vector speed_limit_;
   Vector first_error_;
 };
 

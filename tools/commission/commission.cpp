@@ -1,18 +1,15 @@
 #include "commission/commission.h"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "base/failure.h"
-#include "commission/findings.h"
 #include "commission/hypotheses.h"
-#include "identify/least_squares.h"
-#include "plant/own_torque.h"
-#include "robot/dynamics.h"
+#include "commission/misfits.h"
+#include "commission/trials.h"
 #include "scenario/drive_loop.h"
 
 namespace tachless::commission {
@@ -20,340 +17,370 @@ namespace {
 
 using base::ExitCode;
 using base::Failure;
-constexpr double longest_fall_s = 0.03;
-constexpr int least_hold = 9;  ///< duration of a trial of gravity's torque [ticks]
-constexpr int least_fall = 5;  ///< ticks that must be seen after the longest delay
-/// Limit of the protective stop on the following error [rad; m]: above `reach`, so that an arm that
-/// does not move is not stopped.
-constexpr double following = 0.03;
-constexpr double reach = 0.016;  ///< largest deflection of the references [rad; m]
+using scenario::Scenario;
+
+constexpr double fall_s = 0.06;
+/// Bounds of the deflection that ends a trial without feedback [counts], [rad; m].
+constexpr double least_fall_counts = 25, most_fall = 4e-3;
+/// Shares of gravity's torque, and the error of the scale that each tells.
+constexpr std::array<std::pair<double, double>, 4> gravity_shares = {
+    {{0.01, 10}, {0.1, 1.5}, {0.4, 1}, {1, 0.2}}};
+/// Motion in a trial of gravity's whole torque beyond which the soft law would not hold the arm
+/// [rad; m].
+constexpr double held = 1.8e-3;
 constexpr double joint_s = 3, all_s = 4;
+constexpr double first_level = 0.01, level_ratio = 3, most_level = 1e4;
+constexpr double asked_share = 0.2;  ///< of the torque limit, without gravity
+/// Explained share of a motion that is an answer, and the share of work of an answer with friction.
+constexpr double answer_share = 0.5, against_share = 0.8, surely_against = 0.95, work_share = 0.5;
+/// Least growth of a true answer from one level to the next.
+constexpr double growing = 2;
+/// Ratio of the answer to the model's beyond which the torque has another scale, if the joint is
+/// faster, or the law's gains follow the answer.
+constexpr double other_scale = 3, other_inertia = 2.5;
 constexpr double longest_unsent_s = 0.02;
 /// The sines of a motion: frequency [Hz] and share of the allowed speed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
+constexpr double ask_speed = 0.3;        ///< share of the allowed speed when the joints are asked
+constexpr double frequency_step = 0.09;  ///< between joints that move together, relative
 
-class Procedure : Findings {
+/// Returns the frequencies of joints that move together.
+Vector frequencies(double hz, Eigen::Index joints) {
+  return hz * (1 + frequency_step *
+                       Vector::LinSpaced(joints, 0, static_cast<double>(joints - 1)).array());
+}
+
+class Procedure {
  public:
   Procedure(const Scenario& scenario, const Trials& trials, const identify::Report& report)
-      : Findings(scenario), trials_(trials), report_(report), arm_(scenario) {}
+      : scenario_(scenario), report_(report), runs_(scenario, trials), arm_(scenario) {
+    const robot::JointLabels labels = robot::joint_labels(*scenario.model);
+    for (std::size_t j = 0; j < labels.effort.size(); ++j) {
+      found_.joints.push_back({labels.joint(j), labels.effort[j]});
+    }
+    answers_.assign(labels.effort.size(), false);
+    against_.assign(labels.effort.size(), 0);
+    level_ = Vector::Constant(scenario.num_joints, first_level);
+    gains_inertia_ = arm_.inertia();
+    moved_ = own_ = Vector::Zero(scenario.num_joints);
+  }
 
   Commissioned run() {
-    const Fall fall = let_go();
-    if ((fall.certain.array() < 0).any()) turn(fall.certain);
-    if (fall.moved && !fall.falls) {
-      throw Failure(ExitCode::check_said_no,
-                    "{}: robot.urdf: the arm moves without torque, but not as gravity pulls at the "
-                    "URDF's masses; see base, masses, joint_offsets_rad",
-                    scenario_.source);
-    }
-    sends_gravity_ = fall.falls.value_or(false);
-    if (sends_gravity_ && !hold(fall)) return std::move(result_);
-    std::vector<Trial> moved;
-    for (int joint = 0; joint <= scenario_.num_joints; ++joint) moved.push_back(move(joint));
-    std::optional<bool> gravity;
-    if (sends_gravity_) gravity = true;
-    const ArmHypotheses arm(turned_);
-    const Explanation found =
-        explain(arm, moved, scenario_.loop.period_s, fall.certain.cwiseAbs(), gravity);
-    conclude(fall, found);
-    if (found.gravity) withhold(fall, std::move(moved), *found.gravity);
-    return std::move(result_);
+    if (hold_still() && ask()) move_and_explain();
+    found_.seconds = runs_.seconds;
+    found_.missed = runs_.missed;
+    found_.repeated = runs_.repeated;
+    found_.arm_is_clock = runs_.arm_is_clock;
+    return std::move(found_);
   }
 
  private:
-  [[nodiscard]] Scenario changed_by(const std::vector<std::string>& overrides) const {
-    return scenario::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
-                                    overrides);
-  }
-
-  Trial trial(std::vector<std::string> overrides, double duration_s) {
-    overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
-    if (last_.size() > 0)
-      overrides.push_back(fmt::format("plant.initial.position_rad={}", list(last_)));
-    const double h = scenario_.loop.period_s;
-    overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
-    overrides.push_back(fmt::format("plant.following_error_rad={}", following));
-    overrides.push_back(fmt::format("loop.max_missed={}", scenario_.loop.max_missed));
-    overrides.emplace_back("plant.initial.torque=hold");
-    const Scenario changed = changed_by(overrides);
-    Trial result = trials_(changed, overrides);
-    result_.seconds += static_cast<double>(result.q.rows()) * h;
-    if (result.q.rows() > 0) {
-      last_ = result.q.row(result.q.rows() - 1).transpose();
-      last_ = last_.cwiseMax(changed.model->lower).cwiseMin(changed.model->upper);
-    }
-    result_.missed += result.missed;
-    result_.arm_is_clock = result.arm_is_clock;
-    if (result.q.rows() < changed.loop.num_ticks && result.stopped.empty()) {
-      result.stopped = "the run ended early";
-    }
-    const plant::OwnTorque added(changed);
-    const Vector slow = Vector::Zero(changed.num_joints);
-    for (Eigen::Index k = 0; added.any() && k < result.q.rows(); ++k) {
-      result.tau.row(k) -= added.at(result.q.row(k).transpose(), slow).transpose();
-    }
-    return result;
-  }
-
-  static std::string hold_at(const Vector& q) {
-    return fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q));
-  }
-
-  /// Returns overrides for the law with these gains. `sends_gravity` sets whether the law sends
-  /// gravity's torque.
-  static std::vector<std::string> law(const Vector& kp, const Vector& kd, double rate,
-                                      bool sends_gravity) {
-    return {fmt::format("controller={{law: loria_ortega_rigid, filter: tustin, gains: {{kp: "
-                        "{}, kd: {}, a: {}, b: {}}}}}",
-                        list(kp), list(kd), rate, rate),
-            fmt::format("robot.compensates={{gravity: {}}}", !sends_gravity)};
-  }
-
-  /// Runs some milliseconds without torque and judges the fall.
-  Fall let_go() {
-    const double h = scenario_.loop.period_s;
-    double most_s = longest_fall_s;
-    Eigen::Index first = 0;
+  /// Returns the deflections that end a trial without feedback, so that no joint becomes too fast.
+  [[nodiscard]] Vector fall_reach() const {
+    Vector reach = Vector::Constant(runs_.speed().size(), most_fall);
     for (const Vector& signs : arm_.signs()) {
-      const Vector most = 0.8 * speed_.cwiseQuotient(arm_.fall(signs).cwiseAbs().cwiseMax(1e-9));
-      Eigen::Index joint = 0;
-      if (most.minCoeff(&joint) >= most_s) continue;
-      most_s = most[joint];
-      first = joint;
+      const Vector a = arm_.fall(signs).cwiseAbs().cwiseMax(1e-9);
+      const Vector t = (0.8 * runs_.speed().cwiseQuotient(a).array() - 2 * runs_.period_s()).max(0);
+      reach = reach.cwiseMin(0.5 * a.cwiseProduct(t.cwiseAbs2()));
     }
-    const double needed_s = (longest_delay + least_fall) * h;
-    if (most_s < needed_s) {
-      throw scenario_.complaint(
-          "plant.initial.position_rad",
-          "gravity alone makes {} faster than a tenth of its limit within {:.2g} ms, {:.2g} are "
-          "needed to see what the arm adds; begin nearer to upright or hanging, a few tenths of a "
-          "rad from it",
-          name(first), 1e3 * most_s, 1e3 * needed_s);
-    }
+    return reach.cwiseMax(least_fall_counts * runs_.count());
+  }
+
+  /// Lets the arm go for a moment. If it falls, finds signs and scale of the torque that holds it.
+  /// @return whether the arm is held well enough to go on
+  bool hold_still() {
     report_("a moment without torque");
-    fall_s_ = std::floor(most_s / h) * h;
-    return judge_fall(arm_, still(false, fall_s_), h);
-  }
-
-  /// Returns the pole of the soft law [1/s], for a delay of `longest_delay` beyond the loop's own.
-  [[nodiscard]] double rate() const {
-    return 0.1 /
-           (scenario_.loop.period_s * (longest_delay + std::max(1, scenario_.loop.command_delay)));
-  }
-
-  /// Runs a trial without feedback torque. Gravity's torque is sent if `sends_gravity` is set.
-  Trial still(bool sends_gravity, double duration_s) {
-    const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
-    std::vector<std::string> overrides = law(none, none, 1, sends_gravity);
-    overrides.push_back(hold_at(turned_.plant.initial.position_rad));
-    return trial(overrides, duration_s);
-  }
-
-  /// Runs a short trial with gravity's torque.
-  /// @return whether the scale of torque fits
-  bool hold(const Fall& fall) {
-    const double h = scenario_.loop.period_s;
-    report_("a moment with gravity's torque");
-    const ArmHypotheses arm(turned_);
-    const Vector pull = arm.gravity(Vector::Ones(scenario_.num_joints), arm.start());
-    double most_s = fall_s_;
-    // Torques half as large again, or with the other sign.
-    for (const Vector& signs : fall.possible) {
-      for (const double scale : {1.5, -1.0}) {
-        const Vector a = arm.fall(signs.cwiseProduct(turned_by_), scale * pull).cwiseAbs();
-        most_s = std::min(most_s, speed_.cwiseQuotient(a.cwiseMax(1e-9)).minCoeff());
-      }
-    }
-    most_s = std::floor(most_s / h) * h;
-    result_.adds_gravity = false;
-    if (most_s < least_hold * h) {
-      mend_gravity();
-      misfit(
-          "plant.initial.position_rad",
-          fmt::format(
-              "the arm falls, and nothing else is determined: within the {:.3g} ms that a trial of "
-              "gravity's torque takes, a wrong sign or scale would make a joint too fast; "
-              "begin nearer to upright or hanging",
-              1e3 * least_hold * h),
-          false);
+    fall_ = judge_fall(arm_, runs_.still(0, fall_reach(), fall_s), runs_.count(), runs_.period_s());
+    if (fall_.moved && !fall_.falls) {
+      add_misfit(found_, "robot.urdf",
+                 "the arm moves without torque, but not as gravity pulls at the URDF's masses; see "
+                 "robot.base, plant.payload, rotor inertias, masses, joint_offsets_rad");
       return false;
     }
-    const Vector scale = scale_of_hold(arm, turned_by_.cwiseProduct(fall.acceleration), fall.onset,
-                                       still(true, most_s), h);
-    const bool told = (fall.certain.array() != 0).all();
-    bool fits = true;
-    for (Eigen::Index i = 0; i < scale.size(); ++i) {
-      const auto j = static_cast<std::size_t>(i);
-      Commissioned::Joint joint{name(i), robot::joint_labels(*scenario_.model).effort[j]};
-      if (fall.certain[i] != 0) joint.turns = fall.certain[i] < 0;
-      if (told && std::isfinite(scale[i])) joint.scale = scale[i];
-      fits = fits && !(std::abs(scale[i] - 1) > 0.25);
-      result_.joints.push_back(std::move(joint));
+    if (!fall_.falls.value_or(false)) return true;
+    const bool as_stated = std::ranges::any_of(
+        fall_.possible, [](const Vector& signs) { return (signs.array() > 0).all(); });
+    if (!as_stated) runs_.turn(fall_.signs);
+    found_.adds_gravity = false;
+    for (const auto& [share, error] : gravity_shares) {
+      if (!hold(share, error)) return false;
     }
-    // The error of the sent gravity torque may be as large as the soft law can stop in time.
-    const Vector stopped = 0.3 * rate() * std::numbers::e * speed_.cwiseProduct(arm_.inertia());
-    for (const Vector& signs : fall.possible) {
-      const Vector wrong = arm.gravity(signs.cwiseProduct(turned_by_), arm.start()) - pull;
-      fits = fits && (wrong.cwiseAbs().array() <= stopped.array()).all();
-    }
-    for (Eigen::Index i = 0; i < scale.size(); ++i) {
-      fits = fits && !(std::abs((scale[i] - 1) * pull[i]) > stopped[i]);
+    return true;
+  }
+
+  /// Sends a share of gravity's torque for a moment.
+  /// @return whether its scale is right within `error`
+  bool hold(double share, double error) {
+    report_(fmt::format("a moment with {:.3g} of gravity's torque", share));
+    const ArmHypotheses arm(runs_.scenario());
+    const Trial trial = runs_.still(share, fall_reach(), fall_s);
+    const Vector scale = scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration),
+                                       fall_.onset, trial, share, runs_.count(), runs_.period_s());
+    const double moved = (trial.q.bottomRows(1) - trial.q.topRows(1)).cwiseAbs().maxCoeff();
+    bool fits = share < 1 || (trial.stopped.empty() && moved < held);
+    for (Eigen::Index i = 0; share < 1 && i < scale.size(); ++i) {
+      fits = fits && !(std::abs(scale[i] - 1) > error);
     }
     if (fits) {
-      result_.joints.clear();
+      // These joints answer as they should: the whole soft law may hold them.
+      for (Eigen::Index i = 0; share == 1 && i < scale.size(); ++i) {
+        if (std::isfinite(scale[i])) level_[i] = 1;
+      }
       return true;
     }
-    mend_gravity();
-    if (told) {
-      mend_signs({Vector::Ones(scale.size())});
-      mend_scales();
+    if ((fall_.certain.array() != 0).all()) {
+      for (Eigen::Index i = 0; i < scale.size(); ++i) {
+        Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(i)];
+        joint.turns = fall_.certain[i] < 0;
+        if (std::isfinite(scale[i]) && std::abs(scale[i] - 1) > error) joint.scale = scale[i];
+      }
     }
-    if (result_.mendable) {
-      misfit(
-          "robot.joint_signs",
-          "gravity's torque holds the arm too badly to go on: scale of torque, masses, or signs "
-          "that the fall did not determine; look which way each joint turns, or begin at another "
-          "posture",
-          false);
+    compare_gravity(scenario_, found_);
+    compare_signs(scenario_, fall_.possible, found_);
+    compare_scales(scenario_, std::vector<double>(answers_.size(), 0), found_);
+    if (found_.mendable) {
+      add_misfit(found_, "robot.joint_signs",
+                 "gravity's torque holds the arm too badly to go on: scale of torque, masses, or "
+                 "signs that the fall did not determine; look which way each joint turns, or begin "
+                 "at another posture");
     }
     return false;
   }
 
-  /// Changes the signs of the scenario for the following trials.
-  void turn(const Vector& signs) {
-    turned_by_ = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
-    const Vector start = start_with(turned_by_);
-    last_ = turned(last_, turned_by_, scenario_.robot.joint_offsets_rad);
-    signs_ = {fmt::format("robot.joint_signs={}",
-                          list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
-              fmt::format("plant.initial.position_rad={}", list(start))};
-    std::vector<std::string> overrides = signs_;
-    overrides.push_back(hold_at(start));
-    turned_ = changed_by(overrides);
+  [[nodiscard]] double gravity_share() const { return fall_.falls.value_or(false) ? 1 : 0; }
+
+  /// Returns the soft law for an arm of these inertias of the joints.
+  [[nodiscard]] SoftLaw law(const Vector& inertia) const {
+    const double rate = runs_.rate();
+    return {rate * rate * inertia, 2 * rate * inertia, gravity_share()};
+  }
+
+  /// Moves one joint after the other with growing torques, from a hundredth of the soft law's,
+  /// until each follows.
+  /// @return whether it is safe to go on
+  bool ask() {
+    const Eigen::Index n = level_.size();
+    const Vector amplitude =
+        (ask_speed * ArmRuns::bump_s / std::numbers::pi * runs_.speed()).cwiseMin(reach / 2);
+    const Vector most = scenario_.plant.drive.torque_limit_Nm.value_or(
+        Vector::Constant(n, robot::Model::unlimited));
+    for (bool grows = true; grows;) {
+      report_(fmt::format("each joint with {:.2g} of the soft law's torque", level_.minCoeff()));
+      const Trial trial = runs_.bumps(law(level_.cwiseProduct(arm_.inertia())),
+                                      amplitude.cwiseProduct(level_.cwiseMin(1)));
+      if (!heard(trial)) return false;
+      if (!trial.stopped.empty()) stopped(trial);
+      grows = false;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const double next = level_ratio * level_[i];
+        const double torque = next * runs_.rate() * runs_.rate() * arm_.inertia()[i] * amplitude[i];
+        if (moved_[i] >= amplitude[i] / 4 || next > most_level || torque > asked_share * most[i])
+          continue;
+        level_[i] = next;
+        grows = true;
+      }
+    }
+    return all_answered(amplitude);
+  }
+
+  /// Reads the answers of the joints to their own torques.
+  /// @return whether no joint answers too much or in the wrong direction
+  bool heard(const Trial& trial) {
+    const auto ticks = static_cast<Eigen::Index>(ArmRuns::bump_s / runs_.period_s());
+    const std::vector<double> none(answers_.size(), 0);
+    bool safe = true;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      const Answer answer = answer_of(trial, i, i * ticks, ticks, runs_.period_s());
+      const double least = answer_counts * runs_.count()[i];
+      moved_[i] = answer.moved;
+      const bool follows = answer.explained > answer_share && answer.own > least;
+      const bool rubs = std::abs(answer.work) > work_share && answer.moved > least;
+      if (!follows && !rubs) continue;
+      const double ratio = answer.response * arm_.inertia()[i];
+      // A drift may look like an answer, but it does not grow with the torque.
+      const bool against = follows ? ratio < 0 && answer.explained > against_share
+                                   : answer.work < -work_share && answer.explained < answer_share;
+      const bool grows = answer.own > growing * own_[i];
+      against_[j] = !against ? 0 : against_[j] == 0 ? 1 : against_[j] + (grows ? 1 : 0);
+      own_[i] = answer.own;
+      answers_[j] = answers_[j] || !against;
+      if (against_[j] > 1) found_.joints[j].scale = -1;
+      if (follows && ratio > other_scale) found_.joints[j].scale = ratio;
+      safe = safe && !found_.joints[j].scale;
+      if (!follows || ratio < 0) continue;
+      const bool as_stated = ratio < other_inertia && ratio * other_inertia > 1;
+      gains_inertia_[i] = as_stated ? arm_.inertia()[i] : 1 / answer.response;
+    }
+    if (safe && !trial.stopped.empty() && gravity_share() == 0) safe = !find_against(trial);
+    if (!safe) compare_scales(scenario_, none, found_);
+    return safe;
+  }
+
+  /// Looks for the joint whose feedback made it run away.
+  bool find_against(const Trial& trial) {
+    const auto ticks =
+        std::min(trial.q.rows(), static_cast<Eigen::Index>(ArmRuns::bump_s / runs_.period_s()));
+    double most = surely_against;
+    Commissioned::Joint* joint = nullptr;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const Answer answer = answer_of(trial, static_cast<Eigen::Index>(j), trial.q.rows() - ticks,
+                                      ticks, runs_.period_s());
+      if (answer.response >= 0 || answer.own < held || answer.explained < most) continue;
+      most = answer.explained;
+      joint = &found_.joints[j];
+    }
+    if (joint != nullptr) joint->scale = -1;
+    return joint != nullptr;
+  }
+
+  /// @return whether any joint answers
+  bool all_answered(const Vector& amplitude) {
+    bool any = false;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      answers_[j] = answers_[j] || moved_[i] > answer_counts * runs_.count()[i];
+      any = any || answers_[j];
+      found_.joints[j].answers = answers_[j];
+      if (answers_[j]) continue;
+      const double rate = runs_.rate();
+      add_misfit(found_, "no answer",
+                 fmt::format("{} moves less than {:g} counts of its encoder under {:.2g} {}; "
+                             "released brake? a drive that takes torques? friction above that? its "
+                             "torque's unit?",
+                             found_.joints[j].name, answer_counts,
+                             level_[i] * rate * rate * arm_.inertia()[i] * amplitude[i],
+                             found_.joints[j].unit));
+    }
+    return any;
+  }
+
+  /// Ends the commissioning because a trial was stopped.
+  [[noreturn]] void stopped(const Trial& trial) const {
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      const double hz = oscillation_hz(trial, i, runs_.count()[i], runs_.period_s());
+      if (hz == 0) continue;
+      throw Failure(ExitCode::protective_stop,
+                    "{}: robot.joints: {} oscillates at {:.2g} Hz under a soft law: a flexible "
+                    "joint? commission is for rigid joints: {}",
+                    scenario_.source, found_.joints[j].name, hz, trial.stopped);
+    }
+    throw Failure(ExitCode::protective_stop, "{}: not determined, because a joint ran away: {}",
+                  scenario_.source, trial.stopped);
   }
 
   /// Runs sines on one joint, or on all joints if `joint` is the number of joints.
   /// @param withheld see plant.withheld_ticks
-  Trial move(int joint, int withheld = 0) {
-    const bool all = joint == scenario_.num_joints;
-    const Vector& start = turned_.plant.initial.position_rad;
-    const double h = scenario_.loop.period_s;
-    std::vector<std::string> overrides =
-        law(rate() * rate() * arm_.inertia(), 2 * rate() * arm_.inertia(),
-            std::min(60 * rate(), 1 / h), sends_gravity_);
-    Vector offset = start;
-    std::string terms;
+  Trial move(Eigen::Index joint, int withheld = 0) {
+    const Eigen::Index n = level_.size();
+    const bool all = joint == n;
+    std::vector<Vector> amplitudes, hertz;
     for (const auto& [hz, share] : sines) {
-      Vector amplitude = Vector::Zero(start.size()), frequency = amplitude;
-      for (Eigen::Index i = 0; i < start.size(); ++i) {
-        frequency[i] = hz * (all ? 1 + 0.09 * static_cast<double>(i) : 1);
-        if (!all && i != joint) continue;
-        const double omega = 2 * std::numbers::pi * frequency[i];
-        amplitude[i] = std::min(share * speed_[i] / omega, reach / 2 / sines.size());
+      const Vector frequency = all ? frequencies(hz, n) : Vector::Constant(n, hz);
+      Vector amplitude = (share * runs_.speed().cwiseQuotient(2 * std::numbers::pi * frequency))
+                             .cwiseMin(reach / 2 / static_cast<double>(sines.size()));
+      for (Eigen::Index i = 0; i < n; ++i) {
+        if ((!all && i != joint) || !answers_[static_cast<std::size_t>(i)]) amplitude[i] = 0;
       }
-      offset -= amplitude;  // begins at rest at the start
-      terms += fmt::format("{{amplitude_rad: {}, frequency_hz: {}, phase_rad: {:.17g}}}, ",
-                           list(amplitude), list(frequency), std::numbers::pi / 2);
+      amplitudes.push_back(std::move(amplitude));
+      hertz.push_back(frequency);
     }
-    overrides.push_back(fmt::format("reference={{multi_sine: {{offset_rad: {}, terms: [{}]}}}}",
-                                    list(offset), terms));
-    overrides.push_back(fmt::format("plant.withheld_ticks={}", withheld));
     report_(withheld > 0 ? std::string("all joints, with torques that are not sent")
             : all        ? std::string("all joints")
-                         : name(joint));
-    Trial result = trial(overrides, all ? all_s : joint_s);
-    if (!result.stopped.empty() && withheld == 0) ran_away(result);
+                         : found_.joints[static_cast<std::size_t>(joint)].name);
+    Trial result =
+        runs_.sines(law(gains_inertia_), amplitudes, hertz, all ? all_s : joint_s, withheld);
+    if (!result.stopped.empty() && withheld == 0) stopped(result);
     return result;
+  }
+
+  void move_and_explain() {
+    const Eigen::Index n = level_.size();
+    std::vector<Trial> moved;
+    for (Eigen::Index joint = 0; joint <= n; ++joint) moved.push_back(move(joint));
+    const ArmHypotheses arm(runs_.scenario());
+    std::optional<bool> gravity;
+    if (fall_.falls.value_or(false)) gravity = true;
+    const Explanation best =
+        explain(arm, moved, runs_.period_s(), answers_, fall_.certain.cwiseAbs(), gravity);
+    conclude(best);
+    if (best.gravity) withhold(arm, std::move(moved), *best.gravity);
+  }
+
+  void conclude(const Explanation& best) {
+    std::vector<double> heavier;
+    bool clean = true;
+    std::vector<Vector> possible;
+    for (const Vector& each : best.signs) possible.push_back(runs_.turned_by().cwiseProduct(each));
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const Explanation::Joint& of = best.joints[j];
+      heavier.push_back(of.clean ? of.heavier : 0);
+      clean = clean && (of.clean || !answers_[j]);
+      if (!answers_[j]) continue;
+      Commissioned::Joint& joint = found_.joints[j];
+      joint.viscous = of.viscous;
+      joint.dry = of.dry;
+      joint.noise = of.noise;
+      const auto i = static_cast<Eigen::Index>(j);
+      const bool told = std::ranges::all_of(
+          possible, [&](const Vector& each) { return each[i] == possible.front()[i]; });
+      if (told) joint.turns = possible.front()[i] < 0;
+      if (!of.clean || of.scale <= 0) continue;
+      joint.scale = of.scale;
+      joint.delay = of.delay;
+    }
+    if (!fall_.falls.value_or(false) && best.gravity) found_.adds_gravity = !*best.gravity;
+    judge_delay(scenario_, best.delay, found_);
+    judge_friction(scenario_, runs_.speed(), best, found_);
+    compare_signs(scenario_, possible, found_);
+    compare_scales(scenario_, heavier, found_);
+    compare_gravity(scenario_, found_);
+    compare_delay(scenario_, found_);
   }
 
   /// Determines whether the arm holds the previous torque or takes zero when none is sent. The
   /// better explanation of the motion of all joints decides.
   /// @param moved the trials that have been explained
-  void withhold(const Fall& fall, std::vector<Trial> moved, bool gravity) {
-    const double h = scenario_.loop.period_s;
-    const int ticks = std::max(1, static_cast<int>(std::min(longest_unsent_s, fall_s_ / 2) / h));
-    Trial held = move(scenario_.num_joints, ticks);
-    if (!held.stopped.empty()) {
-      result_.unsent = Unsent::ends_the_run;
-      result_.unsent_text = held.stopped;
+  void withhold(const ArmHypotheses& arm, std::vector<Trial> moved, bool gravity) {
+    const double h = runs_.period_s();
+    const double fastest =
+        arm_.fall(Vector::Ones(level_.size())).cwiseAbs().cwiseQuotient(runs_.speed()).maxCoeff();
+    const int ticks = std::max(
+        1, static_cast<int>(std::min(longest_unsent_s, 0.4 / std::max(1e-9, fastest)) / h));
+    Trial kept = move(level_.size(), ticks);
+    if (!kept.stopped.empty()) {
+      found_.unsent = Unsent::ends_the_run;
+      found_.unsent_text = kept.stopped;
       return;
     }
     plant::Spec plant;
     plant.withheld_ticks = ticks;
-    Trial zeroed = held;
-    for (Eigen::Index k = 1; k < held.tau.rows(); ++k) {
+    Trial zeroed = kept;
+    for (Eigen::Index k = 1; k < kept.tau.rows(); ++k) {
       if (!plant::withheld(plant, k)) continue;
-      held.tau.row(k) = held.tau.row(k - 1);
+      kept.tau.row(k) = kept.tau.row(k - 1);
       zeroed.tau.row(k).setZero();
     }
-    const ArmHypotheses arm(turned_);
     const auto cost = [&](const Trial& trial) {
       moved.back() = trial;
-      return explain(arm, moved, h, fall.certain.cwiseAbs(), gravity).cost;
+      return explain(arm, moved, h, answers_, fall_.certain.cwiseAbs(), gravity).cost;
     };
-    const double more = cost(zeroed) - cost(held);
-    if (std::abs(more) > clear) result_.unsent = more > 0 ? Unsent::held : Unsent::zeroed;
+    const double more = cost(zeroed) - cost(kept);
+    if (std::abs(more) > clear) found_.unsent = more > 0 ? Unsent::held : Unsent::zeroed;
   }
 
-  [[noreturn]] void ran_away(const Trial& trial) const {
-    Eigen::Index joint = 0;
-    const Eigen::Index last = trial.q.rows() - 1, from = std::max<Eigen::Index>(0, last - 60);
-    if (last >= 1) (trial.q.row(last) - trial.q.row(0)).cwiseAbs().maxCoeff(&joint);
-    double sum = 0;  // sum of acceleration times torque
-    const Eigen::MatrixXd q = identify::low_passed(trial.q, scenario_.loop.period_s);
-    for (Eigen::Index k = from + 1; k < last; ++k) {
-      sum += (q(k + 1, joint) - 2 * q(k, joint) + q(k - 1, joint)) * trial.tau(k, joint);
-    }
-    if (sum < 0 && last > 5) {
-      throw Failure(
-          ExitCode::protective_stop,
-          "{}: {} moves against its own torque: the driver's torque has another sign than "
-          "its positions; correct the driver (robot.joint_signs turns both)",
-          scenario_.source, name(joint));
-    }
-    throw Failure(ExitCode::protective_stop, "{}: not determined, because {} ran away: {}",
-                  scenario_.source, name(joint), trial.stopped);
-  }
-
-  void conclude(const Fall& fall, const Explanation& found) {
-    const robot::JointLabels labels = robot::joint_labels(*scenario_.model);
-    std::vector<double> delays;
-    for (Eigen::Index i = 0; i < speed_.size(); ++i) {
-      const auto j = static_cast<std::size_t>(i);
-      const Explanation::Joint& of = found.joints[j];
-      Commissioned::Joint joint{name(i),    labels.effort[j], {}, {},
-                                of.viscous, of.dry,           {}, of.noise};
-      const bool told = std::ranges::all_of(
-          found.signs, [&](const Vector& each) { return each[i] == found.signs.front()[i]; });
-      if (told) joint.turns = turned_by_[i] * found.signs.front()[i] < 0;
-      if (of.clean && of.scale > 0) {
-        joint.scale = of.scale;
-        joint.delay = of.delay;
-        delays.push_back(of.delay);
-      }
-      result_.joints.push_back(std::move(joint));
-    }
-    if (fall.falls.value_or(false)) {
-      result_.adds_gravity = false;
-    } else if (found.gravity) {
-      result_.adds_gravity = !*found.gravity;
-    }
-    judge_delay(delays, found.delay);
-    judge_friction(found);
-    mend_signs(found.signs);
-    mend_scales();
-    mend_gravity();
-    mend_delay();
-  }
-
-  const Trials& trials_;
+  const Scenario& scenario_;
   const identify::Report& report_;
-  ArmHypotheses arm_;
-  Scenario turned_ = scenario_;  ///< with the signs that the fall determined
-  std::vector<std::string> signs_;
-  bool sends_gravity_ = false;
-  double fall_s_ = 0;
-  Vector last_;  ///< position of the arm at the end of the last trial
+  ArmRuns runs_;
+  ArmHypotheses arm_;  ///< with the scenario's signs
+  Fall fall_;
+  std::vector<bool> answers_;  ///< joints that answer their torque
+  std::vector<int> against_;   ///< how often in a row each one answered against it
+  Vector level_;               ///< last share of the soft law's torque, of each joint
+  Vector moved_, own_;         ///< last answer of each joint, its own part [rad; m]
+  Vector gains_inertia_;       ///< inertia that a joint's gains are for [kg m^2; kg]
+  Commissioned found_;
 };
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "commission/commission.h"
+#include "commission/trials.h"
 #include "robot/model.h"
 
 /// Hypotheses on joint signs, gravity compensation and delay, which explain an arm's motion.
@@ -56,23 +56,39 @@ struct Fall {
   int onset = 0;                 ///< tick from which the motion is seen
 };
 /// Judges the beginning of a motion without torque.
-Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double period_s);
+/// @param count of the encoders [rad; m]
+Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, const Vector& count, double period_s);
 
-/// Returns the acting torque over the sent torque, from a trial with gravity's torque. In this
-/// trial the acceleration `falling` lasts until the torque acts. The result of a joint is NaN if
-/// gravity hardly loads the joint, or if gravity does not explain the joint's motion. A negative
-/// result means that torque and positions have opposite signs.
+/// Returns the acting torque over the sent torque, from a trial with a share of gravity's torque.
+/// In this trial the acceleration `falling` lasts until the torque acts. The result of a joint is
+/// NaN if gravity hardly loads the joint, or if gravity does not explain the joint's motion. A
+/// negative result means that torque and positions have opposite signs. A joint whose motion hardly
+/// differs from the fall has the result NaN too.
 /// @param arm with the signs that the fall determined
 Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset, const Trial& trial,
-                     double period_s);
+                     double share, const Vector& count, double period_s);
 
-inline constexpr int longest_delay = 6;  ///< [ticks] beyond the loop's own
+/// The answer of a joint to its own torque: q = c_0 + c_1 t + c_2 t^2 + response times the double
+/// integral of the torque.
+struct Answer {
+  double moved = 0;      ///< whole motion [rad; m]
+  double own = 0;        ///< largest motion that the torque explains [rad; m]
+  double response = 0;   ///< [1/(kg m^2); 1/kg]
+  double explained = 0;  ///< share of the motion beyond c that the torque explains
+  double work = 0;       ///< of the torque, over the sum of its magnitudes; positive under friction
+};
+/// @param from, ticks part of the trial that is looked at
+Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index from, Eigen::Index ticks,
+                 double period_s);
+
+/// Returns the frequency of a fast oscillation at the end of a trial [Hz]; 0: there is none.
+double oscillation_hz(const Trial& trial, Eigen::Index joint, double count, double period_s);
 
 /// The best explanation of the trials of each joint in turn and of all joints.
 struct Explanation {
   struct Joint {
-    double scale, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
-    double resolution;                         ///< standard deviation of `dry` [N m; N]
+    double scale, heavier, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
+    double resolution;                                  ///< standard deviation of `dry` [N m; N]
     bool clean;  ///< `noise` is small against the torque that moves the joint
   };
   std::vector<Vector> signs;  ///< the best signs, then those almost as good
@@ -86,8 +102,10 @@ struct Explanation {
 inline constexpr double clear = 12;
 /// Explains the trials by hypotheses.
 /// @param trials the last one moves all joints; `tau` holds the sent torques [N m; N]
+/// @param answers joints that answer their torque; the others explain nothing
 /// @param certain known signs; 0: unknown
 Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double period_s,
-                    const Vector& certain, std::optional<bool> gravity);
+                    const std::vector<bool>& answers, const Vector& certain,
+                    std::optional<bool> gravity);
 
 }  // namespace tachless::commission
