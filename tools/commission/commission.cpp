@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "base/failure.h"
 #include "commission/hypotheses.h"
 #include "commission/misfits.h"
 #include "commission/trials.h"
+#include "robot/typical_rotors.h"
 #include "scenario/drive_loop.h"
 
 namespace tachless::commission {
@@ -21,27 +23,43 @@ using scenario::Scenario;
 
 constexpr double fall_s = 0.06;
 /// Bounds of the deflection that ends a trial without feedback [counts], [rad; m].
-constexpr double least_fall_counts = 25, most_fall = 4e-3;
-/// Shares of gravity's torque, and the error of the scale that each tells.
-constexpr std::array<std::pair<double, double>, 4> gravity_shares = {
-    {{0.01, 10}, {0.1, 1.5}, {0.4, 1}, {1, 0.2}}};
+constexpr double least_fall_counts = 25, most_fall = 5e-4;
+/// A share of gravity's torque, and bounds of the motion over that of the fall. Without friction a
+/// right torque leaves 1 - share; friction leaves less. The bounds exclude a scale above 10, above 8
+/// and above 3, and a wrong sign from a tenth on.
+struct GravityShare {
+  double share, least, most;
+};
+constexpr std::array<GravityShare, 4> gravity_shares = {
+    {{0.01, 0.9, 1.05}, {0.1, 0.2, 1}, {0.4, -0.2, 0.8}, {1, -1, 1}}};
+constexpr double share_counts = 3;  ///< error of a motion [counts]
+constexpr double hold_error = 0.2;  ///< of the scale with gravity's whole torque
+constexpr double surely_against = -0.4;  ///< scale that no error of a share explains
+constexpr std::size_t most_tried = 8;    ///< signs that are tried for an arm that fell
 /// Motion in a trial of gravity's whole torque beyond which the soft law would not hold the arm
 /// [rad; m].
 constexpr double held = 1.8e-3;
 constexpr double joint_s = 3, all_s = 4;
-constexpr double first_level = 0.01, level_ratio = 3, most_level = 1e4;
-constexpr double asked_share = 0.2;  ///< of the torque limit, without gravity
-/// Explained share of a motion that is an answer, and the share of work of an answer with friction.
-constexpr double answer_share = 0.5, against_share = 0.8, surely_against = 0.95, work_share = 0.5;
-/// Least growth of a true answer from one level to the next.
-constexpr double growing = 2;
-/// Ratio of the answer to the model's beyond which the torque has another scale, if the joint is
-/// faster, or the law's gains follow the answer.
-constexpr double other_scale = 3, other_inertia = 2.5;
 constexpr double longest_unsent_s = 0.02;
+
+/// The largest motion [rad; m] and share of the allowed speed of a pulse that the URDF's inertia
+/// answers without friction. Pulses begin with `first_pulse` of its torque and end with
+/// `asked_share` of the torque limit, or `most_pulse` times that torque where there is no limit.
+constexpr double pulse_motion = 3e-4, pulse_speed = 0.3;
+constexpr double first_pulse = 1e-3, asked_share = 0.2, most_pulse = 100;
+constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell the answer
+/// Trials of a joint's pulses, and trials with an unclear answer, before the joint is given up.
+constexpr int most_tries = 24, most_unclear = 4;
+constexpr double own_share = 0.5;  ///< of the motion, that an unexpected answer has to explain
+constexpr double same_answer = 1.4;  ///< ratio of two answers that are the same
+/// Explained share of a motion that is an answer, and the share of the work that has its sign.
+constexpr double answer_share = 0.5, work_share = 0.5;
+/// Ratio of the answer to the model's beyond which the torque has another scale, and the share of
+/// the motion that this has to explain.
+constexpr double other_scale = 3, scale_fits = 0.95;
+
 /// The sines of a motion: frequency [Hz] and share of the allowed speed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
-constexpr double ask_speed = 0.3;        ///< share of the allowed speed when the joints are asked
 constexpr double frequency_step = 0.09;  ///< between joints that move together, relative
 
 /// Returns the frequencies of joints that move together.
@@ -59,10 +77,8 @@ class Procedure {
       found_.joints.push_back({labels.joint(j), labels.effort[j]});
     }
     answers_.assign(labels.effort.size(), false);
-    against_.assign(labels.effort.size(), 0);
-    level_ = Vector::Constant(scenario.num_joints, first_level);
-    gains_inertia_ = arm_.inertia();
-    moved_ = own_ = Vector::Zero(scenario.num_joints);
+    rotor_ = Vector::Zero(scenario.num_joints);
+    faster_ = Vector::Ones(scenario.num_joints);
   }
 
   Commissioned run() {
@@ -90,7 +106,14 @@ class Procedure {
   /// @return whether the arm is held well enough to go on
   bool hold_still() {
     report_("a moment without torque");
-    fall_ = judge_fall(arm_, runs_.still(0, fall_reach(), fall_s), runs_.count(), runs_.period_s());
+    free_ = runs_.still(0, fall_reach(), fall_s);
+    fall_ = judge_fall(arm_, free_, runs_.count(), runs_.period_s());
+    if (fall_.springs) {
+      add_misfit(found_, "robot.joints",
+                 "without torque the joints accelerate slowly at first, as links on a spring; "
+                 "commission is for rigid joints");
+      return false;
+    }
     if (fall_.moved && !fall_.falls) {
       add_misfit(found_, "robot.urdf",
                  "the arm moves without torque, but not as gravity pulls at the URDF's masses; see "
@@ -98,41 +121,73 @@ class Procedure {
       return false;
     }
     if (!fall_.falls.value_or(false)) return true;
-    const bool as_stated = std::ranges::any_of(
-        fall_.possible, [](const Vector& signs) { return (signs.array() > 0).all(); });
-    if (!as_stated) runs_.turn(fall_.signs);
     found_.adds_gravity = false;
-    for (const auto& [share, error] : gravity_shares) {
-      if (!hold(share, error)) return false;
+    // The signs that the scenario states first: they need no turning.
+    std::ranges::stable_partition(fall_.possible,
+                                  [](const Vector& signs) { return (signs.array() > 0).all(); });
+    for (std::size_t k = 0; k < std::min(most_tried, fall_.possible.size()); ++k) {
+      runs_.turn(fall_.possible[k]);
+      if (std::ranges::all_of(gravity_shares, [&](const auto& each) { return hold(each); })) {
+        return true;
+      }
+      scales_.push_back(scale_);
+    }
+    name_what_does_not_hold();
+    return false;
+  }
+
+  /// Returns true if each joint moves as in the fall, as far as a share of gravity's torque lets it.
+  [[nodiscard]] bool as_expected(const Trial& trial, const GravityShare& of) const {
+    const Eigen::Index end = std::min(trial.q.rows(), free_.q.rows()) - 1;
+    for (Eigen::Index i = 0; i < trial.q.cols(); ++i) {
+      const double fell = runs_.turned_by()[i] * (free_.q(end, i) - free_.q(0, i)), moved = trial.q(end, i) - trial.q(0, i);
+      const double along = fell < 0 ? -moved : moved, error = share_counts * runs_.count()[i];
+      if (along > of.most * std::abs(fell) + error || along < of.least * std::abs(fell) - error)
+        return false;
     }
     return true;
   }
 
   /// Sends a share of gravity's torque for a moment.
-  /// @return whether its scale is right within `error`
-  bool hold(double share, double error) {
-    report_(fmt::format("a moment with {:.3g} of gravity's torque", share));
+  /// @return whether its signs and scale are right enough to go on
+  bool hold(const GravityShare& of) {
+    report_(fmt::format("a moment with {:.3g} of gravity's torque", of.share));
     const ArmHypotheses arm(runs_.scenario());
-    const Trial trial = runs_.still(share, fall_reach(), fall_s);
-    const Vector scale = scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration),
-                                       fall_.onset, trial, share, runs_.count(), runs_.period_s());
+    const Trial trial = runs_.still(of.share, fall_reach(), fall_s);
+    scale_ =
+        scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration), fall_.onset, trial,
+                      of.share, runs_.count(), runs_.period_s());
     const double moved = (trial.q.bottomRows(1) - trial.q.topRows(1)).cwiseAbs().maxCoeff();
-    bool fits = share < 1 || (trial.stopped.empty() && moved < held);
-    for (Eigen::Index i = 0; share < 1 && i < scale.size(); ++i) {
-      fits = fits && !(std::abs(scale[i] - 1) > error);
+    bool fits = of.share < 1 ? as_expected(trial, of) : trial.stopped.empty() && moved < held;
+    for (std::size_t j = 0; fits && of.share == 1 && j < answers_.size(); ++j) {
+      // These joints answer as they should: the soft law may hold them.
+      const double error = std::abs(scale_[static_cast<Eigen::Index>(j)] - 1);
+      if (error < hold_error) found_.joints[j].answers = answers_[j] = true;
     }
-    if (fits) {
-      // These joints answer as they should: the whole soft law may hold them.
-      for (Eigen::Index i = 0; share == 1 && i < scale.size(); ++i) {
-        if (std::isfinite(scale[i])) level_[i] = 1;
+    return fits;
+  }
+
+  /// Concludes what the last trial with a share of gravity's torque shows.
+  void name_what_does_not_hold() {
+    const auto all = [&](Eigen::Index i, const auto& is) {
+      bool any = false;
+      for (const Vector& scale : scales_) {
+        if (std::isnan(scale[i])) continue;
+        any = true;
+        if (!is(scale[i])) return false;
       }
-      return true;
-    }
-    if ((fall_.certain.array() != 0).all()) {
-      for (Eigen::Index i = 0; i < scale.size(); ++i) {
-        Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(i)];
-        joint.turns = fall_.certain[i] < 0;
-        if (std::isfinite(scale[i]) && std::abs(scale[i] - 1) > error) joint.scale = scale[i];
+      return any;
+    };
+    for (std::size_t j = 0; j < found_.joints.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      Commissioned::Joint& joint = found_.joints[j];
+      if (fall_.certain[i] != 0) joint.turns = fall_.certain[i] < 0;
+      if (all(i, [](double scale) { return std::abs(scale) > other_scale; })) {
+        for (const Vector& scale : scales_) {
+          if (std::isfinite(scale[i])) joint.scale = std::abs(scale[i]);
+        }
+      } else if (fall_.certain[i] != 0 && all(i, [](double scale) { return scale < surely_against; })) {
+        joint.scale = -1;
       }
     }
     compare_gravity(scenario_, found_);
@@ -144,128 +199,143 @@ class Procedure {
                  "signs that the fall did not determine; look which way each joint turns, or begin "
                  "at another posture");
     }
-    return false;
   }
 
   [[nodiscard]] double gravity_share() const { return fall_.falls.value_or(false) ? 1 : 0; }
 
-  /// Returns the soft law for an arm of these inertias of the joints.
-  [[nodiscard]] SoftLaw law(const Vector& inertia) const {
+  /// Returns the soft law, which holds the joints that answer.
+  [[nodiscard]] SoftLaw law() const {
     const double rate = runs_.rate();
-    return {rate * rate * inertia, 2 * rate * inertia, gravity_share()};
+    SoftLaw law{Vector::Constant(rotor_.size(), ArmRuns::no_gain), {}, gravity_share(), rotor_};
+    const Vector inertia = arm_.below_mass_matrix(rotor_).cwiseQuotient(faster_);
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      if (answers_[j]) law.kp[i] = rate * rate * inertia[i];
+    }
+    law.kd = 2 / rate * law.kp;
+    if (scenario_.robot.rigid_rotor_inertia_kgm2.size() > 0) {
+      law.rotor += scenario_.robot.rigid_rotor_inertia_kgm2;
+    }
+    return law;
   }
 
-  /// Moves one joint after the other with growing torques, from a hundredth of the soft law's,
-  /// until each follows.
+  /// Asks one joint after the other whether and how it answers its own torque, the joints that
+  /// gravity accelerates most first.
   /// @return whether it is safe to go on
   bool ask() {
-    const Eigen::Index n = level_.size();
-    const Vector amplitude =
-        (ask_speed * ArmRuns::bump_s / std::numbers::pi * runs_.speed()).cwiseMin(reach / 2);
-    const Vector most = scenario_.plant.drive.torque_limit_Nm.value_or(
-        Vector::Constant(n, robot::Model::unlimited));
-    for (bool grows = true; grows;) {
-      report_(fmt::format("each joint with {:.2g} of the soft law's torque", level_.minCoeff()));
-      const Trial trial = runs_.bumps(law(level_.cwiseProduct(arm_.inertia())),
-                                      amplitude.cwiseProduct(level_.cwiseMin(1)));
-      if (!heard(trial)) return false;
-      if (!trial.stopped.empty()) stopped(trial);
-      grows = false;
-      for (Eigen::Index i = 0; i < n; ++i) {
-        const double next = level_ratio * level_[i];
-        const double torque = next * runs_.rate() * runs_.rate() * arm_.inertia()[i] * amplitude[i];
-        if (moved_[i] >= amplitude[i] / 4 || next > most_level || torque > asked_share * most[i])
-          continue;
-        level_[i] = next;
-        grows = true;
-      }
-    }
-    return all_answered(amplitude);
-  }
-
-  /// Reads the answers of the joints to their own torques.
-  /// @return whether no joint answers too much or in the wrong direction
-  bool heard(const Trial& trial) {
-    const auto ticks = static_cast<Eigen::Index>(ArmRuns::bump_s / runs_.period_s());
-    const std::vector<double> none(answers_.size(), 0);
+    const Vector pull =
+        arm_.gravity(Vector::Ones(rotor_.size()), arm_.start()).cwiseQuotient(arm_.inertia());
+    std::vector<Eigen::Index> order(answers_.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::ranges::sort(order, {}, [&](Eigen::Index i) { return -std::abs(pull[i]); });
     bool safe = true;
-    for (std::size_t j = 0; j < answers_.size(); ++j) {
-      const auto i = static_cast<Eigen::Index>(j);
-      const Answer answer = answer_of(trial, i, i * ticks, ticks, runs_.period_s());
-      const double least = answer_counts * runs_.count()[i];
-      moved_[i] = answer.moved;
-      const bool follows = answer.explained > answer_share && answer.own > least;
-      const bool rubs = std::abs(answer.work) > work_share && answer.moved > least;
-      if (!follows && !rubs) continue;
-      const double ratio = answer.response * arm_.inertia()[i];
-      // A drift may look like an answer, but it does not grow with the torque.
-      const bool against = follows ? ratio < 0 && answer.explained > against_share
-                                   : answer.work < -work_share && answer.explained < answer_share;
-      const bool grows = answer.own > growing * own_[i];
-      against_[j] = !against ? 0 : against_[j] == 0 ? 1 : against_[j] + (grows ? 1 : 0);
-      own_[i] = answer.own;
-      answers_[j] = answers_[j] || !against;
-      if (against_[j] > 1) found_.joints[j].scale = -1;
-      if (follows && ratio > other_scale) found_.joints[j].scale = ratio;
-      safe = safe && !found_.joints[j].scale;
-      if (!follows || ratio < 0) continue;
-      const bool as_stated = ratio < other_inertia && ratio * other_inertia > 1;
-      gains_inertia_[i] = as_stated ? arm_.inertia()[i] : 1 / answer.response;
+    for (const Eigen::Index i : order) {
+      const auto j = static_cast<std::size_t>(i);
+      if (!answers_[j]) ask(i);
+      if (springs_) return false;
+      safe = safe && !found_.joints[j].scale && found_.joints[j].answers;
     }
-    if (safe && !trial.stopped.empty() && gravity_share() == 0) safe = !find_against(trial);
-    if (!safe) compare_scales(scenario_, none, found_);
-    return safe;
+    compare_scales(scenario_, std::vector<double>(answers_.size(), 0), found_);
+    return safe && std::ranges::any_of(answers_, [](bool answers) { return answers; });
   }
 
-  /// Looks for the joint whose feedback made it run away.
-  bool find_against(const Trial& trial) {
-    const auto ticks =
-        std::min(trial.q.rows(), static_cast<Eigen::Index>(ArmRuns::bump_s / runs_.period_s()));
-    double most = surely_against;
-    Commissioned::Joint* joint = nullptr;
-    for (std::size_t j = 0; j < answers_.size(); ++j) {
-      const Answer answer = answer_of(trial, static_cast<Eigen::Index>(j), trial.q.rows() - ticks,
-                                      ticks, runs_.period_s());
-      if (answer.response >= 0 || answer.own < held || answer.explained < most) continue;
-      most = answer.explained;
-      joint = &found_.joints[j];
+  /// Sends pulses of growing torque to a joint that nothing else holds, until it moves.
+  void ask(Eigen::Index i) {
+    Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(i)];
+    const double bend = 2 * std::pow(std::numbers::pi / ArmRuns::pulse_s, 2);
+    const double seen = std::min(farthest, least_fall_counts * runs_.count()[i]);
+    const double motion = std::min(std::max(pulse_motion, seen), pulse_speed * ArmRuns::pulse_s /
+                                                                     std::numbers::pi *
+                                                                     runs_.speed()[i]);
+    const double nominal = arm_.least_inertia()[i] * motion * bend;
+    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+    const double most =
+        limit && std::isfinite((*limit)[i]) ? asked_share * (*limit)[i] : most_pulse * nominal;
+    SoftLaw law = this->law();
+    if (gravity_share() == 0) law.kp.setConstant(ArmRuns::no_gain);  // nothing falls
+    law.kd = 2 / runs_.rate() * law.kp;
+    law.rotor[i] = most / (motion * bend);
+    Pulses pulses{i, motion, static_cast<int>(std::ceil(std::log2(most / nominal / first_pulse))),
+                  1.2 * std::max(motion, seen)};
+    pulses.count = std::max(pulses.count, 1);
+    double unexpected = 0;
+    for (int tries = 0, unclear = 0; tries < most_tries && unclear < most_unclear; ++tries) {
+      report_(fmt::format("{}: pulses up to {:.3g} {}", joint.name, most, joint.unit));
+      const Trial trial = runs_.pulses(law, pulses);
+      const double ticks = ArmRuns::pulse_s / runs_.period_s();
+      const Answer answer = answer_of(trial, i, static_cast<Eigen::Index>(looked_at * ticks),
+                                      runs_.count()[i], runs_.period_s());
+      // Joints that the soft law holds swing too.
+      if (gravity_share() == 0 && answer.spring_hz > 0 &&
+          answer.moved > answer_counts * runs_.count()[i]) {
+        springs_ = true;
+        return name_spring(joint, answer.spring_hz);
+      }
+      const int sign = sign_of(answer, runs_.count()[i]);
+      const double ratio = answer.response * arm_.least_inertia()[i];
+      const bool faster = ratio > other_scale && answer.fits > scale_fits;
+      if (sign > 0 && !faster) return answered(i, answer);
+      // An answer that the model does not expect has to be the same for twice the torque.
+      if (sign != 0 && answer.own > own_share * answer.moved) {
+        const double before = std::exchange(unexpected, answer.response);
+        if (before * answer.response > 0 && answer.response / before < same_answer &&
+            before / answer.response < same_answer) {
+          joint.scale = sign < 0 ? -1 : ratio;
+          joint.answers = true;
+          return;
+        }
+      }
+      if (trial.stopped.empty()) {
+        if (answer.moved < answer_counts * runs_.count()[i]) joint.answers = false;
+        break;
+      }
+      // If something else moved the joint, go on with the pulses that were not seen.
+      const int whole = static_cast<int>(static_cast<double>(trial.q.rows()) / ticks);
+      if (whole < 1 || answer.explained > answer_share) ++unclear;
+      const int seen_pulses = unexpected != 0 ? 1 : std::max(whole - 1, std::min(whole, 1));
+      pulses.count = std::max(1, pulses.count - seen_pulses);
     }
-    if (joint != nullptr) joint->scale = -1;
-    return joint != nullptr;
+    add_misfit(found_, "no answer",
+               joint.answers ? fmt::format("{} moves less than {:g} counts of its encoder under "
+                                           "{:.2g} {}; released brake? a drive that takes torques? "
+                                           "friction above that? its torque's unit?",
+                                           joint.name, answer_counts, most, joint.unit)
+                             : fmt::format("{} moves, but not by its torque; see what else moves "
+                                           "it: gravity, another joint, a drive that holds it",
+                                           joint.name));
   }
 
-  /// @return whether any joint answers
-  bool all_answered(const Vector& amplitude) {
-    bool any = false;
-    for (std::size_t j = 0; j < answers_.size(); ++j) {
-      const auto i = static_cast<Eigen::Index>(j);
-      answers_[j] = answers_[j] || moved_[i] > answer_counts * runs_.count()[i];
-      any = any || answers_[j];
-      found_.joints[j].answers = answers_[j];
-      if (answers_[j]) continue;
-      const double rate = runs_.rate();
-      add_misfit(found_, "no answer",
-                 fmt::format("{} moves less than {:g} counts of its encoder under {:.2g} {}; "
-                             "released brake? a drive that takes torques? friction above that? its "
-                             "torque's unit?",
-                             found_.joints[j].name, answer_counts,
-                             level_[i] * rate * rate * arm_.inertia()[i] * amplitude[i],
-                             found_.joints[j].unit));
-    }
-    return any;
+  void name_spring(const Commissioned::Joint& joint, double hz) {
+    add_misfit(found_, "robot.joints",
+               fmt::format("{} moves as on a spring of {:.2g} Hz; commission is for rigid joints",
+                           joint.name, hz));
+  }
+
+  /// Returns the sign of an answer, 0: not determined.
+  static int sign_of(const Answer& answer, double count) {
+    const double least = answer_counts * count;
+    int by_motion = 0, by_work = 0;
+    if (answer.explained > answer_share && answer.own > least) by_motion = answer.response > 0 ? 1 : -1;
+    if (std::abs(answer.work) > work_share && answer.moved > least) by_work = answer.work > 0 ? 1 : -1;
+    if (by_motion * by_work < 0) return 0;
+    return by_motion != 0 ? by_motion : by_work;
+  }
+
+  /// Takes the answer of a joint to its torque.
+  void answered(Eigen::Index i, const Answer& answer) {
+    const auto j = static_cast<std::size_t>(i);
+    Commissioned::Joint& joint = found_.joints[j];
+    joint.answers = answers_[j] = true;
+    if (!(answer.explained > answer_share)) return;  // friction: the model's inertia is the guess
+    faster_[i] = std::max(1.0, answer.response * arm_.inertia()[i]);
+    const double heavier = 1 / answer.response - arm_.inertia()[i];
+    const auto& stated = scenario_.robot.rigid_rotor_inertia_kgm2;
+    if ((stated.size() > 0 && stated[i] > 0) || !std::isfinite(scenario_.model->effort_limit[i])) return;
+    rotor_[i] = std::clamp(heavier, 0.0, robot::rotor_inertia_per_torque * scenario_.model->effort_limit[i]);
   }
 
   /// Ends the commissioning because a trial was stopped.
   [[noreturn]] void stopped(const Trial& trial) const {
-    for (std::size_t j = 0; j < answers_.size(); ++j) {
-      const auto i = static_cast<Eigen::Index>(j);
-      const double hz = oscillation_hz(trial, i, runs_.count()[i], runs_.period_s());
-      if (hz == 0) continue;
-      throw Failure(ExitCode::protective_stop,
-                    "{}: robot.joints: {} oscillates at {:.2g} Hz under a soft law: a flexible "
-                    "joint? commission is for rigid joints: {}",
-                    scenario_.source, found_.joints[j].name, hz, trial.stopped);
-    }
     throw Failure(ExitCode::protective_stop, "{}: not determined, because a joint ran away: {}",
                   scenario_.source, trial.stopped);
   }
@@ -273,7 +343,7 @@ class Procedure {
   /// Runs sines on one joint, or on all joints if `joint` is the number of joints.
   /// @param withheld see plant.withheld_ticks
   Trial move(Eigen::Index joint, int withheld = 0) {
-    const Eigen::Index n = level_.size();
+    const Eigen::Index n = rotor_.size();
     const bool all = joint == n;
     std::vector<Vector> amplitudes, hertz;
     for (const auto& [hz, share] : sines) {
@@ -290,13 +360,13 @@ class Procedure {
             : all        ? std::string("all joints")
                          : found_.joints[static_cast<std::size_t>(joint)].name);
     Trial result =
-        runs_.sines(law(gains_inertia_), amplitudes, hertz, all ? all_s : joint_s, withheld);
+        runs_.sines(law(), amplitudes, hertz, all ? all_s : joint_s, withheld);
     if (!result.stopped.empty() && withheld == 0) stopped(result);
     return result;
   }
 
   void move_and_explain() {
-    const Eigen::Index n = level_.size();
+    const Eigen::Index n = rotor_.size();
     std::vector<Trial> moved;
     for (Eigen::Index joint = 0; joint <= n; ++joint) moved.push_back(move(joint));
     const ArmHypotheses arm(runs_.scenario());
@@ -322,6 +392,11 @@ class Procedure {
       joint.viscous = of.viscous;
       joint.dry = of.dry;
       joint.noise = of.noise;
+      joint.assumed_rotor = rotor_[static_cast<Eigen::Index>(j)];
+      if (of.spring_hz > 0) {
+        name_spring(joint, of.spring_hz);
+        continue;
+      }
       const auto i = static_cast<Eigen::Index>(j);
       const bool told = std::ranges::all_of(
           possible, [&](const Vector& each) { return each[i] == possible.front()[i]; });
@@ -345,10 +420,10 @@ class Procedure {
   void withhold(const ArmHypotheses& arm, std::vector<Trial> moved, bool gravity) {
     const double h = runs_.period_s();
     const double fastest =
-        arm_.fall(Vector::Ones(level_.size())).cwiseAbs().cwiseQuotient(runs_.speed()).maxCoeff();
+        arm_.fall(Vector::Ones(rotor_.size())).cwiseAbs().cwiseQuotient(runs_.speed()).maxCoeff();
     const int ticks = std::max(
         1, static_cast<int>(std::min(longest_unsent_s, 0.4 / std::max(1e-9, fastest)) / h));
-    Trial kept = move(level_.size(), ticks);
+    Trial kept = move(rotor_.size(), ticks);
     if (!kept.stopped.empty()) {
       found_.unsent = Unsent::ends_the_run;
       found_.unsent_text = kept.stopped;
@@ -374,12 +449,14 @@ class Procedure {
   const identify::Report& report_;
   ArmRuns runs_;
   ArmHypotheses arm_;  ///< with the scenario's signs
+  Trial free_;  ///< the moment without torque
   Fall fall_;
+  Vector scale_;  ///< of the torque, by the last share of gravity's; NaN: not seen
+  std::vector<Vector> scales_;  ///< the same for signs that did not hold the arm
+  bool springs_ = false;       ///< a joint's pulses show a spring
   std::vector<bool> answers_;  ///< joints that answer their torque
-  std::vector<int> against_;   ///< how often in a row each one answered against it
-  Vector level_;               ///< last share of the soft law's torque, of each joint
-  Vector moved_, own_;         ///< last answer of each joint, its own part [rad; m]
-  Vector gains_inertia_;       ///< inertia that a joint's gains are for [kg m^2; kg]
+  Vector rotor_;   ///< assumed beyond the scenario's, where it states none [kg m^2; kg]
+  Vector faster_;  ///< response of each joint over the model's, at least 1
   Commissioned found_;
 };
 

@@ -48,6 +48,7 @@ struct Commissioned {
     std::optional<double> scale{};
     double viscous = 0, dry = 0;    ///< friction as sent torque [N m s/rad; N s/m], [N m; N]
     std::optional<double> delay{};  ///< delay beyond the loop's own [ticks]
+    double assumed_rotor = 0;       ///< in the trials, where the scenario states none [kg m^2; kg]
     double noise = 0;               ///< unexplained torque, rms below 15 Hz [N m; N]
   };
 

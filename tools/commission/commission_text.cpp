@@ -37,9 +37,13 @@ std::string unsent_text(const Commissioned& found) {
 }  // namespace
 
 std::string text(const Commissioned& found, const std::string& name) {
-  std::string turning;
+  std::string turning, assumed;
   for (const Commissioned::Joint& joint : found.joints) {
     if (joint.turns.value_or(false)) turning += joint.name + " turns against the URDF. ";
+    if (joint.assumed_rotor > 0) {
+      assumed += fmt::format("{}{} {:.3g}", assumed.empty() ? "" : ", ", joint.name,
+                             joint.assumed_rotor);
+    }
   }
   std::string text = fmt::format(
       "{}: {}{} {} {} Commands missed: {}. Trials repeated: {}. The arm's torque where none is "
@@ -58,6 +62,9 @@ std::string text(const Commissioned& found, const std::string& name) {
                         found.delay_spread),
       found.missed, found.repeated, unsent_text(found), found.arm_is_clock ? "arm" : "computer",
       found.seconds);
+  if (!assumed.empty()) {
+    text += "The scenario states no rotors; the trials assumed inertias of " + assumed + ".\n\n";
+  }
   std::vector<std::vector<std::string>> rows = {
       {"joint", "turns", "torque scale", "viscous", "dry", "noise", ""}};
   for (const Commissioned::Joint& joint : found.joints) {
@@ -91,6 +98,7 @@ void to_json(nlohmann::ordered_json& json, const Commissioned& found) {
                               {"viscous_friction", joint.viscous},
                               {"dry_friction", joint.dry},
                               {"delay_ticks", json_of(joint.delay)},
+                              {"assumed_rotor_inertia", joint.assumed_rotor},
                               {"torque_noise", joint.noise}});
   }
 }

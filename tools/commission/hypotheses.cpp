@@ -1,10 +1,12 @@
 #include "commission/hypotheses.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "identify/least_squares.h"
 #include "robot/dynamics.h"
@@ -17,6 +19,7 @@ using Eigen::VectorXd;
 
 /// Between rows of the regression; the low-pass removes faster motion.
 constexpr double instant_s = 0.02;
+constexpr Eigen::Index bend_ticks = 4;  ///< of the difference quotient of a: less noise
 constexpr double edge_s = 0.25;  ///< left out at both ends of a trial
 /// Rows per independent row: the low-pass correlates neighbouring rows.
 constexpr double dependent = 3;
@@ -28,31 +31,40 @@ constexpr double trusted = 5e-3;
 /// Difference of 1 / scale from 1 that is no reason to look for a rotor, and the share of the
 /// squared residuals that a rotor must not exceed.
 constexpr double near_one = 0.15, clearly_better = 0.5;
+/// Share of the squared residuals that a spring must not exceed, and the frequency above which it
+/// cannot be seen in motions below 8 Hz.
+constexpr double spring_better = 0.1, stiffest_hz = 25;
+constexpr double not_rigid = 0.1;  ///< least share of a motion that rigid joints do not explain
+constexpr double softest_hz = 6, hz_ratio = 1.1;  ///< of the springs that are tried
 /// Least shares of the expected fall, in squares: an arm with a fifth of it moved, and an arm with
 /// less than a twentieth did not fall.
 constexpr double moved_share = 0.04, no_fall_share = 0.0025;
+/// Share of a fall that no parabola explains, and share of it that t^4 leaves, on springs.
+constexpr double no_parabola = 0.01, quartic_better = 0.3;
 /// Least fall [rad; m] that tells anything: a count of 18 bits is 2.4e-5 rad.
 constexpr double smallest_fall = 2e-5;
 /// Share of a movement's squares that a fall has to explain.
 constexpr double explained_by_fall = 0.7;
+/// Bounds of the acceleration over gravity's. Friction makes it slower; so does an arm that adds
+/// gravity, but not of a load.
+constexpr double slowest_fall = 0.6, fastest_fall = 1.3;
 /// Share that rounding and friction leave unexplained even of the true signs, and factor of the
 /// best signs' unexplained share up to which others are possible.
 constexpr double always_unexplained = 0.0015, possible_factor = 4;
 /// Ticks, and difference of two motions, that show an acceleration.
 constexpr Eigen::Index least_seen = 5;
-constexpr double seen_counts = 5;
+constexpr double seen_counts = 3;
 constexpr Eigen::Index least_ticks = 20;  ///< of a trial that shows an answer
-/// Length of the end of a trial that shows an oscillation, and its least frequency. A joint
-/// that runs away looks like a slower one.
-constexpr double oscillation_s = 0.5, slowest_oscillation_hz = 7;
 /// Gravity's acceleration [rad/s^2; m/s^2] below which the scale of a joint's torque is not told,
 /// and the share by which its fall may differ from the expected one.
 constexpr double least_pull = 1.5, fall_agrees = 0.1;
+constexpr double clearly_other = 3;  ///< scale that friction in both trials does not explain
 
 /// A sample of a trial.
 struct Instant {
   std::size_t trial;
-  Vector q, v, a, dry;                         ///< dry: sign(v), low-passed like the torques
+  Vector q, v, a, bend;                        ///< bend: second derivative of a
+  Vector dry;                                  ///< sign(v), low-passed like the torques
   std::array<Vector, longest_delay + 3> sent;  ///< delayed by -1, 0, 1 … ticks
 };
 
@@ -72,10 +84,14 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
     dry = identify::low_passed(std::move(dry), h);
     const auto step = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(instant_s / h));
     for (Eigen::Index k = edge; k < ticks - edge; k += step) {
+      const auto a = [&](Eigen::Index i) {
+        return Vector((q.row(i + 1) - 2 * q.row(i) + q.row(i - 1)).transpose() / (h * h));
+      };
       Instant at{r,
                  q.row(k).transpose(),
                  (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
-                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h),
+                 a(k),
+                 (a(k + bend_ticks) - 2 * a(k) + a(k - bend_ticks)) / std::pow(bend_ticks * h, 2),
                  dry.row(k).transpose(),
                  {}};
       for (std::size_t d = 0; d < at.sent.size(); ++d) {
@@ -92,8 +108,11 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
 /// better: a rotor that the scenario does not state.
 class JointFit {
  public:
+  /// 1 / scale, rotor, viscous, dry, spring: the torque of the fourth derivative of q.
+  using Values = Eigen::Vector<double, 5>;
   void add(double needed, const Instant& at, Eigen::Index joint) {
-    const Eigen::Vector4d row(needed, at.a[joint], at.v[joint], at.dry[joint]);
+    Values row;
+    row << needed, at.a[joint], at.v[joint], at.dry[joint], at.bend[joint];
     normal_ += row * row.transpose();
     for (std::size_t d = 0; d < at.sent.size(); ++d) {
       const double u = at.sent[d][joint];
@@ -105,19 +124,34 @@ class JointFit {
     ++count_;
   }
   struct Result {
-    Eigen::Vector4d values;  ///< 1 / scale, rotor, viscous, dry
+    Values values = Values::Zero();
     /// Sum of squared residuals; the same with the floor `trusted`; standard deviation of `dry`.
     double left = 0, squares = 0, deviation = 0;
   };
   [[nodiscard]] Result solve(std::size_t d) const {
-    const Result scaled = fit(d, 0);
+    const Result scaled = fit<3>(d, {0, 2, 3});
     if (std::abs(scaled.values[0] - 1) < near_one) return scaled;
-    const Result heavier = fit(d, 1);
+    const Result heavier = fit<3>(d, {1, 2, 3});
     return heavier.left < clearly_better * scaled.left ? heavier : scaled;
+  }
+  /// Returns the frequency of a spring with which a scale fits clearly better, with its best delay
+  /// [Hz]; 0: none. Link side: u = (M + B) a + (M B / K) a''; motor side: u = (M + B) a - (M^2 / K)
+  /// a'', as far as the motion is slow beside the spring.
+  [[nodiscard]] double spring_hz(double inertia, double rigid_left) const {
+    Result best;
+    best.left = std::numeric_limits<double>::infinity();
+    for (std::size_t d = 1; d + 1 < right_.size(); ++d) {
+      const Result each = fit<4>(d, {0, 2, 3, 4});
+      if (each.left < best.left) best = each;
+    }
+    const double floor = count_ * trusted * trusted * variance();
+    if (count_ < 10 || !(std::max(best.left, floor) < spring_better * rigid_left)) return 0;
+    const double hz = std::sqrt(best.values[0] * inertia / std::abs(best.values[4])) / (2 * std::numbers::pi);
+    return hz < stiffest_hz ? hz : 0;
   }
   [[nodiscard]] double count() const { return count_; }
   /// Returns the sum of squares of the torque that moves the joint, without its mean.
-  [[nodiscard]] double moving_squares(const Eigen::Vector4d& values) const {
+  [[nodiscard]] double moving_squares(const Values& values) const {
     const double mean = needed_ / std::max(1.0, count_);
     return values[0] * values[0] * (normal_(0, 0) - mean * needed_) +
            2 * values[0] * values[1] * normal_(0, 1) + values[1] * values[1] * normal_(1, 1);
@@ -130,23 +164,24 @@ class JointFit {
   }
 
  private:
-  /// Fits the scale (`free` 0, without a rotor) or the rotor (`free` 1, with the scale 1).
-  [[nodiscard]] Result fit(std::size_t d, Eigen::Index free) const {
-    const std::array<Eigen::Index, 3> used = {free, 2, 3};
-    const Eigen::Matrix3d normal = normal_(used, used);
-    const double given = static_cast<double>(free);  // of the needed torque
-    const Eigen::Vector3d right = right_[d](used) - given * normal_(used, 0);
+  /// Fits `used` values. The first of them is the scale, or the rotor with the scale 1.
+  template <int n>
+  [[nodiscard]] Result fit(std::size_t d, const std::array<Eigen::Index, n>& used) const {
+    using Square = Eigen::Matrix<double, n, n>;
+    using Column = Eigen::Vector<double, n>;
+    const Square normal = normal_(used, used);
+    const double given = used[0] == 1 ? 1 : 0;  // of the needed torque
+    const Column right = right_[d](used) - given * normal_(used, 0);
     const double squares = squares_[d] + given * (normal_(0, 0) - 2 * right_[d][0]);
-    const Eigen::Vector3d scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
-    const Eigen::Matrix3d scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-    const Eigen::Matrix3d inverse =
-        (scaled + 1e-10 * Eigen::Matrix3d::Identity()).ldlt().solve(Eigen::Matrix3d::Identity());
-    Eigen::Vector3d values = scale.cwiseProduct(inverse * scale.cwiseProduct(right));
+    const Column scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
+    const Square scaled = scale.asDiagonal() * normal * scale.asDiagonal();
+    const Square inverse = (scaled + 1e-10 * Square::Identity()).ldlt().solve(Square::Identity());
+    Column values = scale.cwiseProduct(inverse * scale.cwiseProduct(right));
     // The model's torque never acts in the opposite direction, and no rotor is negative.
     if (values[0] < 0) values.setZero();
     const double left = squares - 2 * values.dot(right) + values.dot(normal * values);
     const double floored = std::max(left, count_ * trusted * trusted * variance());
-    Result result{Eigen::Vector4d::Zero(), left, floored,
+    Result result{Values::Zero(), left, floored,
                   scale[2] * std::sqrt(inverse(2, 2) * floored / count_ * dependent)};
     result.values[0] = given;
     result.values(used) = values;
@@ -157,14 +192,14 @@ class JointFit {
     return std::max(1e-12, squares_[1] / count_ - mean * mean);
   }
 
-  Eigen::Matrix4d normal_ = Eigen::Matrix4d::Zero();
-  std::array<Eigen::Vector4d, longest_delay + 3> right_ = zeros();
+  Eigen::Matrix<double, 5, 5> normal_ = Eigen::Matrix<double, 5, 5>::Zero();
+  std::array<Values, longest_delay + 3> right_ = zeros();
   std::array<double, longest_delay + 3> squares_{};
   double sum_ = 0, needed_ = 0, count_ = 0;
 
-  static std::array<Eigen::Vector4d, longest_delay + 3> zeros() {
-    std::array<Eigen::Vector4d, longest_delay + 3> all;
-    all.fill(Eigen::Vector4d::Zero());
+  static std::array<Values, longest_delay + 3> zeros() {
+    std::array<Values, longest_delay + 3> all;
+    all.fill(Values::Zero());
     return all;
   }
 };
@@ -189,6 +224,33 @@ double fractional_delay(const JointFit& joint, std::size_t d) {
   const double bend = before - 2 * at + after;
   const double shift = bend > 0 ? 0.5 * (before - after) / bend : 0;
   return static_cast<double>(d) + std::clamp(shift, -1.0, 1.0);
+}
+
+/// Returns what the columns do not explain of y.
+VectorXd beyond(const MatrixXd& columns, const VectorXd& y) {
+  return y - columns * columns.colPivHouseholderQr().solve(y);
+}
+
+/// Returns the torque that acts in the tick before each of some ticks.
+VectorXd delayed(const VectorXd& tau, Eigen::Index from, Eigen::Index ticks, Eigen::Index delay) {
+  VectorXd acts = VectorXd::Zero(ticks);
+  for (Eigen::Index k = 0; k < ticks; ++k) {
+    if (from + k > delay) acts[k] = tau[from + k - 1 - delay];
+  }
+  return acts;
+}
+
+/// Returns the motion from rest of a unit mass on a spring of frequency w under a force; w = 0: the
+/// double integral.
+VectorXd swing(const VectorXd& force, double w, double h) {
+  VectorXd x(force.size());
+  double position = 0, speed = 0;
+  for (Eigen::Index k = 0; k < force.size(); ++k) {
+    speed += h * (force[k] - w * w * position);
+    position += h * speed;
+    x[k] = position;
+  }
+  return x;
 }
 
 /// Returns t^2 / 2 from tick `onset` on.
@@ -220,9 +282,31 @@ ArmHypotheses::ArmHypotheses(const scenario::Scenario& scenario)
         ((q - model_.lower).array() >= -0.01).all() && ((model_.upper - q).array() >= -0.01).all();
     if (bits == 0 || inside) signs_.push_back(each);
   }
-  const Eigen::MatrixXd M = robot::mass_matrix(model_, start_);
-  inertia_ =
-      Eigen::MatrixXd(M.llt().solve(Eigen::MatrixXd::Identity(n, n))).diagonal().cwiseInverse();
+  const Vector none = Vector::Zero(n);
+  for (const Vector& each : signs_) {
+    const Vector inertia = inverse_mass(each, none).diagonal().cwiseInverse();
+    if (inertia_.size() == 0) inertia_ = least_inertia_ = inertia;
+    least_inertia_ = least_inertia_.cwiseMin(inertia);
+  }
+}
+
+MatrixXd ArmHypotheses::inverse_mass(const Vector& signs, const Vector& rotors) const {
+  MatrixXd M = robot::mass_matrix(model_, turned(start_, signs, offset_));
+  M.diagonal() += rotors;
+  return M.llt().solve(MatrixXd::Identity(M.rows(), M.cols()));
+}
+
+Vector ArmHypotheses::below_mass_matrix(const Vector& rotors) const {
+  Vector least = Vector::Constant(rotors.size(), std::numeric_limits<double>::infinity());
+  for (const Vector& signs : signs_) {
+    const MatrixXd inverse = inverse_mass(signs, rotors);
+    const VectorXd root = inverse.diagonal().cwiseSqrt().cwiseInverse();
+    const MatrixXd relative = root.asDiagonal() * inverse * root.asDiagonal();
+    const double most =
+        Eigen::SelfAdjointEigenSolver<MatrixXd>(relative).eigenvalues().maxCoeff();
+    least = least.cwiseMin(Vector(root.cwiseAbs2() / most));
+  }
+  return least;
 }
 
 Vector ArmHypotheses::inertial(const Vector& signs, const Vector& q, const Vector& v,
@@ -277,12 +361,29 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, const Vector& coun
   const Vector stated = arm.fall(Vector::Ones(n));
   const VectorXd least = parabola(ticks, longest_delay - 1, h);  // seen after the longest delay
   const double expected = (least * weight.cwiseProduct(stated).transpose()).squaredNorm();
+  // A link on a spring begins to fall as its motor does, with t^4.
+  const auto unexplained = [&](const VectorXd& f) {
+    return (x - f * (f.transpose() * x) / std::max(1e-300, f.squaredNorm())).squaredNorm();
+  };
+  double rigid = moved, spring = moved;
+  for (int delay = 0; delay < longest_delay; ++delay) {
+    const VectorXd f = parabola(ticks, delay, h);
+    rigid = std::min(rigid, unexplained(f));
+    spring = std::min(spring, unexplained(f.cwiseAbs2()));
+  }
+  result.springs = rigid > no_parabola * moved && spring < quartic_better * rigid &&
+                   x.cwiseAbs().maxCoeff() > answer_counts * count.cwiseProduct(weight).maxCoeff();
   const bool stopped = !trial.stopped.empty();
   const bool seen = stopped || (x.colwise().lpNorm<Eigen::Infinity>().transpose().array() >
                                 answer_counts * count.cwiseProduct(weight).array())
                                    .any();
   result.moved = seen && (stopped || moved > moved_share * expected);
-  if (result.moved && result.explained > explained_by_fall) result.falls = true;
+  const double as_fast = weight.cwiseProduct(result.acceleration).norm() /
+                         std::max(1e-300, weight.cwiseProduct(arm.fall(result.signs)).norm());
+  if (result.moved && result.explained > explained_by_fall && as_fast > slowest_fall &&
+      as_fast < fastest_fall) {
+    result.falls = true;
+  }
   const bool visible = least[ticks - 1] * stated.cwiseAbs().maxCoeff() > smallest_fall;
   if (!stopped && visible && moved < no_fall_share * expected) result.falls = false;
   if (!result.falls.value_or(false)) return result;
@@ -320,50 +421,61 @@ Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset,
   for (Eigen::Index i = 0; i < n; ++i) {
     const double M = arm.inertial(as_stated, arm.start(), none, Vector::Unit(n, i))[i];
     const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // friction explains the rest
-    if (std::abs(pull[i]) < least_pull * M || std::abs(as_gravity - 1) > fall_agrees ||
+    if (std::abs(pull[i]) < least_pull * M ||
+        (std::abs(as_gravity - 1) > fall_agrees && scale[i] > 0 && scale[i] < clearly_other) ||
         std::abs(x(ticks - 1, i)) < seen_counts * count[i])
       scale[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return scale;
 }
 
-Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index from, Eigen::Index ticks,
+Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index ticks, double count,
                  double h) {
-  ticks = std::min(ticks, trial.q.rows() - from);
+  ticks = std::min(ticks, trial.q.rows());
   if (ticks < least_ticks) return {};
-  MatrixXd columns(ticks, 4);
-  double impulse = 0, moved = 0;
-  for (Eigen::Index k = 0; k < ticks; ++k) {
-    const double t = static_cast<double>(k) / static_cast<double>(ticks);
-    columns.row(k) << 1, t, t * t, moved;
-    moved += h * impulse;
-    impulse += h * trial.tau(from + k, joint);
+  const Eigen::Index from = trial.q.rows() - ticks;
+  const VectorXd q = trial.q.col(joint).segment(from, ticks), tau = trial.tau.col(joint);
+  const VectorXd t = VectorXd::LinSpaced(ticks, -1, 1);
+  MatrixXd drift(ticks, 3);
+  drift << VectorXd::Ones(ticks), t, t.cwiseAbs2();
+  Answer best;
+  best.moved = q.maxCoeff() - q.minCoeff();
+  const VectorXd power =
+      tau.segment(from, ticks - 1).cwiseProduct(q.tail(ticks - 1) - q.head(ticks - 1));
+  best.work = power.sum() / std::max(1e-300, power.lpNorm<1>());
+  const double moved = beyond(drift, q).squaredNorm();
+  double least = std::numeric_limits<double>::infinity(), least_of_spring = least, hz_of_spring = 0;
+  for (Eigen::Index delay = 0; delay <= longest_delay; ++delay) {
+    const VectorXd acts = delayed(tau, from, ticks, delay);
+    MatrixXd other(ticks, 4);
+    other << drift, acts;
+    const VectorXd integral = swing(acts, 0, h);
+    const VectorXd rest = beyond(other, q), own = beyond(other, integral);
+    const double response = own.dot(rest) / std::max(1e-300, own.squaredNorm());
+    const double left = (rest - response * own).squaredNorm();
+    if (left < least) {
+      least = left;
+      best.own = std::abs(response) * (own.maxCoeff() - own.minCoeff());
+      best.response = response;
+      best.explained = response * own.dot(rest) / std::max(1e-300, rest.squaredNorm());
+      best.fits = 1 - left / std::max(1e-300, moved);
+    }
+    for (double hz = softest_hz; hz < stiffest_hz; hz *= hz_ratio) {
+      const double w = 2 * std::numbers::pi * hz;
+      MatrixXd springy(ticks, 7);
+      const VectorXd phase = VectorXd::LinSpaced(ticks, 0, w * h * static_cast<double>(ticks - 1));
+      springy << drift, integral, swing(acts, w, h), phase.array().cos().matrix(),
+          phase.array().sin().matrix();
+      const double with_spring = beyond(springy, q).squaredNorm();
+      if (with_spring >= least_of_spring) continue;
+      least_of_spring = with_spring;
+      hz_of_spring = hz;
+    }
   }
-  const VectorXd q = trial.q.col(joint).segment(from, ticks);
-  const auto basis = columns.leftCols(3).householderQr();
-  const VectorXd rest = q - columns.leftCols(3) * basis.solve(q);
-  const VectorXd own = columns.col(3) - columns.leftCols(3) * basis.solve(columns.col(3));
-  const double response = own.dot(rest) / std::max(1e-300, own.squaredNorm());
-  const VectorXd u = trial.tau.col(joint).segment(from, ticks - 1).array() - trial.tau(from, joint);
-  const VectorXd power = u.cwiseProduct(q.tail(ticks - 1) - q.head(ticks - 1));
-  return {q.maxCoeff() - q.minCoeff(), std::abs(response) * (own.maxCoeff() - own.minCoeff()),
-          response, response * own.dot(rest) / std::max(1e-300, rest.squaredNorm()),
-          power.sum() / std::max(1e-300, power.lpNorm<1>())};
-}
-
-double oscillation_hz(const Trial& trial, Eigen::Index joint, double count, double h) {
-  const auto window = static_cast<Eigen::Index>(oscillation_s / h);
-  if (trial.q.rows() < window) return 0;
-  const VectorXd q = trial.q.col(joint).tail(window);
-  const VectorXd t = VectorXd::LinSpaced(window, -1, 1);
-  MatrixXd columns(window, 4);
-  columns << VectorXd::Ones(window), t, t.cwiseAbs2(), t.array().cube().matrix();
-  const VectorXd rest = q - columns * columns.householderQr().solve(q);
-  if (rest.squaredNorm() < answer_counts * answer_counts * count * count * window) return 0;
-  int crossings = 0;
-  for (Eigen::Index k = 1; k < window; ++k) crossings += rest[k] * rest[k - 1] < 0 ? 1 : 0;
-  const double hz = crossings / (2 * oscillation_s);
-  return hz > slowest_oscillation_hz ? hz : 0;
+  const double floor = static_cast<double>(ticks) * count * count;  // of what the encoder resolves
+  const bool rigid = least < not_rigid * moved;
+  if (!rigid && std::max(least_of_spring, floor) < spring_better * least) best.spring_hz = hz_of_spring;
+  return best;
 }
 
 Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double h,
@@ -411,7 +523,8 @@ Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, 
                              found.values[2], found.values[3],
                              std::sqrt(found.squares / std::max(1.0, fit.count())),
                              fractional_delay(fit, best.delay()), found.deviation,
-                             found.left < noisy * noisy * fit.moving_squares(found.values)});
+                             found.left < noisy * noisy * fit.moving_squares(found.values),
+                             fit.spring_hz(arm.inertia()[static_cast<Eigen::Index>(j)], found.left)});
   }
   return result;
 }

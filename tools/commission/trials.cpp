@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "base/failure.h"
+#include "commission/hypotheses.h"
 #include "plant/own_torque.h"
 #include "plant/plant_model.h"
 
@@ -16,7 +17,6 @@ constexpr int most_looks = 40;  ///< an arm that still moves after 2 s does not 
 /// Motion between trials that shows an arm without brakes, and motion during a look that is none
 /// [rad; m].
 constexpr double sagging = 1e-3, resting = 2e-4;
-constexpr double least_gain = 1e-9;  ///< instead of no feedback
 
 /// Returns the signs of the joints that a hypothesis turns.
 std::string signs_override(const scenario::Scenario& scenario, const Vector& signs) {
@@ -40,7 +40,7 @@ ArmRuns::ArmRuns(const scenario::Scenario& scenario, const Trials& trials)
       last_(scenario.plant.initial.position_rad) {}
 
 double ArmRuns::rate() const {
-  return 0.1 / (period_s() * (longest_delay + std::max(1, scenario_.loop.command_delay)));
+  return 0.2 / (period_s() * (longest_delay + std::max(1, scenario_.loop.command_delay)));
 }
 
 void ArmRuns::turn(const Vector& signs) {
@@ -90,7 +90,7 @@ Trial ArmRuns::run(const SoftLaw& law, const std::string& reference, const Vecto
                    double duration_s, std::vector<std::string> changes) {
   const double h = period_s(), ticks = std::round(duration_s / h);
   const bool sends = law.gravity_share > 0;
-  const double pole = std::min(60 * rate(), 1 / h);
+  const double pole = std::min(30 * rate(), 1 / h);
   changes.insert(
       changes.begin(),
       {signs_override(scenario_, turned_by_),
@@ -109,6 +109,10 @@ Trial ArmRuns::run(const SoftLaw& law, const std::string& reference, const Vecto
        fmt::format("robot.gravity_m_per_s2={}",
                    scenario_.robot.gravity_m_per_s2 * (sends ? law.gravity_share : 1)),
        "reference=" + reference});
+  if (law.rotor.size() > 0) {
+    changes.push_back(
+        fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: {}}}}}", list(law.rotor)));
+  }
   Trial trial = carry_out(changes);
   const auto rows = trial.q.rows();
   seconds += static_cast<double>(rows) * h;
@@ -123,7 +127,7 @@ Trial ArmRuns::run(const SoftLaw& law, const std::string& reference, const Vecto
 
 Trial ArmRuns::still(double gravity_share, const Vector& reach, double duration_s) {
   if (moves_ || sags_) look();
-  const Vector none = Vector::Constant(last_.size(), least_gain);
+  const Vector none = Vector::Constant(last_.size(), no_gain);
   Trial trial = run({none, none, gravity_share},
                     fmt::format("{{hold: {{position_rad: {}}}}}", list(last_)), reach, duration_s);
   moves_ = true;
@@ -135,10 +139,15 @@ Trial ArmRuns::sines(const SoftLaw& law, const std::vector<Vector>& amplitude,
   if (moves_ || sags_) look();
   Vector offset = last_;
   std::string terms;
+  // The motion is towards where the arm began.
+  const Vector began = turned(scenario_.plant.initial.position_rad, turned_by_,
+                              scenario_.robot.joint_offsets_rad);
+  const Vector away = (last_ - began).unaryExpr([](double x) { return x < 0 ? -1.0 : 1.0; });
   for (std::size_t i = 0; i < amplitude.size(); ++i) {
-    offset -= amplitude[i];
+    const Vector signed_amplitude = amplitude[i].cwiseProduct(away);
+    offset -= signed_amplitude;
     terms += fmt::format("{{amplitude_rad: {}, frequency_hz: {}, phase_rad: {:.17g}}}, ",
-                         list(amplitude[i]), list(frequency_hz[i]), std::numbers::pi / 2);
+                         list(signed_amplitude), list(frequency_hz[i]), std::numbers::pi / 2);
   }
   return run(law,
              fmt::format("{{multi_sine: {{offset_rad: {}, terms: [{}]}}}}", list(offset), terms),
@@ -146,22 +155,25 @@ Trial ArmRuns::sines(const SoftLaw& law, const std::vector<Vector>& amplitude,
              {fmt::format("plant.withheld_ticks={}", withheld)});
 }
 
-Trial ArmRuns::bumps(const SoftLaw& law, const Vector& amplitude) {
+Trial ArmRuns::pulses(const SoftLaw& law, const Pulses& pulses) {
   if (moves_ || sags_) look();
-  constexpr int knots = 8;  // of a bump: the spline through them hardly overshoots
-  const Eigen::Index n = last_.size();
+  constexpr int knots = 8;  // of a pulse: the spline through them hardly overshoots
   std::string times, positions;
-  for (Eigen::Index k = 0; k <= n * knots + 1; ++k) {
+  double amplitude = std::ldexp(pulses.largest, 1 - pulses.count);
+  if (pulses.count % 2 == 0) amplitude = -amplitude;  // the last one is positive
+  for (int k = 0; k <= pulses.count * knots; ++k) {
+    const double phase = 2 * std::numbers::pi * (k % knots) / knots;
     Vector q = last_;
-    const Eigen::Index joint = std::min(k / knots, n - 1);
-    const double phase = 2 * std::numbers::pi * static_cast<double>(k % knots) / knots;
-    q[joint] += amplitude[joint] / 2 * (1 - std::cos(k < n * knots ? phase : 0));
-    times += fmt::format("{}, ", static_cast<double>(k) * bump_s / knots);
+    q[pulses.joint] += amplitude / 2 * (1 - std::cos(phase));
+    times += fmt::format("{}, ", k * pulse_s / knots);
     positions += list(q) + ", ";
+    if (k % knots == knots - 1) amplitude *= -2;
   }
+  Vector reach = Vector::Constant(last_.size(), aside);
+  reach[pulses.joint] = pulses.reach;
   return run(law,
              fmt::format("{{waypoints: {{time_s: [{}], position_rad: [{}]}}}}", times, positions),
-             Vector::Constant(n, farthest), bump_s * static_cast<double>(n));
+             reach, pulse_s * pulses.count);
 }
 
 }  // namespace tachless::commission

@@ -25,11 +25,24 @@ inline constexpr int longest_delay = 6;      ///< [ticks] beyond the loop's own
 inline constexpr double answer_counts = 10;  ///< least motion that is an answer [counts]
 /// Largest deflection of the references, and of a joint from its reference [rad; m].
 inline constexpr double reach = 0.016, farthest = 0.02;
+/// Deflection of a joint that ends the pulses of another one [rad; m].
+inline constexpr double aside = 5e-3;
 
-/// A soft law: its gains, and whether it sends gravity's torque and which share of it.
+/// A soft law.
 struct SoftLaw {
   Vector kp, kd;
-  double gravity_share = 0;
+  double gravity_share = 0;  ///< sent share of gravity's torque; 0: the arm adds gravity
+  Vector rotor = {};  ///< inertia that the feed-forward assumes [kg m^2; kg]; empty: the scenario's
+};
+
+/// Pulses of torque on one joint without feedback. Each pulse has twice the torque of the pulse
+/// before, in the opposite direction. The reference moves by `largest` in the last one: the law
+/// believes in a rotor that needs the torque for it.
+struct Pulses {
+  Eigen::Index joint = 0;
+  double largest = 0;  ///< [rad; m]
+  int count = 1;
+  double reach = 0;  ///< deflection that ends the trial [rad; m]
 };
 
 /// Runs trials on an arm, one after the other. Each trial begins where the arm is. The guards of
@@ -59,9 +72,9 @@ class ArmRuns {
   Trial sines(const SoftLaw& law, const std::vector<Vector>& amplitude,
               const std::vector<Vector>& frequency_hz, double duration_s, int withheld = 0);
 
-  /// Moves one joint after the other by an amplitude and back, `bump_s` each [rad; m].
-  Trial bumps(const SoftLaw& law, const Vector& amplitude);
-  static constexpr double bump_s = 0.5;
+  Trial pulses(const SoftLaw& law, const Pulses& pulses);
+  static constexpr double pulse_s = 0.12;
+  static constexpr double no_gain = 1e-9;  ///< instead of no feedback, which the law refuses
 
   double seconds = 0;       ///< arm time of all trials
   std::int64_t missed = 0;  ///< commands that did not arrive
