@@ -23,7 +23,8 @@ using scenario::Scenario;
 
 constexpr double fall_s = 0.06;
 /// Bounds of the deflection that ends a trial without feedback [counts], [rad; m].
-constexpr double least_fall_counts = 25, most_fall = 5e-4;
+constexpr double least_fall_counts = 40, most_fall = 5e-4;
+constexpr double least_pulse_counts = 25;
 /// A share of gravity's torque, and bounds of the motion over that of the fall. Without friction a
 /// right torque leaves 1 - share; friction leaves less. The bounds exclude a scale above 10, above 8
 /// and above 3, and a wrong sign from a tenth on.
@@ -50,13 +51,12 @@ constexpr double first_pulse = 1e-3, asked_share = 0.2, most_pulse = 100;
 constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell the answer
 /// Trials of a joint's pulses, and trials with an unclear answer, before the joint is given up.
 constexpr int most_tries = 24, most_unclear = 4;
-constexpr double own_share = 0.5;  ///< of the motion, that an unexpected answer has to explain
-constexpr double same_answer = 1.4;  ///< ratio of two answers that are the same
+constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
 /// Explained share of a motion that is an answer, and the share of the work that has its sign.
 constexpr double answer_share = 0.5, work_share = 0.5;
 /// Ratio of the answer to the model's beyond which the torque has another scale, and the share of
-/// the motion that this has to explain.
-constexpr double other_scale = 3, scale_fits = 0.95;
+/// the motion that an unexpected answer has to explain, without and with a drift beside it.
+constexpr double other_scale = 3, alone_share = 0.98, against_share = 0.85;
 
 /// The sines of a motion: frequency [Hz] and share of the allowed speed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
@@ -117,7 +117,8 @@ class Procedure {
     if (fall_.moved && !fall_.falls) {
       add_misfit(found_, "robot.urdf",
                  "the arm moves without torque, but not as gravity pulls at the URDF's masses; see "
-                 "robot.base, plant.payload, rotor inertias, masses, joint_offsets_rad");
+                 "robot.base, plant.payload, rotor inertias, flexible joints, masses, "
+                 "joint_offsets_rad");
       return false;
     }
     if (!fall_.falls.value_or(false)) return true;
@@ -243,7 +244,7 @@ class Procedure {
   void ask(Eigen::Index i) {
     Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(i)];
     const double bend = 2 * std::pow(std::numbers::pi / ArmRuns::pulse_s, 2);
-    const double seen = std::min(farthest, least_fall_counts * runs_.count()[i]);
+    const double seen = std::min(farthest, least_pulse_counts * runs_.count()[i]);
     const double motion = std::min(std::max(pulse_motion, seen), pulse_speed * ArmRuns::pulse_s /
                                                                      std::numbers::pi *
                                                                      runs_.speed()[i]);
@@ -271,16 +272,17 @@ class Procedure {
         springs_ = true;
         return name_spring(joint, answer.spring_hz);
       }
-      const int sign = sign_of(answer, runs_.count()[i]);
       const double ratio = answer.response * arm_.least_inertia()[i];
-      const bool faster = ratio > other_scale && answer.fits > scale_fits;
-      if (sign > 0 && !faster) return answered(i, answer);
-      // An answer that the model does not expect has to be the same for twice the torque.
-      if (sign != 0 && answer.own > own_share * answer.moved) {
+      const bool faster = is_faster(answer, ratio, runs_.count()[i]);
+      const bool against = is_against(answer, runs_.count()[i]);
+      if (!faster && sign_of(answer, runs_.count()[i]) > 0) return answered(i, answer);
+      // An answer that the model does not expect has to be the same for twice the torque. A drift
+      // looks like half of it then.
+      if (faster || against) {
         const double before = std::exchange(unexpected, answer.response);
         if (before * answer.response > 0 && answer.response / before < same_answer &&
             before / answer.response < same_answer) {
-          joint.scale = sign < 0 ? -1 : ratio;
+          joint.scale = against ? -1 : ratio;
           joint.answers = true;
           return;
         }
@@ -291,9 +293,10 @@ class Procedure {
       }
       // If something else moved the joint, go on with the pulses that were not seen.
       const int whole = static_cast<int>(static_cast<double>(trial.q.rows()) / ticks);
-      if (whole < 1 || answer.explained > answer_share) ++unclear;
-      const int seen_pulses = unexpected != 0 ? 1 : std::max(whole - 1, std::min(whole, 1));
-      pulses.count = std::max(1, pulses.count - seen_pulses);
+      const bool is_seen = answer.explained > answer_share;
+      if (is_seen) ++unclear;
+      const int next = unexpected != 0 ? 1 : std::max(whole - 1, is_seen ? std::min(whole, 1) : 1);
+      pulses.count = std::max(1, pulses.count - next);
     }
     add_misfit(found_, "no answer",
                joint.answers ? fmt::format("{} moves less than {:g} counts of its encoder under "
@@ -309,6 +312,17 @@ class Procedure {
     add_misfit(found_, "robot.joints",
                fmt::format("{} moves as on a spring of {:.2g} Hz; commission is for rigid joints",
                            joint.name, hz));
+  }
+
+  static bool is_faster(const Answer& answer, double ratio, double count) {
+    return ratio > other_scale && answer.alone > alone_share && answer.work > 0 &&
+           answer.moved > answer_counts * count;
+  }
+  static bool is_against(const Answer& answer, double count) {
+    return answer.response < 0 && answer.work < -work_share &&
+           answer.moved > answer_counts * count &&
+           (answer.alone > alone_share ||
+            (answer.fits > against_share && answer.explained > against_share));
   }
 
   /// Returns the sign of an answer, 0: not determined.

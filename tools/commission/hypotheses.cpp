@@ -58,7 +58,8 @@ constexpr Eigen::Index least_ticks = 20;  ///< of a trial that shows an answer
 /// Gravity's acceleration [rad/s^2; m/s^2] below which the scale of a joint's torque is not told,
 /// and the share by which its fall may differ from the expected one.
 constexpr double least_pull = 1.5, fall_agrees = 0.1;
-constexpr double clearly_other = 3;  ///< scale that friction in both trials does not explain
+/// Scale that friction in both trials does not explain, if it changes the fall by this share.
+constexpr double clearly_other = 3, gross = 0.2;
 
 /// A sample of a trial.
 struct Instant {
@@ -418,12 +419,16 @@ Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset,
   }
   const Vector none = Vector::Zero(n), pull = arm.gravity(as_stated, arm.start());
   Vector scale = arm.inertial(as_stated, arm.start(), none, added).cwiseQuotient(share * pull);
+  const double fell = parabola(ticks, onset, h)[ticks - 1];
   for (Eigen::Index i = 0; i < n; ++i) {
     const double M = arm.inertial(as_stated, arm.start(), none, Vector::Unit(n, i))[i];
     const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // friction explains the rest
-    if (std::abs(pull[i]) < least_pull * M ||
-        (std::abs(as_gravity - 1) > fall_agrees && scale[i] > 0 && scale[i] < clearly_other) ||
-        std::abs(x(ticks - 1, i)) < seen_counts * count[i])
+    const bool usual = scale[i] > 0 && scale[i] < clearly_other;
+    const bool rough = std::abs(pull[i]) < least_pull * M || std::abs(as_gravity - 1) > fall_agrees;
+    const double least = seen_counts * count[i];
+    const double change = std::abs(x(ticks - 1, i)), of_fall = std::abs(falling[i]) * fell;
+    if ((usual && rough) || change < least || (!usual && scale[i] > 0 && change < gross * of_fall) ||
+        std::abs(share * pull[i] / M) * fell < least)
       scale[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return scale;
@@ -459,6 +464,9 @@ Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index ticks, dou
       best.response = response;
       best.explained = response * own.dot(rest) / std::max(1e-300, rest.squaredNorm());
       best.fits = 1 - left / std::max(1e-300, moved);
+      const VectorXd all = trial.q.col(joint).array() - trial.q(0, joint);
+      const VectorXd motion = swing(delayed(tau, 0, trial.q.rows(), delay), 0, h);
+      best.alone = 1 - beyond(motion, all).squaredNorm() / std::max(1e-300, all.squaredNorm());
     }
     for (double hz = softest_hz; hz < stiffest_hz; hz *= hz_ratio) {
       const double w = 2 * std::numbers::pi * hz;
