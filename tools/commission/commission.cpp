@@ -26,16 +26,17 @@ constexpr double fall_s = 0.06;
 constexpr double least_fall_counts = 40, most_fall = 5e-4;
 constexpr double least_pulse_counts = 25;
 /// A share of gravity's torque, and bounds of the motion over that of the fall. Without friction a
-/// right torque leaves 1 - share; friction leaves less. The bounds exclude a scale above 10, above 8
-/// and above 3, and a wrong sign from a tenth on.
+/// right torque leaves 1 - share; friction leaves less. The bounds exclude a scale above 10, above
+/// 8 and above 3, and a wrong sign from a tenth on.
 struct GravityShare {
   double share, least, most;
 };
 constexpr std::array<GravityShare, 4> gravity_shares = {
     {{0.01, 0.9, 1.05}, {0.1, 0.2, 1}, {0.4, -0.2, 0.8}, {1, -1, 1}}};
-constexpr double share_counts = 3;  ///< error of a motion [counts]
-constexpr double hold_error = 0.2;  ///< of the scale with gravity's whole torque
+constexpr double share_counts = 3;       ///< error of a motion [counts]
+constexpr double hold_error = 0.2;       ///< of the scale with gravity's whole torque
 constexpr double surely_against = -0.4;  ///< scale that no error of a share explains
+constexpr double gross_scale = 10;       ///< above it a hundredth of gravity's torque does not fit
 constexpr std::size_t most_tried = 8;    ///< signs that are tried for an arm that fell
 /// Motion in a trial of gravity's whole torque beyond which the soft law would not hold the arm
 /// [rad; m].
@@ -137,11 +138,13 @@ class Procedure {
     return false;
   }
 
-  /// Returns true if each joint moves as in the fall, as far as a share of gravity's torque lets it.
+  /// Returns true if each joint moves as in the fall, as far as a share of gravity's torque lets
+  /// it.
   [[nodiscard]] bool as_expected(const Trial& trial, const GravityShare& of) const {
     const Eigen::Index end = std::min(trial.q.rows(), free_.q.rows()) - 1;
     for (Eigen::Index i = 0; i < trial.q.cols(); ++i) {
-      const double fell = runs_.turned_by()[i] * (free_.q(end, i) - free_.q(0, i)), moved = trial.q(end, i) - trial.q(0, i);
+      const double fell = runs_.turned_by()[i] * (free_.q(end, i) - free_.q(0, i)),
+                   moved = trial.q(end, i) - trial.q(0, i);
       const double along = fell < 0 ? -moved : moved, error = share_counts * runs_.count()[i];
       if (along > of.most * std::abs(fell) + error || along < of.least * std::abs(fell) - error)
         return false;
@@ -155,9 +158,8 @@ class Procedure {
     report_(fmt::format("a moment with {:.3g} of gravity's torque", of.share));
     const ArmHypotheses arm(runs_.scenario());
     const Trial trial = runs_.still(of.share, fall_reach(), fall_s);
-    scale_ =
-        scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration), fall_.onset, trial,
-                      of.share, runs_.count(), runs_.period_s());
+    scale_ = scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration), fall_.onset,
+                           trial, of.share, runs_.count(), runs_.period_s());
     const double moved = (trial.q.bottomRows(1) - trial.q.topRows(1)).cwiseAbs().maxCoeff();
     bool fits = of.share < 1 ? as_expected(trial, of) : trial.stopped.empty() && moved < held;
     for (std::size_t j = 0; fits && of.share == 1 && j < answers_.size(); ++j) {
@@ -183,11 +185,12 @@ class Procedure {
       const auto i = static_cast<Eigen::Index>(j);
       Commissioned::Joint& joint = found_.joints[j];
       if (fall_.certain[i] != 0) joint.turns = fall_.certain[i] < 0;
-      if (all(i, [](double scale) { return std::abs(scale) > other_scale; })) {
+      if (all(i, [](double scale) { return std::abs(scale) > gross_scale; })) {
         for (const Vector& scale : scales_) {
           if (std::isfinite(scale[i])) joint.scale = std::abs(scale[i]);
         }
-      } else if (fall_.certain[i] != 0 && all(i, [](double scale) { return scale < surely_against; })) {
+      } else if (fall_.certain[i] != 0 &&
+                 all(i, [](double scale) { return scale < surely_against; })) {
         joint.scale = -1;
       }
     }
@@ -245,9 +248,9 @@ class Procedure {
     Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(i)];
     const double bend = 2 * std::pow(std::numbers::pi / ArmRuns::pulse_s, 2);
     const double seen = std::min(farthest, least_pulse_counts * runs_.count()[i]);
-    const double motion = std::min(std::max(pulse_motion, seen), pulse_speed * ArmRuns::pulse_s /
-                                                                     std::numbers::pi *
-                                                                     runs_.speed()[i]);
+    const double motion =
+        std::min(std::max(pulse_motion, seen),
+                 pulse_speed * ArmRuns::pulse_s / std::numbers::pi * runs_.speed()[i]);
     const double nominal = arm_.least_inertia()[i] * motion * bend;
     const auto& limit = scenario_.plant.drive.torque_limit_Nm;
     const double most =
@@ -319,18 +322,20 @@ class Procedure {
            answer.moved > answer_counts * count;
   }
   static bool is_against(const Answer& answer, double count) {
-    return answer.response < 0 && answer.work < -work_share &&
-           answer.moved > answer_counts * count &&
-           (answer.alone > alone_share ||
-            (answer.fits > against_share && answer.explained > against_share));
+    const bool rubs = answer.work < -work_share && answer.fits > against_share &&
+                      answer.explained > against_share;
+    return answer.response < 0 && answer.work < 0 && answer.moved > answer_counts * count &&
+           (answer.alone > alone_share || rubs);
   }
 
   /// Returns the sign of an answer, 0: not determined.
   static int sign_of(const Answer& answer, double count) {
     const double least = answer_counts * count;
     int by_motion = 0, by_work = 0;
-    if (answer.explained > answer_share && answer.own > least) by_motion = answer.response > 0 ? 1 : -1;
-    if (std::abs(answer.work) > work_share && answer.moved > least) by_work = answer.work > 0 ? 1 : -1;
+    if (answer.explained > answer_share && answer.own > least)
+      by_motion = answer.response > 0 ? 1 : -1;
+    if (std::abs(answer.work) > work_share && answer.moved > least)
+      by_work = answer.work > 0 ? 1 : -1;
     if (by_motion * by_work < 0) return 0;
     return by_motion != 0 ? by_motion : by_work;
   }
@@ -344,8 +349,10 @@ class Procedure {
     faster_[i] = std::max(1.0, answer.response * arm_.inertia()[i]);
     const double heavier = 1 / answer.response - arm_.inertia()[i];
     const auto& stated = scenario_.robot.rigid_rotor_inertia_kgm2;
-    if ((stated.size() > 0 && stated[i] > 0) || !std::isfinite(scenario_.model->effort_limit[i])) return;
-    rotor_[i] = std::clamp(heavier, 0.0, robot::rotor_inertia_per_torque * scenario_.model->effort_limit[i]);
+    if ((stated.size() > 0 && stated[i] > 0) || !std::isfinite(scenario_.model->effort_limit[i]))
+      return;
+    rotor_[i] = std::clamp(heavier, 0.0,
+                           robot::rotor_inertia_per_torque * scenario_.model->effort_limit[i]);
   }
 
   /// Ends the commissioning because a trial was stopped.
@@ -373,8 +380,7 @@ class Procedure {
     report_(withheld > 0 ? std::string("all joints, with torques that are not sent")
             : all        ? std::string("all joints")
                          : found_.joints[static_cast<std::size_t>(joint)].name);
-    Trial result =
-        runs_.sines(law(), amplitudes, hertz, all ? all_s : joint_s, withheld);
+    Trial result = runs_.sines(law(), amplitudes, hertz, all ? all_s : joint_s, withheld);
     if (!result.stopped.empty() && withheld == 0) stopped(result);
     return result;
   }
@@ -407,10 +413,6 @@ class Procedure {
       joint.dry = of.dry;
       joint.noise = of.noise;
       joint.assumed_rotor = rotor_[static_cast<Eigen::Index>(j)];
-      if (of.spring_hz > 0) {
-        name_spring(joint, of.spring_hz);
-        continue;
-      }
       const auto i = static_cast<Eigen::Index>(j);
       const bool told = std::ranges::all_of(
           possible, [&](const Vector& each) { return each[i] == possible.front()[i]; });
@@ -463,12 +465,12 @@ class Procedure {
   const identify::Report& report_;
   ArmRuns runs_;
   ArmHypotheses arm_;  ///< with the scenario's signs
-  Trial free_;  ///< the moment without torque
+  Trial free_;         ///< the moment without torque
   Fall fall_;
-  Vector scale_;  ///< of the torque, by the last share of gravity's; NaN: not seen
+  Vector scale_;                ///< of the torque, by the last share of gravity's; NaN: not seen
   std::vector<Vector> scales_;  ///< the same for signs that did not hold the arm
-  bool springs_ = false;       ///< a joint's pulses show a spring
-  std::vector<bool> answers_;  ///< joints that answer their torque
+  bool springs_ = false;        ///< a joint's pulses show a spring
+  std::vector<bool> answers_;   ///< joints that answer their torque
   Vector rotor_;   ///< assumed beyond the scenario's, where it states none [kg m^2; kg]
   Vector faster_;  ///< response of each joint over the model's, at least 1
   Commissioned found_;

@@ -72,11 +72,10 @@ struct Commissioned {
 ///
 /// 1. A moment without torque, which ends as soon as a joint has moved by some counts. 2. If the
 /// arm falls: moments with a growing share of gravity's torque, which check signs and scale of
-/// torque.
-/// 3. A soft law that is growing from a hundredth of its torque, until each joint answers. 4. A run
-/// for each joint in turn, then a run of all joints: slow sines about the start. The law sends
-/// gravity's torque only if the arm fell. 5. If gravity is determined: another run of all joints,
-/// in which a tenth of the torques is not sent.
+/// torque. 3. Pulses of growing torque on one joint after the other, without feedback, until each
+/// joint answers. 4. A run for each joint in turn, then a run of all joints: slow sines about the
+/// start under a soft law, which sends gravity's torque only if the arm fell. 5. If gravity is
+/// determined: another run of all joints, in which a tenth of the torques is not sent.
 ///
 /// The function explains the sent torques with the URDF's mechanics under all combinations of
 /// signs, gravity and delay. It accepts the combination with the least residual if the margin to

@@ -41,8 +41,8 @@ std::string text(const Commissioned& found, const std::string& name) {
   for (const Commissioned::Joint& joint : found.joints) {
     if (joint.turns.value_or(false)) turning += joint.name + " turns against the URDF. ";
     if (joint.assumed_rotor > 0) {
-      assumed += fmt::format("{}{} {:.3g}", assumed.empty() ? "" : ", ", joint.name,
-                             joint.assumed_rotor);
+      assumed +=
+          fmt::format("{}{} {:.3g}", assumed.empty() ? "" : ", ", joint.name, joint.assumed_rotor);
     }
   }
   std::string text = fmt::format(

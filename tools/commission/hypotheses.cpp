@@ -19,7 +19,6 @@ using Eigen::VectorXd;
 
 /// Between rows of the regression; the low-pass removes faster motion.
 constexpr double instant_s = 0.02;
-constexpr Eigen::Index bend_ticks = 4;  ///< of the difference quotient of a: less noise
 constexpr double edge_s = 0.25;  ///< left out at both ends of a trial
 /// Rows per independent row: the low-pass correlates neighbouring rows.
 constexpr double dependent = 3;
@@ -64,8 +63,7 @@ constexpr double clearly_other = 3, gross = 0.2;
 /// A sample of a trial.
 struct Instant {
   std::size_t trial;
-  Vector q, v, a, bend;                        ///< bend: second derivative of a
-  Vector dry;                                  ///< sign(v), low-passed like the torques
+  Vector q, v, a, dry;                         ///< dry: sign(v), low-passed like the torques
   std::array<Vector, longest_delay + 3> sent;  ///< delayed by -1, 0, 1 … ticks
 };
 
@@ -85,14 +83,10 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
     dry = identify::low_passed(std::move(dry), h);
     const auto step = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(instant_s / h));
     for (Eigen::Index k = edge; k < ticks - edge; k += step) {
-      const auto a = [&](Eigen::Index i) {
-        return Vector((q.row(i + 1) - 2 * q.row(i) + q.row(i - 1)).transpose() / (h * h));
-      };
       Instant at{r,
                  q.row(k).transpose(),
                  (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
-                 a(k),
-                 (a(k + bend_ticks) - 2 * a(k) + a(k - bend_ticks)) / std::pow(bend_ticks * h, 2),
+                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h),
                  dry.row(k).transpose(),
                  {}};
       for (std::size_t d = 0; d < at.sent.size(); ++d) {
@@ -109,11 +103,8 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
 /// better: a rotor that the scenario does not state.
 class JointFit {
  public:
-  /// 1 / scale, rotor, viscous, dry, spring: the torque of the fourth derivative of q.
-  using Values = Eigen::Vector<double, 5>;
   void add(double needed, const Instant& at, Eigen::Index joint) {
-    Values row;
-    row << needed, at.a[joint], at.v[joint], at.dry[joint], at.bend[joint];
+    const Eigen::Vector4d row(needed, at.a[joint], at.v[joint], at.dry[joint]);
     normal_ += row * row.transpose();
     for (std::size_t d = 0; d < at.sent.size(); ++d) {
       const double u = at.sent[d][joint];
@@ -125,34 +116,19 @@ class JointFit {
     ++count_;
   }
   struct Result {
-    Values values = Values::Zero();
+    Eigen::Vector4d values;  ///< 1 / scale, rotor, viscous, dry
     /// Sum of squared residuals; the same with the floor `trusted`; standard deviation of `dry`.
     double left = 0, squares = 0, deviation = 0;
   };
   [[nodiscard]] Result solve(std::size_t d) const {
-    const Result scaled = fit<3>(d, {0, 2, 3});
+    const Result scaled = fit(d, 0);
     if (std::abs(scaled.values[0] - 1) < near_one) return scaled;
-    const Result heavier = fit<3>(d, {1, 2, 3});
+    const Result heavier = fit(d, 1);
     return heavier.left < clearly_better * scaled.left ? heavier : scaled;
-  }
-  /// Returns the frequency of a spring with which a scale fits clearly better, with its best delay
-  /// [Hz]; 0: none. Link side: u = (M + B) a + (M B / K) a''; motor side: u = (M + B) a - (M^2 / K)
-  /// a'', as far as the motion is slow beside the spring.
-  [[nodiscard]] double spring_hz(double inertia, double rigid_left) const {
-    Result best;
-    best.left = std::numeric_limits<double>::infinity();
-    for (std::size_t d = 1; d + 1 < right_.size(); ++d) {
-      const Result each = fit<4>(d, {0, 2, 3, 4});
-      if (each.left < best.left) best = each;
-    }
-    const double floor = count_ * trusted * trusted * variance();
-    if (count_ < 10 || !(std::max(best.left, floor) < spring_better * rigid_left)) return 0;
-    const double hz = std::sqrt(best.values[0] * inertia / std::abs(best.values[4])) / (2 * std::numbers::pi);
-    return hz < stiffest_hz ? hz : 0;
   }
   [[nodiscard]] double count() const { return count_; }
   /// Returns the sum of squares of the torque that moves the joint, without its mean.
-  [[nodiscard]] double moving_squares(const Values& values) const {
+  [[nodiscard]] double moving_squares(const Eigen::Vector4d& values) const {
     const double mean = needed_ / std::max(1.0, count_);
     return values[0] * values[0] * (normal_(0, 0) - mean * needed_) +
            2 * values[0] * values[1] * normal_(0, 1) + values[1] * values[1] * normal_(1, 1);
@@ -165,24 +141,23 @@ class JointFit {
   }
 
  private:
-  /// Fits `used` values. The first of them is the scale, or the rotor with the scale 1.
-  template <int n>
-  [[nodiscard]] Result fit(std::size_t d, const std::array<Eigen::Index, n>& used) const {
-    using Square = Eigen::Matrix<double, n, n>;
-    using Column = Eigen::Vector<double, n>;
-    const Square normal = normal_(used, used);
-    const double given = used[0] == 1 ? 1 : 0;  // of the needed torque
-    const Column right = right_[d](used) - given * normal_(used, 0);
+  /// Fits the scale (`free` 0, without a rotor) or the rotor (`free` 1, with the scale 1).
+  [[nodiscard]] Result fit(std::size_t d, Eigen::Index free) const {
+    const std::array<Eigen::Index, 3> used = {free, 2, 3};
+    const Eigen::Matrix3d normal = normal_(used, used);
+    const double given = static_cast<double>(free);  // of the needed torque
+    const Eigen::Vector3d right = right_[d](used) - given * normal_(used, 0);
     const double squares = squares_[d] + given * (normal_(0, 0) - 2 * right_[d][0]);
-    const Column scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
-    const Square scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-    const Square inverse = (scaled + 1e-10 * Square::Identity()).ldlt().solve(Square::Identity());
-    Column values = scale.cwiseProduct(inverse * scale.cwiseProduct(right));
+    const Eigen::Vector3d scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
+    const Eigen::Matrix3d scaled = scale.asDiagonal() * normal * scale.asDiagonal();
+    const Eigen::Matrix3d inverse =
+        (scaled + 1e-10 * Eigen::Matrix3d::Identity()).ldlt().solve(Eigen::Matrix3d::Identity());
+    Eigen::Vector3d values = scale.cwiseProduct(inverse * scale.cwiseProduct(right));
     // The model's torque never acts in the opposite direction, and no rotor is negative.
     if (values[0] < 0) values.setZero();
     const double left = squares - 2 * values.dot(right) + values.dot(normal * values);
     const double floored = std::max(left, count_ * trusted * trusted * variance());
-    Result result{Values::Zero(), left, floored,
+    Result result{Eigen::Vector4d::Zero(), left, floored,
                   scale[2] * std::sqrt(inverse(2, 2) * floored / count_ * dependent)};
     result.values[0] = given;
     result.values(used) = values;
@@ -193,14 +168,14 @@ class JointFit {
     return std::max(1e-12, squares_[1] / count_ - mean * mean);
   }
 
-  Eigen::Matrix<double, 5, 5> normal_ = Eigen::Matrix<double, 5, 5>::Zero();
-  std::array<Values, longest_delay + 3> right_ = zeros();
+  Eigen::Matrix4d normal_ = Eigen::Matrix4d::Zero();
+  std::array<Eigen::Vector4d, longest_delay + 3> right_ = zeros();
   std::array<double, longest_delay + 3> squares_{};
   double sum_ = 0, needed_ = 0, count_ = 0;
 
-  static std::array<Values, longest_delay + 3> zeros() {
-    std::array<Values, longest_delay + 3> all;
-    all.fill(Values::Zero());
+  static std::array<Eigen::Vector4d, longest_delay + 3> zeros() {
+    std::array<Eigen::Vector4d, longest_delay + 3> all;
+    all.fill(Eigen::Vector4d::Zero());
     return all;
   }
 };
@@ -303,8 +278,7 @@ Vector ArmHypotheses::below_mass_matrix(const Vector& rotors) const {
     const MatrixXd inverse = inverse_mass(signs, rotors);
     const VectorXd root = inverse.diagonal().cwiseSqrt().cwiseInverse();
     const MatrixXd relative = root.asDiagonal() * inverse * root.asDiagonal();
-    const double most =
-        Eigen::SelfAdjointEigenSolver<MatrixXd>(relative).eigenvalues().maxCoeff();
+    const double most = Eigen::SelfAdjointEigenSolver<MatrixXd>(relative).eigenvalues().maxCoeff();
     least = least.cwiseMin(Vector(root.cwiseAbs2() / most));
   }
   return least;
@@ -427,8 +401,9 @@ Vector scale_of_hold(const ArmHypotheses& arm, const Vector& falling, int onset,
     const bool rough = std::abs(pull[i]) < least_pull * M || std::abs(as_gravity - 1) > fall_agrees;
     const double least = seen_counts * count[i];
     const double change = std::abs(x(ticks - 1, i)), of_fall = std::abs(falling[i]) * fell;
-    if ((usual && rough) || change < least || (!usual && scale[i] > 0 && change < gross * of_fall) ||
-        std::abs(share * pull[i] / M) * fell < least)
+    if ((usual && rough) || change < least ||
+        (!usual && scale[i] > 0 && change < gross * of_fall) ||
+        std::abs(share * pull[i] / arm.inertia()[i]) * fell < least)
       scale[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return scale;
@@ -482,7 +457,8 @@ Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index ticks, dou
   }
   const double floor = static_cast<double>(ticks) * count * count;  // of what the encoder resolves
   const bool rigid = least < not_rigid * moved;
-  if (!rigid && std::max(least_of_spring, floor) < spring_better * least) best.spring_hz = hz_of_spring;
+  if (!rigid && std::max(least_of_spring, floor) < spring_better * least)
+    best.spring_hz = hz_of_spring;
   return best;
 }
 
@@ -531,8 +507,7 @@ Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, 
                              found.values[2], found.values[3],
                              std::sqrt(found.squares / std::max(1.0, fit.count())),
                              fractional_delay(fit, best.delay()), found.deviation,
-                             found.left < noisy * noisy * fit.moving_squares(found.values),
-                             fit.spring_hz(arm.inertia()[static_cast<Eigen::Index>(j)], found.left)});
+                             found.left < noisy * noisy * fit.moving_squares(found.values)});
   }
   return result;
 }

@@ -101,9 +101,6 @@ struct Explanation {
     double scale, heavier, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
     double resolution;                                  ///< standard deviation of `dry` [N m; N]
     bool clean;  ///< `noise` is small against the torque that moves the joint
-    /// Frequency of a spring that explains the motion clearly better than a rigid joint [Hz]; 0:
-    /// none does.
-    double spring_hz;
   };
   std::vector<Vector> signs;  ///< the best signs, then those almost as good
   /// True if gravity acts without compensation by the arm; nothing: not determined.

@@ -140,8 +140,8 @@ Trial ArmRuns::sines(const SoftLaw& law, const std::vector<Vector>& amplitude,
   Vector offset = last_;
   std::string terms;
   // The motion is towards where the arm began.
-  const Vector began = turned(scenario_.plant.initial.position_rad, turned_by_,
-                              scenario_.robot.joint_offsets_rad);
+  const Vector began =
+      turned(scenario_.plant.initial.position_rad, turned_by_, scenario_.robot.joint_offsets_rad);
   const Vector away = (last_ - began).unaryExpr([](double x) { return x < 0 ? -1.0 : 1.0; });
   for (std::size_t i = 0; i < amplitude.size(); ++i) {
     const Vector signed_amplitude = amplitude[i].cwiseProduct(away);

@@ -60,7 +60,8 @@ struct Tally {
 void Tally::judge(const Hidden& arm, const Commissioned& found, const std::string& what) {
   const auto& compensates = arm.truth.robot.compensates;
   const bool moves = !arm.more.braked;
-  judge(what + "adds gravity", found.adds_gravity, moves && found.adds_gravity == compensates.gravity);
+  judge(what + "adds gravity", found.adds_gravity,
+        moves && found.adds_gravity == compensates.gravity);
   judge(what + "adds friction", found.adds_friction,
         moves && found.adds_friction == (compensates.friction == 1));
   judge(what + "delay", found.delay,
@@ -83,9 +84,10 @@ void Tally::judge(const Hidden& arm, const Commissioned& found, const std::strin
     const double tolerance = arm.fault == Fault::hundredfold ? 0.7 : 0.15;
     const double truth = arm.more.scale[i];
     judge(whose + " scale", joint.scale,
-          !braked && (joint.scale < 0 ? reversed
-                                      : !reversed && (arm.fault == Fault::payload ||
-                                                      std::abs(*joint.scale / truth - 1) < tolerance)));
+          !braked &&
+              (joint.scale < 0 ? reversed
+                               : !reversed && (arm.fault == Fault::payload ||
+                                               std::abs(*joint.scale / truth - 1) < tolerance)));
   }
 }
 
@@ -109,7 +111,8 @@ void Tally::judge_text(const Hidden& arm, const std::string& said, const std::st
   std::optional<bool> name;
   if (arm.fault == Fault::brakes || arm.fault == Fault::ignored) name = all_silent;
   if (arm.fault == Fault::reversed) {
-    name = says(labels.joint(static_cast<std::size_t>(arm.joint)) + " moves against its own torque");
+    name =
+        says(labels.joint(static_cast<std::size_t>(arm.joint)) + " moves against its own torque");
   }
   if (arm.fault == Fault::hundredfold) name = says("times the torque that it is sent");
   if (arm.fault == Fault::flexible) name = says("on a spring") || says("oscillates");

@@ -100,7 +100,6 @@ class ClockedArm final : public plant::ClockDriver {
   std::int64_t ticks_ = 0;
 };
 
-
 struct ArmKind {
   const char* scenario;
   std::vector<double> posture;
@@ -133,7 +132,18 @@ inline const std::vector<ArmKind> kinds = {
      24}};
 
 /// Faults of an adverse arm. The first four kinds have to be named.
-enum class Fault { brakes, reversed, hundredfold, flexible, ignored, brake, payload, wall, cogging, none };
+enum class Fault {
+  brakes,
+  reversed,
+  hundredfold,
+  flexible,
+  ignored,
+  brake,
+  payload,
+  wall,
+  cogging,
+  none
+};
 constexpr std::array<std::string_view, 10> names(Fault /*type*/) {
   return {"brakes", "reversed", "hundredfold", "flexible", "ignored",
           "brake",  "payload",  "wall",        "cogging",  "none"};
@@ -185,15 +195,15 @@ inline Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, boo
 
   const std::string path = fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, kind.scenario);
   const auto with = [&](const Vector& q, std::vector<std::string> more) {
-    more.insert(more.begin(),
-                {"plant.mechanics=native", "plant.integrator.accuracy=1e-8", "plant.on_limit=warn",
-                 fmt::format("plant.encoder.resolution_bits={}", kind.bits), "loop.command_delay=1",
-                 "plant.drive.torque_limit_Nm=" + kind.torque_limit,
-                 "plant.encoder.latency_ticks=0", "robot.compensates={}",
-                 fmt::format("plant.initial.position_rad={}", list(q)),
-                 fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q)),
-                 fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}",
-                             fmt::join(kind.rotor, ", "))});
+    more.insert(
+        more.begin(),
+        {"plant.mechanics=native", "plant.integrator.accuracy=1e-8", "plant.on_limit=warn",
+         fmt::format("plant.encoder.resolution_bits={}", kind.bits), "loop.command_delay=1",
+         "plant.drive.torque_limit_Nm=" + kind.torque_limit, "plant.encoder.latency_ticks=0",
+         "robot.compensates={}", fmt::format("plant.initial.position_rad={}", list(q)),
+         fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q)),
+         fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}",
+                     fmt::join(kind.rotor, ", "))});
     return scenario::load_scenario(path, more);
   };
   Vector rubs = Vector::Zero(n);
