@@ -36,7 +36,7 @@ constexpr std::array<GravityShare, 4> gravity_shares = {
 constexpr double share_counts = 3;       ///< error of a motion [counts]
 constexpr double hold_error = 0.2;       ///< of the scale with gravity's whole torque
 constexpr double surely_against = -0.4;  ///< scale that no error of a share explains
-constexpr double gross_scale = 10;       ///< above it a hundredth of gravity's torque does not fit
+constexpr double gross_scale = 30;       ///< cogging does not explain it
 constexpr std::size_t most_tried = 8;    ///< signs that are tried for an arm that fell
 /// Motion in a trial of gravity's whole torque beyond which the soft law would not hold the arm
 /// [rad; m].
@@ -52,6 +52,8 @@ constexpr double first_pulse = 1e-3, asked_share = 0.2, most_pulse = 100;
 constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell the answer
 /// Trials of a joint's pulses, and trials with an unclear answer, before the joint is given up.
 constexpr int most_tries = 24, most_unclear = 4;
+/// Distance from where the arm began beyond which no joint is asked [rad; m].
+constexpr double most_strayed = 0.01;
 constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
 /// Explained share of a motion that is an answer, and the share of the work that has its sign.
 constexpr double answer_share = 0.5, work_share = 0.5;
@@ -263,7 +265,8 @@ class Procedure {
                   1.2 * std::max(motion, seen)};
     pulses.count = std::max(pulses.count, 1);
     double unexpected = 0;
-    for (int tries = 0, unclear = 0; tries < most_tries && unclear < most_unclear; ++tries) {
+    for (int tries = 0, unclear = 0;
+         tries < most_tries && unclear < most_unclear && runs_.strayed() < most_strayed; ++tries) {
       report_(fmt::format("{}: pulses up to {:.3g} {}", joint.name, most, joint.unit));
       const Trial trial = runs_.pulses(law, pulses);
       const double ticks = ArmRuns::pulse_s / runs_.period_s();

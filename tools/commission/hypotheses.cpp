@@ -34,7 +34,7 @@ constexpr double near_one = 0.15, clearly_better = 0.5;
 /// cannot be seen in motions below 8 Hz.
 constexpr double spring_better = 0.1, stiffest_hz = 25;
 constexpr double not_rigid = 0.1;  ///< least share of a motion that rigid joints do not explain
-constexpr double softest_hz = 6, hz_ratio = 1.1;  ///< of the springs that are tried
+constexpr double softest_hz = 7.5, hz_ratio = 1.1;  ///< of the springs that are tried
 /// Least shares of the expected fall, in squares: an arm with a fifth of it moved, and an arm with
 /// less than a twentieth did not fall.
 constexpr double moved_share = 0.04, no_fall_share = 0.0025;

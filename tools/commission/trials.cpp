@@ -43,6 +43,11 @@ double ArmRuns::rate() const {
   return 0.2 / (period_s() * (longest_delay + std::max(1, scenario_.loop.command_delay)));
 }
 
+Vector ArmRuns::began() const {
+  return turned(scenario_.plant.initial.position_rad, turned_by_,
+                scenario_.robot.joint_offsets_rad);
+}
+
 void ArmRuns::turn(const Vector& signs) {
   const Vector change = signs.cwiseProduct(turned_by_), offset = scenario_.robot.joint_offsets_rad;
   last_ = offset + change.cwiseProduct(last_ - offset);
@@ -140,9 +145,7 @@ Trial ArmRuns::sines(const SoftLaw& law, const std::vector<Vector>& amplitude,
   Vector offset = last_;
   std::string terms;
   // The motion is towards where the arm began.
-  const Vector began =
-      turned(scenario_.plant.initial.position_rad, turned_by_, scenario_.robot.joint_offsets_rad);
-  const Vector away = (last_ - began).unaryExpr([](double x) { return x < 0 ? -1.0 : 1.0; });
+  const Vector away = (last_ - began()).unaryExpr([](double x) { return x < 0 ? -1.0 : 1.0; });
   for (std::size_t i = 0; i < amplitude.size(); ++i) {
     const Vector signed_amplitude = amplitude[i].cwiseProduct(away);
     offset -= signed_amplitude;

@@ -60,6 +60,9 @@ class ArmRuns {
   [[nodiscard]] const Vector& count() const { return count_; }  ///< of an encoder [rad; m]
   [[nodiscard]] const Vector& turned_by() const { return turned_by_; }  ///< signs found so far
 
+  /// Returns the largest distance of a joint from where the arm began [rad; m].
+  [[nodiscard]] double strayed() const { return (last_ - began()).cwiseAbs().maxCoeff(); }
+
   /// Turns the joints with a negative entry against the scenario.
   void turn(const Vector& signs);
 
@@ -84,6 +87,8 @@ class ArmRuns {
  private:
   Trial run(const SoftLaw& law, const std::string& reference, const Vector& reach,
             double duration_s, std::vector<std::string> changes = {});
+  /// Returns where the arm began, in the coordinates of the present signs.
+  [[nodiscard]] Vector began() const;
   /// Finds where the arm is, once it rests, by runs that send nothing.
   void look();
   Trial carry_out(const std::vector<std::string>& changes);
