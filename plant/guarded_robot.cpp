@@ -119,7 +119,8 @@ GuardedRobot::GuardedRobot(const scenario::Scenario& scenario, RobotDriver* driv
                                     scenario::encoder_count(scenario, model_), model_)
                           : ideal_encoder(model_)),
       guard_(model_, scenario.robot.urdf_path,
-             following_error(scenario.plant, driver, model_.num_joints)),
+             following_error(scenario.plant, driver, model_.num_joints),
+             scenario.plant.speed_limit_rad_per_s.value_or(Vector())),
       drive_loop_(scenario::drive_loop(scenario)),
       speed_(Vector::Zero(model_.num_joints)),
       meter_(model_.num_joints),

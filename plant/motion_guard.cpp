@@ -36,7 +36,7 @@ bool MotionGuard::slows_near_ends(Eigen::Index joint) const {
 }
 
 double MotionGuard::speed_limit(Eigen::Index joint, double q, double v) const {
-  return robot::speed_limit(model_, joint, q + lead_s * v, v);
+  return std::min(speed_limit_[joint], robot::speed_limit(model_, joint, q + lead_s * v, v));
 }
 
 bool MotionGuard::is_fast(Eigen::Index joint, double q, double v) const {
@@ -59,13 +59,14 @@ std::string MotionGuard::range_text(Eigen::Index joint, double q, std::int64_t t
 std::string MotionGuard::speed_text(Eigen::Index joint, double q, double v,
                                     std::int64_t tick) const {
   const double limit = speed_limit(joint, q, v);
+  const bool own = limit == speed_limit_[joint];
   const std::string place =
-      limit < model_.velocity_limit[joint]
+      !own && limit < model_.velocity_limit[joint]
           ? fmt::format(" at {:.6g} {}, near the end of its range,", q, unit(joint))
           : "";
   return fmt::format("{} moves at {:.6g} {}/s {}, faster than its limit{} of {:.6g} {}/s in {}",
                      name(joint), v, unit(joint), when(tick), place, limit, unit(joint),
-                     robot_file_);
+                     own ? "plant.speed_limit_rad_per_s" : robot_file_);
 }
 
 std::string MotionGuard::following_text(Eigen::Index joint, double error, std::int64_t tick,

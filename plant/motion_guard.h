@@ -41,11 +41,17 @@ class MotionGuard {
  public:
   /// @param robot_file for messages
   /// @param following_error limit of each joint [rad; m]; empty: none
-  MotionGuard(robot::Model model, std::string robot_file, Vector following_error = {})
+  /// @param speed_limit of each joint beside the URDF's [rad/s; m/s]; empty: none
+  MotionGuard(robot::Model model, std::string robot_file, Vector following_error = {},
+              Vector speed_limit = {})
       : model_(std::move(model)),
         robot_file_(std::move(robot_file)),
         following_error_(std::move(following_error)),
-        first_error_(Vector::Zero(following_error_.size())) {}
+        speed_limit_(std::move(speed_limit)),
+        first_error_(Vector::Zero(following_error_.size())) {
+    if (speed_limit_.size() == 0)
+      speed_limit_.setConstant(model_.num_joints, robot::Model::unlimited);
+  }
 
   /// Returns true if `q` is outside the range of the URDF by more than rounding.
   [[nodiscard]] bool is_outside(Eigen::Index joint, double q) const;
@@ -54,8 +60,8 @@ class MotionGuard {
   /// Time before which a joint is stopped that would be too fast for the end of its range. An arm
   /// that watches this limit itself stops at once.
   static constexpr double lead_s = SpeedMeter::window_s;
-  /// Returns the limit of a joint's speed: the URDF's (robot::speed_limit) at the position that the
-  /// joint reaches at `v` within `lead_s`.
+  /// Returns the limit of a joint's speed: the least of the one given and of the URDF's
+  /// (robot::speed_limit) at the position that the joint reaches at `v` within `lead_s`.
   [[nodiscard]] double speed_limit(Eigen::Index joint, double q, double v) const;
   /// Returns true if |v| is above `speed_limit` by more than rounding.
   [[nodiscard]] bool is_fast(Eigen::Index joint, double q, double v) const;
@@ -81,6 +87,7 @@ class MotionGuard {
   robot::Model model_;
   std::string robot_file_;
   Vector following_error_;
+  Vector speed_limit_;
   Vector first_error_;
 };
 

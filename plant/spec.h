@@ -393,6 +393,7 @@ struct Spec {
   std::vector<DisturbanceSpec> disturbances;
   OnLimit on_limit = OnLimit::stop;
   std::optional<Vector> following_error_rad;
+  std::optional<Vector> speed_limit_rad_per_s;
   bool dry_run = false;
   bool zero_torque = false;
   int withheld_ticks = 0;
@@ -421,6 +422,11 @@ struct Spec {
                 "start by more than this"}
           .in(base::positive)
           .by_default("0.05 with a real robot, none with the emulator"),
+      base::Key{"speed_limit_rad_per_s", &Spec::speed_limit_rad_per_s, "rad/s (m/s)",
+                "A joint that is faster is beyond its limit, as one faster than the URDF's limit; "
+                "the lower of the two holds"}
+          .in(base::positive)
+          .by_default("none"),
       base::Key{"dry_run", &Spec::dry_run, "",
                 "A real robot is read and sent nothing, its drives are not enabled; everything "
                 "else is as in a run"}

@@ -8,7 +8,7 @@
 
 #include "base/logging.h"
 #include "cli/run.h"
-#include "commission/findings.h"
+#include "commission/trials.h"
 #include "logger/run_log.h"
 #include "plant/guarded_robot.h"
 #include "plant/plant_model.h"

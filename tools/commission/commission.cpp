@@ -1,18 +1,17 @@
 #include "commission/commission.h"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
+#include <utility>
 
 #include "base/failure.h"
-#include "commission/findings.h"
 #include "commission/hypotheses.h"
-#include "identify/least_squares.h"
-#include "plant/own_torque.h"
-#include "robot/dynamics.h"
+#include "commission/misfits.h"
+#include "commission/trials.h"
+#include "robot/typical_rotors.h"
 #include "scenario/drive_loop.h"
 
 namespace tachless::commission {
@@ -20,340 +19,464 @@ namespace {
 
 using base::ExitCode;
 using base::Failure;
-constexpr double longest_fall_s = 0.03;
-constexpr int least_hold = 9;  ///< duration of a trial of gravity's torque [ticks]
-constexpr int least_fall = 5;  ///< ticks that must be seen after the longest delay
-/// Limit of the protective stop on the following error [rad; m]: above `reach`, so that an arm that
-/// does not move is not stopped.
-constexpr double following = 0.03;
-constexpr double reach = 0.016;  ///< largest deflection of the references [rad; m]
+using scenario::Scenario;
+
+constexpr double fall_s = 0.06;
+/// Bounds of the deflection that ends a trial without feedback [counts], [rad; m].
+constexpr double least_fall_counts = 40, most_fall = 5e-4;
+constexpr double least_pulse_counts = 25;
+/// A share of gravity's torque, and bounds of the motion over that of the fall. Without friction a
+/// right torque leaves 1 - share; friction leaves less. The bounds exclude a scale above 10, above
+/// 8 and above 3, and a wrong sign from a tenth on.
+struct GravityShare {
+  double share, least, most;
+};
+constexpr std::array<GravityShare, 4> gravity_shares = {
+    {{0.01, 0.9, 1.05}, {0.1, 0.2, 1}, {0.4, -0.2, 0.8}, {1, -1, 1}}};
+constexpr double share_counts = 3;       ///< error of a motion [counts]
+constexpr double hold_error = 0.2;       ///< of the scale with gravity's whole torque
+constexpr double surely_against = -0.4;  ///< scale that no error of a share explains
+constexpr double gross_scale = 30;       ///< cogging does not explain it
+constexpr std::size_t most_tried = 8;    ///< signs that are tried for an arm that fell
+/// Motion in a trial of gravity's whole torque beyond which the soft law would not hold the arm
+/// [rad; m].
+constexpr double held = 1.8e-3;
 constexpr double joint_s = 3, all_s = 4;
 constexpr double longest_unsent_s = 0.02;
+
+/// The largest motion [rad; m] and share of the allowed speed of a pulse that the URDF's inertia
+/// answers without friction. Pulses begin with `first_pulse` of its torque and end with
+/// `asked_share` of the torque limit, or `most_pulse` times that torque where there is no limit.
+constexpr double pulse_motion = 3e-4, pulse_speed = 0.3;
+constexpr double first_pulse = 1e-3, asked_share = 0.2, most_pulse = 100;
+constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell the answer
+/// Trials of a joint's pulses, and trials with an unclear answer, before the joint is given up.
+constexpr int most_tries = 24, most_unclear = 4;
+/// Distance from where the arm began beyond which no joint is asked [rad; m].
+constexpr double most_strayed = 0.01;
+constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
+/// Explained share of a motion that is an answer, and the share of the work that has its sign.
+constexpr double answer_share = 0.5, work_share = 0.5;
+/// Ratio of the answer to the model's beyond which the torque has another scale, and the share of
+/// the motion that an unexpected answer has to explain, without and with a drift beside it.
+constexpr double other_scale = 3, alone_share = 0.98, against_share = 0.85;
+
 /// The sines of a motion: frequency [Hz] and share of the allowed speed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
+constexpr double frequency_step = 0.09;  ///< between joints that move together, relative
 
-class Procedure : Findings {
+/// Returns the frequencies of joints that move together.
+Vector frequencies(double hz, Eigen::Index joints) {
+  return hz * (1 + frequency_step *
+                       Vector::LinSpaced(joints, 0, static_cast<double>(joints - 1)).array());
+}
+
+class Procedure {
  public:
   Procedure(const Scenario& scenario, const Trials& trials, const identify::Report& report)
-      : Findings(scenario), trials_(trials), report_(report), arm_(scenario) {}
+      : scenario_(scenario), report_(report), runs_(scenario, trials), arm_(scenario) {
+    const robot::JointLabels labels = robot::joint_labels(*scenario.model);
+    for (std::size_t j = 0; j < labels.effort.size(); ++j) {
+      found_.joints.push_back({labels.joint(j), labels.effort[j]});
+    }
+    answers_.assign(labels.effort.size(), false);
+    rotor_ = Vector::Zero(scenario.num_joints);
+    faster_ = Vector::Ones(scenario.num_joints);
+  }
 
   Commissioned run() {
-    const Fall fall = let_go();
-    if ((fall.certain.array() < 0).any()) turn(fall.certain);
-    if (fall.moved && !fall.falls) {
-      throw Failure(ExitCode::check_said_no,
-                    "{}: robot.urdf: the arm moves without torque, but not as gravity pulls at the "
-                    "URDF's masses; see base, masses, joint_offsets_rad",
-                    scenario_.source);
-    }
-    sends_gravity_ = fall.falls.value_or(false);
-    if (sends_gravity_ && !hold(fall)) return std::move(result_);
-    std::vector<Trial> moved;
-    for (int joint = 0; joint <= scenario_.num_joints; ++joint) moved.push_back(move(joint));
-    std::optional<bool> gravity;
-    if (sends_gravity_) gravity = true;
-    const ArmHypotheses arm(turned_);
-    const Explanation found =
-        explain(arm, moved, scenario_.loop.period_s, fall.certain.cwiseAbs(), gravity);
-    conclude(fall, found);
-    if (found.gravity) withhold(fall, std::move(moved), *found.gravity);
-    return std::move(result_);
+    if (hold_still() && ask()) move_and_explain();
+    found_.seconds = runs_.seconds;
+    found_.missed = runs_.missed;
+    found_.repeated = runs_.repeated;
+    found_.arm_is_clock = runs_.arm_is_clock;
+    return std::move(found_);
   }
 
  private:
-  [[nodiscard]] Scenario changed_by(const std::vector<std::string>& overrides) const {
-    return scenario::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
-                                    overrides);
-  }
-
-  Trial trial(std::vector<std::string> overrides, double duration_s) {
-    overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
-    if (last_.size() > 0)
-      overrides.push_back(fmt::format("plant.initial.position_rad={}", list(last_)));
-    const double h = scenario_.loop.period_s;
-    overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
-    overrides.push_back(fmt::format("plant.following_error_rad={}", following));
-    overrides.push_back(fmt::format("loop.max_missed={}", scenario_.loop.max_missed));
-    overrides.emplace_back("plant.initial.torque=hold");
-    const Scenario changed = changed_by(overrides);
-    Trial result = trials_(changed, overrides);
-    result_.seconds += static_cast<double>(result.q.rows()) * h;
-    if (result.q.rows() > 0) {
-      last_ = result.q.row(result.q.rows() - 1).transpose();
-      last_ = last_.cwiseMax(changed.model->lower).cwiseMin(changed.model->upper);
-    }
-    result_.missed += result.missed;
-    result_.arm_is_clock = result.arm_is_clock;
-    if (result.q.rows() < changed.loop.num_ticks && result.stopped.empty()) {
-      result.stopped = "the run ended early";
-    }
-    const plant::OwnTorque added(changed);
-    const Vector slow = Vector::Zero(changed.num_joints);
-    for (Eigen::Index k = 0; added.any() && k < result.q.rows(); ++k) {
-      result.tau.row(k) -= added.at(result.q.row(k).transpose(), slow).transpose();
-    }
-    return result;
-  }
-
-  static std::string hold_at(const Vector& q) {
-    return fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q));
-  }
-
-  /// Returns overrides for the law with these gains. `sends_gravity` sets whether the law sends
-  /// gravity's torque.
-  static std::vector<std::string> law(const Vector& kp, const Vector& kd, double rate,
-                                      bool sends_gravity) {
-    return {fmt::format("controller={{law: loria_ortega_rigid, filter: tustin, gains: {{kp: "
-                        "{}, kd: {}, a: {}, b: {}}}}}",
-                        list(kp), list(kd), rate, rate),
-            fmt::format("robot.compensates={{gravity: {}}}", !sends_gravity)};
-  }
-
-  /// Runs some milliseconds without torque and judges the fall.
-  Fall let_go() {
-    const double h = scenario_.loop.period_s;
-    double most_s = longest_fall_s;
-    Eigen::Index first = 0;
+  /// Returns the deflections that end a trial without feedback, so that no joint becomes too fast.
+  [[nodiscard]] Vector fall_reach() const {
+    Vector reach = Vector::Constant(runs_.speed().size(), most_fall);
     for (const Vector& signs : arm_.signs()) {
-      const Vector most = 0.8 * speed_.cwiseQuotient(arm_.fall(signs).cwiseAbs().cwiseMax(1e-9));
-      Eigen::Index joint = 0;
-      if (most.minCoeff(&joint) >= most_s) continue;
-      most_s = most[joint];
-      first = joint;
+      const Vector a = arm_.fall(signs).cwiseAbs().cwiseMax(1e-9);
+      const Vector t = (0.8 * runs_.speed().cwiseQuotient(a).array() - 2 * runs_.period_s()).max(0);
+      reach = reach.cwiseMin(0.5 * a.cwiseProduct(t.cwiseAbs2()));
     }
-    const double needed_s = (longest_delay + least_fall) * h;
-    if (most_s < needed_s) {
-      throw scenario_.complaint(
-          "plant.initial.position_rad",
-          "gravity alone makes {} faster than a tenth of its limit within {:.2g} ms, {:.2g} are "
-          "needed to see what the arm adds; begin nearer to upright or hanging, a few tenths of a "
-          "rad from it",
-          name(first), 1e3 * most_s, 1e3 * needed_s);
-    }
+    return reach.cwiseMax(least_fall_counts * runs_.count());
+  }
+
+  /// Lets the arm go for a moment. If it falls, finds signs and scale of the torque that holds it.
+  /// @return whether the arm is held well enough to go on
+  bool hold_still() {
     report_("a moment without torque");
-    fall_s_ = std::floor(most_s / h) * h;
-    return judge_fall(arm_, still(false, fall_s_), h);
-  }
-
-  /// Returns the pole of the soft law [1/s], for a delay of `longest_delay` beyond the loop's own.
-  [[nodiscard]] double rate() const {
-    return 0.1 /
-           (scenario_.loop.period_s * (longest_delay + std::max(1, scenario_.loop.command_delay)));
-  }
-
-  /// Runs a trial without feedback torque. Gravity's torque is sent if `sends_gravity` is set.
-  Trial still(bool sends_gravity, double duration_s) {
-    const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
-    std::vector<std::string> overrides = law(none, none, 1, sends_gravity);
-    overrides.push_back(hold_at(turned_.plant.initial.position_rad));
-    return trial(overrides, duration_s);
-  }
-
-  /// Runs a short trial with gravity's torque.
-  /// @return whether the scale of torque fits
-  bool hold(const Fall& fall) {
-    const double h = scenario_.loop.period_s;
-    report_("a moment with gravity's torque");
-    const ArmHypotheses arm(turned_);
-    const Vector pull = arm.gravity(Vector::Ones(scenario_.num_joints), arm.start());
-    double most_s = fall_s_;
-    // Torques half as large again, or with the other sign.
-    for (const Vector& signs : fall.possible) {
-      for (const double scale : {1.5, -1.0}) {
-        const Vector a = arm.fall(signs.cwiseProduct(turned_by_), scale * pull).cwiseAbs();
-        most_s = std::min(most_s, speed_.cwiseQuotient(a.cwiseMax(1e-9)).minCoeff());
-      }
-    }
-    most_s = std::floor(most_s / h) * h;
-    result_.adds_gravity = false;
-    if (most_s < least_hold * h) {
-      mend_gravity();
-      misfit(
-          "plant.initial.position_rad",
-          fmt::format(
-              "the arm falls, and nothing else is determined: within the {:.3g} ms that a trial of "
-              "gravity's torque takes, a wrong sign or scale would make a joint too fast; "
-              "begin nearer to upright or hanging",
-              1e3 * least_hold * h),
-          false);
+    free_ = runs_.still(0, fall_reach(), fall_s);
+    fall_ = judge_fall(arm_, free_, runs_.count(), runs_.period_s());
+    if (fall_.springs) {
+      add_misfit(found_, "robot.joints",
+                 "without torque the joints accelerate slowly at first, as links on a spring; "
+                 "commission is for rigid joints");
       return false;
     }
-    const Vector scale = scale_of_hold(arm, turned_by_.cwiseProduct(fall.acceleration), fall.onset,
-                                       still(true, most_s), h);
-    const bool told = (fall.certain.array() != 0).all();
-    bool fits = true;
-    for (Eigen::Index i = 0; i < scale.size(); ++i) {
-      const auto j = static_cast<std::size_t>(i);
-      Commissioned::Joint joint{name(i), robot::joint_labels(*scenario_.model).effort[j]};
-      if (fall.certain[i] != 0) joint.turns = fall.certain[i] < 0;
-      if (told && std::isfinite(scale[i])) joint.scale = scale[i];
-      fits = fits && !(std::abs(scale[i] - 1) > 0.25);
-      result_.joints.push_back(std::move(joint));
+    if (fall_.moved && !fall_.falls) {
+      add_misfit(found_, "robot.urdf",
+                 "the arm moves without torque, but not as gravity pulls at the URDF's masses; see "
+                 "robot.base, plant.payload, rotor inertias, flexible joints, masses, "
+                 "joint_offsets_rad");
+      return false;
     }
-    // The error of the sent gravity torque may be as large as the soft law can stop in time.
-    const Vector stopped = 0.3 * rate() * std::numbers::e * speed_.cwiseProduct(arm_.inertia());
-    for (const Vector& signs : fall.possible) {
-      const Vector wrong = arm.gravity(signs.cwiseProduct(turned_by_), arm.start()) - pull;
-      fits = fits && (wrong.cwiseAbs().array() <= stopped.array()).all();
+    if (!fall_.falls.value_or(false)) return true;
+    found_.adds_gravity = false;
+    // The signs that the scenario states first: they need no turning.
+    std::ranges::stable_partition(fall_.possible,
+                                  [](const Vector& signs) { return (signs.array() > 0).all(); });
+    for (std::size_t k = 0; k < std::min(most_tried, fall_.possible.size()); ++k) {
+      runs_.turn(fall_.possible[k]);
+      if (std::ranges::all_of(gravity_shares, [&](const auto& each) { return hold(each); })) {
+        return true;
+      }
+      scales_.push_back(scale_);
     }
-    for (Eigen::Index i = 0; i < scale.size(); ++i) {
-      fits = fits && !(std::abs((scale[i] - 1) * pull[i]) > stopped[i]);
-    }
-    if (fits) {
-      result_.joints.clear();
-      return true;
-    }
-    mend_gravity();
-    if (told) {
-      mend_signs({Vector::Ones(scale.size())});
-      mend_scales();
-    }
-    if (result_.mendable) {
-      misfit(
-          "robot.joint_signs",
-          "gravity's torque holds the arm too badly to go on: scale of torque, masses, or signs "
-          "that the fall did not determine; look which way each joint turns, or begin at another "
-          "posture",
-          false);
-    }
+    name_what_does_not_hold();
     return false;
   }
 
-  /// Changes the signs of the scenario for the following trials.
-  void turn(const Vector& signs) {
-    turned_by_ = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
-    const Vector start = start_with(turned_by_);
-    last_ = turned(last_, turned_by_, scenario_.robot.joint_offsets_rad);
-    signs_ = {fmt::format("robot.joint_signs={}",
-                          list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
-              fmt::format("plant.initial.position_rad={}", list(start))};
-    std::vector<std::string> overrides = signs_;
-    overrides.push_back(hold_at(start));
-    turned_ = changed_by(overrides);
+  /// Returns true if each joint moves as in the fall, as far as a share of gravity's torque lets
+  /// it.
+  [[nodiscard]] bool as_expected(const Trial& trial, const GravityShare& of) const {
+    const Eigen::Index end = std::min(trial.q.rows(), free_.q.rows()) - 1;
+    for (Eigen::Index i = 0; i < trial.q.cols(); ++i) {
+      const double fell = runs_.turned_by()[i] * (free_.q(end, i) - free_.q(0, i)),
+                   moved = trial.q(end, i) - trial.q(0, i);
+      const double along = fell < 0 ? -moved : moved, error = share_counts * runs_.count()[i];
+      if (along > of.most * std::abs(fell) + error || along < of.least * std::abs(fell) - error)
+        return false;
+    }
+    return true;
+  }
+
+  /// Sends a share of gravity's torque for a moment.
+  /// @return whether its signs and scale are right enough to go on
+  bool hold(const GravityShare& of) {
+    report_(fmt::format("a moment with {:.3g} of gravity's torque", of.share));
+    const ArmHypotheses arm(runs_.scenario());
+    const Trial trial = runs_.still(of.share, fall_reach(), fall_s);
+    scale_ = scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration), fall_.onset,
+                           trial, of.share, runs_.count(), runs_.period_s());
+    const double moved = (trial.q.bottomRows(1) - trial.q.topRows(1)).cwiseAbs().maxCoeff();
+    bool fits = of.share < 1 ? as_expected(trial, of) : trial.stopped.empty() && moved < held;
+    for (std::size_t j = 0; fits && of.share == 1 && j < answers_.size(); ++j) {
+      // These joints answer as they should: the soft law may hold them.
+      const double error = std::abs(scale_[static_cast<Eigen::Index>(j)] - 1);
+      if (error < hold_error) found_.joints[j].answers = answers_[j] = true;
+    }
+    return fits;
+  }
+
+  /// Concludes what the last trial with a share of gravity's torque shows.
+  void name_what_does_not_hold() {
+    const auto all = [&](Eigen::Index i, const auto& is) {
+      bool any = false;
+      for (const Vector& scale : scales_) {
+        if (std::isnan(scale[i])) continue;
+        any = true;
+        if (!is(scale[i])) return false;
+      }
+      return any;
+    };
+    for (std::size_t j = 0; j < found_.joints.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      Commissioned::Joint& joint = found_.joints[j];
+      if (fall_.certain[i] != 0) joint.turns = fall_.certain[i] < 0;
+      if (all(i, [](double scale) { return std::abs(scale) > gross_scale; })) {
+        for (const Vector& scale : scales_) {
+          if (std::isfinite(scale[i])) joint.scale = std::abs(scale[i]);
+        }
+      } else if (fall_.certain[i] != 0 &&
+                 all(i, [](double scale) { return scale < surely_against; })) {
+        joint.scale = -1;
+      }
+    }
+    compare_gravity(scenario_, found_);
+    compare_signs(scenario_, fall_.possible, found_);
+    compare_scales(scenario_, std::vector<double>(answers_.size(), 0), found_);
+    if (found_.mendable) {
+      add_misfit(found_, "robot.joint_signs",
+                 "gravity's torque holds the arm too badly to go on: scale of torque, masses, or "
+                 "signs that the fall did not determine; look which way each joint turns, or begin "
+                 "at another posture");
+    }
+  }
+
+  [[nodiscard]] double gravity_share() const { return fall_.falls.value_or(false) ? 1 : 0; }
+
+  /// Returns the soft law, which holds the joints that answer.
+  [[nodiscard]] SoftLaw law() const {
+    const double rate = runs_.rate();
+    SoftLaw law{Vector::Constant(rotor_.size(), ArmRuns::no_gain), {}, gravity_share(), rotor_};
+    const Vector inertia = arm_.below_mass_matrix(rotor_).cwiseQuotient(faster_);
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      if (answers_[j]) law.kp[i] = rate * rate * inertia[i];
+    }
+    law.kd = 2 / rate * law.kp;
+    if (scenario_.robot.rigid_rotor_inertia_kgm2.size() > 0) {
+      law.rotor += scenario_.robot.rigid_rotor_inertia_kgm2;
+    }
+    return law;
+  }
+
+  /// Asks one joint after the other whether and how it answers its own torque, the joints that
+  /// gravity accelerates most first.
+  /// @return whether it is safe to go on
+  bool ask() {
+    const Vector pull =
+        arm_.gravity(Vector::Ones(rotor_.size()), arm_.start()).cwiseQuotient(arm_.inertia());
+    std::vector<Eigen::Index> order(answers_.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::ranges::sort(order, {}, [&](Eigen::Index i) { return -std::abs(pull[i]); });
+    bool safe = true;
+    for (const Eigen::Index i : order) {
+      const auto j = static_cast<std::size_t>(i);
+      if (!answers_[j]) ask(i);
+      if (springs_) return false;
+      safe = safe && !found_.joints[j].scale && found_.joints[j].answers;
+    }
+    compare_scales(scenario_, std::vector<double>(answers_.size(), 0), found_);
+    return safe && std::ranges::any_of(answers_, [](bool answers) { return answers; });
+  }
+
+  /// Sends pulses of growing torque to a joint that nothing else holds, until it moves.
+  void ask(Eigen::Index i) {
+    Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(i)];
+    const double bend = 2 * std::pow(std::numbers::pi / ArmRuns::pulse_s, 2);
+    const double seen = std::min(farthest, least_pulse_counts * runs_.count()[i]);
+    const double motion =
+        std::min(std::max(pulse_motion, seen),
+                 pulse_speed * ArmRuns::pulse_s / std::numbers::pi * runs_.speed()[i]);
+    const double nominal = arm_.least_inertia()[i] * motion * bend;
+    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+    const double most =
+        limit && std::isfinite((*limit)[i]) ? asked_share * (*limit)[i] : most_pulse * nominal;
+    SoftLaw law = this->law();
+    if (gravity_share() == 0) law.kp.setConstant(ArmRuns::no_gain);  // nothing falls
+    law.kd = 2 / runs_.rate() * law.kp;
+    law.rotor[i] = most / (motion * bend);
+    Pulses pulses{i, motion, static_cast<int>(std::ceil(std::log2(most / nominal / first_pulse))),
+                  1.2 * std::max(motion, seen)};
+    pulses.count = std::max(pulses.count, 1);
+    double unexpected = 0;
+    for (int tries = 0, unclear = 0;
+         tries < most_tries && unclear < most_unclear && runs_.strayed() < most_strayed; ++tries) {
+      report_(fmt::format("{}: pulses up to {:.3g} {}", joint.name, most, joint.unit));
+      const Trial trial = runs_.pulses(law, pulses);
+      const double ticks = ArmRuns::pulse_s / runs_.period_s();
+      const Answer answer = answer_of(trial, i, static_cast<Eigen::Index>(looked_at * ticks),
+                                      runs_.count()[i], runs_.period_s());
+      // Joints that the soft law holds swing too.
+      if (gravity_share() == 0 && answer.spring_hz > 0 &&
+          answer.moved > answer_counts * runs_.count()[i]) {
+        springs_ = true;
+        return name_spring(joint, answer.spring_hz);
+      }
+      const double ratio = answer.response * arm_.least_inertia()[i];
+      const bool faster = is_faster(answer, ratio, runs_.count()[i]);
+      const bool against = is_against(answer, runs_.count()[i]);
+      if (!faster && sign_of(answer, runs_.count()[i]) > 0) return answered(i, answer);
+      // An answer that the model does not expect has to be the same for twice the torque. A drift
+      // looks like half of it then.
+      if (faster || against) {
+        const double before = std::exchange(unexpected, answer.response);
+        if (before * answer.response > 0 && answer.response / before < same_answer &&
+            before / answer.response < same_answer) {
+          joint.scale = against ? -1 : ratio;
+          joint.answers = true;
+          return;
+        }
+      }
+      if (trial.stopped.empty()) {
+        if (answer.moved < answer_counts * runs_.count()[i]) joint.answers = false;
+        break;
+      }
+      // If something else moved the joint, go on with the pulses that were not seen.
+      const int whole = static_cast<int>(static_cast<double>(trial.q.rows()) / ticks);
+      const bool is_seen = answer.explained > answer_share;
+      if (is_seen) ++unclear;
+      const int next = unexpected != 0 ? 1 : std::max(whole - 1, is_seen ? std::min(whole, 1) : 1);
+      pulses.count = std::max(1, pulses.count - next);
+    }
+    add_misfit(found_, "no answer",
+               joint.answers ? fmt::format("{} moves less than {:g} counts of its encoder under "
+                                           "{:.2g} {}; released brake? a drive that takes torques? "
+                                           "friction above that? its torque's unit?",
+                                           joint.name, answer_counts, most, joint.unit)
+                             : fmt::format("{} moves, but not by its torque; see what else moves "
+                                           "it: gravity, another joint, a drive that holds it",
+                                           joint.name));
+  }
+
+  void name_spring(const Commissioned::Joint& joint, double hz) {
+    add_misfit(found_, "robot.joints",
+               fmt::format("{} moves as on a spring of {:.2g} Hz; commission is for rigid joints",
+                           joint.name, hz));
+  }
+
+  static bool is_faster(const Answer& answer, double ratio, double count) {
+    return ratio > other_scale && answer.alone > alone_share && answer.work > 0 &&
+           answer.moved > answer_counts * count;
+  }
+  static bool is_against(const Answer& answer, double count) {
+    const bool rubs = answer.work < -work_share && answer.fits > against_share &&
+                      answer.explained > against_share;
+    return answer.response < 0 && answer.work < 0 && answer.moved > answer_counts * count &&
+           (answer.alone > alone_share || rubs);
+  }
+
+  /// Returns the sign of an answer, 0: not determined.
+  static int sign_of(const Answer& answer, double count) {
+    const double least = answer_counts * count;
+    int by_motion = 0, by_work = 0;
+    if (answer.explained > answer_share && answer.own > least)
+      by_motion = answer.response > 0 ? 1 : -1;
+    if (std::abs(answer.work) > work_share && answer.moved > least)
+      by_work = answer.work > 0 ? 1 : -1;
+    if (by_motion * by_work < 0) return 0;
+    return by_motion != 0 ? by_motion : by_work;
+  }
+
+  /// Takes the answer of a joint to its torque.
+  void answered(Eigen::Index i, const Answer& answer) {
+    const auto j = static_cast<std::size_t>(i);
+    Commissioned::Joint& joint = found_.joints[j];
+    joint.answers = answers_[j] = true;
+    if (!(answer.explained > answer_share)) return;  // friction: the model's inertia is the guess
+    faster_[i] = std::max(1.0, answer.response * arm_.inertia()[i]);
+    const double heavier = 1 / answer.response - arm_.inertia()[i];
+    const auto& stated = scenario_.robot.rigid_rotor_inertia_kgm2;
+    if ((stated.size() > 0 && stated[i] > 0) || !std::isfinite(scenario_.model->effort_limit[i]))
+      return;
+    rotor_[i] = std::clamp(heavier, 0.0,
+                           robot::rotor_inertia_per_torque * scenario_.model->effort_limit[i]);
+  }
+
+  /// Ends the commissioning because a trial was stopped.
+  [[noreturn]] void stopped(const Trial& trial) const {
+    throw Failure(ExitCode::protective_stop, "{}: not determined, because a joint ran away: {}",
+                  scenario_.source, trial.stopped);
   }
 
   /// Runs sines on one joint, or on all joints if `joint` is the number of joints.
   /// @param withheld see plant.withheld_ticks
-  Trial move(int joint, int withheld = 0) {
-    const bool all = joint == scenario_.num_joints;
-    const Vector& start = turned_.plant.initial.position_rad;
-    const double h = scenario_.loop.period_s;
-    std::vector<std::string> overrides =
-        law(rate() * rate() * arm_.inertia(), 2 * rate() * arm_.inertia(),
-            std::min(60 * rate(), 1 / h), sends_gravity_);
-    Vector offset = start;
-    std::string terms;
+  Trial move(Eigen::Index joint, int withheld = 0) {
+    const Eigen::Index n = rotor_.size();
+    const bool all = joint == n;
+    std::vector<Vector> amplitudes, hertz;
     for (const auto& [hz, share] : sines) {
-      Vector amplitude = Vector::Zero(start.size()), frequency = amplitude;
-      for (Eigen::Index i = 0; i < start.size(); ++i) {
-        frequency[i] = hz * (all ? 1 + 0.09 * static_cast<double>(i) : 1);
-        if (!all && i != joint) continue;
-        const double omega = 2 * std::numbers::pi * frequency[i];
-        amplitude[i] = std::min(share * speed_[i] / omega, reach / 2 / sines.size());
+      const Vector frequency = all ? frequencies(hz, n) : Vector::Constant(n, hz);
+      Vector amplitude = (share * runs_.speed().cwiseQuotient(2 * std::numbers::pi * frequency))
+                             .cwiseMin(reach / 2 / static_cast<double>(sines.size()));
+      for (Eigen::Index i = 0; i < n; ++i) {
+        if ((!all && i != joint) || !answers_[static_cast<std::size_t>(i)]) amplitude[i] = 0;
       }
-      offset -= amplitude;  // begins at rest at the start
-      terms += fmt::format("{{amplitude_rad: {}, frequency_hz: {}, phase_rad: {:.17g}}}, ",
-                           list(amplitude), list(frequency), std::numbers::pi / 2);
+      amplitudes.push_back(std::move(amplitude));
+      hertz.push_back(frequency);
     }
-    overrides.push_back(fmt::format("reference={{multi_sine: {{offset_rad: {}, terms: [{}]}}}}",
-                                    list(offset), terms));
-    overrides.push_back(fmt::format("plant.withheld_ticks={}", withheld));
     report_(withheld > 0 ? std::string("all joints, with torques that are not sent")
             : all        ? std::string("all joints")
-                         : name(joint));
-    Trial result = trial(overrides, all ? all_s : joint_s);
-    if (!result.stopped.empty() && withheld == 0) ran_away(result);
+                         : found_.joints[static_cast<std::size_t>(joint)].name);
+    Trial result = runs_.sines(law(), amplitudes, hertz, all ? all_s : joint_s, withheld);
+    if (!result.stopped.empty() && withheld == 0) stopped(result);
     return result;
+  }
+
+  void move_and_explain() {
+    const Eigen::Index n = rotor_.size();
+    std::vector<Trial> moved;
+    for (Eigen::Index joint = 0; joint <= n; ++joint) moved.push_back(move(joint));
+    const ArmHypotheses arm(runs_.scenario());
+    std::optional<bool> gravity;
+    if (fall_.falls.value_or(false)) gravity = true;
+    const Explanation best =
+        explain(arm, moved, runs_.period_s(), answers_, fall_.certain.cwiseAbs(), gravity);
+    conclude(best);
+    if (best.gravity) withhold(arm, std::move(moved), *best.gravity);
+  }
+
+  void conclude(const Explanation& best) {
+    std::vector<double> heavier;
+    bool clean = true;
+    std::vector<Vector> possible;
+    for (const Vector& each : best.signs) possible.push_back(runs_.turned_by().cwiseProduct(each));
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      const Explanation::Joint& of = best.joints[j];
+      heavier.push_back(of.clean ? of.heavier : 0);
+      clean = clean && (of.clean || !answers_[j]);
+      if (!answers_[j]) continue;
+      Commissioned::Joint& joint = found_.joints[j];
+      joint.viscous = of.viscous;
+      joint.dry = of.dry;
+      joint.noise = of.noise;
+      joint.assumed_rotor = rotor_[static_cast<Eigen::Index>(j)];
+      const auto i = static_cast<Eigen::Index>(j);
+      const bool told = std::ranges::all_of(
+          possible, [&](const Vector& each) { return each[i] == possible.front()[i]; });
+      if (told) joint.turns = possible.front()[i] < 0;
+      if (!of.clean || of.scale <= 0) continue;
+      joint.scale = of.scale;
+      joint.delay = of.delay;
+    }
+    if (!fall_.falls.value_or(false) && best.gravity) found_.adds_gravity = !*best.gravity;
+    judge_delay(scenario_, best.delay, found_);
+    judge_friction(scenario_, runs_.speed(), best, found_);
+    compare_signs(scenario_, possible, found_);
+    compare_scales(scenario_, heavier, found_);
+    compare_gravity(scenario_, found_);
+    compare_delay(scenario_, found_);
   }
 
   /// Determines whether the arm holds the previous torque or takes zero when none is sent. The
   /// better explanation of the motion of all joints decides.
   /// @param moved the trials that have been explained
-  void withhold(const Fall& fall, std::vector<Trial> moved, bool gravity) {
-    const double h = scenario_.loop.period_s;
-    const int ticks = std::max(1, static_cast<int>(std::min(longest_unsent_s, fall_s_ / 2) / h));
-    Trial held = move(scenario_.num_joints, ticks);
-    if (!held.stopped.empty()) {
-      result_.unsent = Unsent::ends_the_run;
-      result_.unsent_text = held.stopped;
+  void withhold(const ArmHypotheses& arm, std::vector<Trial> moved, bool gravity) {
+    const double h = runs_.period_s();
+    const double fastest =
+        arm_.fall(Vector::Ones(rotor_.size())).cwiseAbs().cwiseQuotient(runs_.speed()).maxCoeff();
+    const int ticks = std::max(
+        1, static_cast<int>(std::min(longest_unsent_s, 0.4 / std::max(1e-9, fastest)) / h));
+    Trial kept = move(rotor_.size(), ticks);
+    if (!kept.stopped.empty()) {
+      found_.unsent = Unsent::ends_the_run;
+      found_.unsent_text = kept.stopped;
       return;
     }
     plant::Spec plant;
     plant.withheld_ticks = ticks;
-    Trial zeroed = held;
-    for (Eigen::Index k = 1; k < held.tau.rows(); ++k) {
+    Trial zeroed = kept;
+    for (Eigen::Index k = 1; k < kept.tau.rows(); ++k) {
       if (!plant::withheld(plant, k)) continue;
-      held.tau.row(k) = held.tau.row(k - 1);
+      kept.tau.row(k) = kept.tau.row(k - 1);
       zeroed.tau.row(k).setZero();
     }
-    const ArmHypotheses arm(turned_);
     const auto cost = [&](const Trial& trial) {
       moved.back() = trial;
-      return explain(arm, moved, h, fall.certain.cwiseAbs(), gravity).cost;
+      return explain(arm, moved, h, answers_, fall_.certain.cwiseAbs(), gravity).cost;
     };
-    const double more = cost(zeroed) - cost(held);
-    if (std::abs(more) > clear) result_.unsent = more > 0 ? Unsent::held : Unsent::zeroed;
+    const double more = cost(zeroed) - cost(kept);
+    if (std::abs(more) > clear) found_.unsent = more > 0 ? Unsent::held : Unsent::zeroed;
   }
 
-  [[noreturn]] void ran_away(const Trial& trial) const {
-    Eigen::Index joint = 0;
-    const Eigen::Index last = trial.q.rows() - 1, from = std::max<Eigen::Index>(0, last - 60);
-    if (last >= 1) (trial.q.row(last) - trial.q.row(0)).cwiseAbs().maxCoeff(&joint);
-    double sum = 0;  // sum of acceleration times torque
-    const Eigen::MatrixXd q = identify::low_passed(trial.q, scenario_.loop.period_s);
-    for (Eigen::Index k = from + 1; k < last; ++k) {
-      sum += (q(k + 1, joint) - 2 * q(k, joint) + q(k - 1, joint)) * trial.tau(k, joint);
-    }
-    if (sum < 0 && last > 5) {
-      throw Failure(
-          ExitCode::protective_stop,
-          "{}: {} moves against its own torque: the driver's torque has another sign than "
-          "its positions; correct the driver (robot.joint_signs turns both)",
-          scenario_.source, name(joint));
-    }
-    throw Failure(ExitCode::protective_stop, "{}: not determined, because {} ran away: {}",
-                  scenario_.source, name(joint), trial.stopped);
-  }
-
-  void conclude(const Fall& fall, const Explanation& found) {
-    const robot::JointLabels labels = robot::joint_labels(*scenario_.model);
-    std::vector<double> delays;
-    for (Eigen::Index i = 0; i < speed_.size(); ++i) {
-      const auto j = static_cast<std::size_t>(i);
-      const Explanation::Joint& of = found.joints[j];
-      Commissioned::Joint joint{name(i),    labels.effort[j], {}, {},
-                                of.viscous, of.dry,           {}, of.noise};
-      const bool told = std::ranges::all_of(
-          found.signs, [&](const Vector& each) { return each[i] == found.signs.front()[i]; });
-      if (told) joint.turns = turned_by_[i] * found.signs.front()[i] < 0;
-      if (of.clean && of.scale > 0) {
-        joint.scale = of.scale;
-        joint.delay = of.delay;
-        delays.push_back(of.delay);
-      }
-      result_.joints.push_back(std::move(joint));
-    }
-    if (fall.falls.value_or(false)) {
-      result_.adds_gravity = false;
-    } else if (found.gravity) {
-      result_.adds_gravity = !*found.gravity;
-    }
-    judge_delay(delays, found.delay);
-    judge_friction(found);
-    mend_signs(found.signs);
-    mend_scales();
-    mend_gravity();
-    mend_delay();
-  }
-
-  const Trials& trials_;
+  const Scenario& scenario_;
   const identify::Report& report_;
-  ArmHypotheses arm_;
-  Scenario turned_ = scenario_;  ///< with the signs that the fall determined
-  std::vector<std::string> signs_;
-  bool sends_gravity_ = false;
-  double fall_s_ = 0;
-  Vector last_;  ///< position of the arm at the end of the last trial
+  ArmRuns runs_;
+  ArmHypotheses arm_;  ///< with the scenario's signs
+  Trial free_;         ///< the moment without torque
+  Fall fall_;
+  Vector scale_;                ///< of the torque, by the last share of gravity's; NaN: not seen
+  std::vector<Vector> scales_;  ///< the same for signs that did not hold the arm
+  bool springs_ = false;        ///< a joint's pulses show a spring
+  std::vector<bool> answers_;   ///< joints that answer their torque
+  Vector rotor_;   ///< assumed beyond the scenario's, where it states none [kg m^2; kg]
+  Vector faster_;  ///< response of each joint over the model's, at least 1
+  Commissioned found_;
 };
 
 }  // namespace

@@ -19,14 +19,15 @@ namespace tachless::commission {
 /// The data of a run on the arm, one row per tick, in the scenario's coordinates.
 struct Trial {
   Eigen::MatrixXd q;         ///< measured [rad; m]
-  Eigen::MatrixXd tau;       ///< torque acting over the tick, including what the arm adds [N m; N]
+  Eigen::MatrixXd tau;       ///< torque sent over the tick [N m; N]
   std::string stopped = {};  ///< why the run ended early; empty: it did not
   std::int64_t missed = 0;   ///< commands that did not arrive
   bool arm_is_clock = false;
+  int repeated = 0;  ///< times that the run was carried out again
 };
 
 /// A function that carries out a run of `scenario`, which is the commissioned scenario changed by
-/// `overrides`.
+/// `overrides`. The torques of its trial contain those that the arm adds according to `scenario`.
 using Trials = std::function<Trial(const scenario::Scenario& scenario,
                                    const std::vector<std::string>& overrides)>;
 
@@ -36,15 +37,18 @@ constexpr std::array<std::string_view, 3> names(Unsent /*type*/) {
   return {"held", "zeroed", "ends_the_run"};
 }
 
-/// Findings of a commissioning.
+/// Findings of a commissioning. An empty optional means not determined.
 struct Commissioned {
-  /// The findings on one joint. An empty optional means not determined.
+  /// The findings on one joint.
   struct Joint {
     std::string name, unit;
+    std::optional<bool> answers{};  ///< whether its torque moves it by ten counts
     std::optional<bool> turns{};    ///< whether it turns against robot.joint_signs
-    std::optional<double> scale{};  ///< acting torque over sent torque
+    /// Acting torque over sent torque, if rotor, links and payload are as the scenario states.
+    std::optional<double> scale{};
     double viscous = 0, dry = 0;    ///< friction as sent torque [N m s/rad; N s/m], [N m; N]
     std::optional<double> delay{};  ///< delay beyond the loop's own [ticks]
+    double assumed_rotor = 0;       ///< in the trials, where the scenario states none [kg m^2; kg]
     double noise = 0;               ///< unexplained torque, rms below 15 Hz [N m; N]
   };
 
@@ -55,6 +59,7 @@ struct Commissioned {
   std::string unsent_text;  ///< why the run ended when no torque was sent
   double delay_spread = 0;  ///< between the joints [ticks]
   std::int64_t missed = 0;  ///< missed commands
+  int repeated = 0;         ///< trials that were carried out again
   bool arm_is_clock = false;
   double seconds = 0;                  ///< arm time
   std::vector<std::string> misfits;    ///< one line each: the misfit and its remedy
@@ -62,20 +67,21 @@ struct Commissioned {
   std::vector<std::string> overrides;  ///< changes of the scenario, as for --set
 };
 
-/// Commissions an arm with a sequence of short trials:
+/// Commissions an arm with a sequence of short trials. In each of them the plant's guards stop a
+/// joint at a tenth of its speed limit, or 0.02 rad (m) from its reference.
 ///
-/// 1. A moment without torque. It is so short that gravity cannot accelerate a joint beyond a tenth
-/// of its speed limit. 2. If the arm falls: a moment with gravity's torque, which checks the scale
-/// of torque. 3. A run for each joint in turn, then a run of all joints: slow sines about the start
-/// under a law with low gains. The law sends gravity's torque only if the arm fell. 4. If gravity
-/// is determined: another run of all joints, in which a tenth of the torques is not sent.
+/// 1. A moment without torque, which ends as soon as a joint has moved by some counts. 2. If the
+/// arm falls: moments with a growing share of gravity's torque, which check signs and scale of
+/// torque. 3. Pulses of growing torque on one joint after the other, without feedback, until each
+/// joint answers. 4. A run for each joint in turn, then a run of all joints: slow sines about the
+/// start under a soft law, which sends gravity's torque only if the arm fell. 5. If gravity is
+/// determined: another run of all joints, in which a tenth of the torques is not sent.
 ///
 /// The function explains the sent torques with the URDF's mechanics under all combinations of
 /// signs, gravity and delay. It accepts the combination with the least residual if the margin to
 /// the others is clear.
-/// @throw base::Failure(bad_usage) when the arm cannot be moved safely or the joints are flexible
-/// @throw base::Failure(protective_stop) when a joint runs away
-/// @throw base::Failure(check_said_no) when the arm moves without torque, but not as gravity pulls
+/// @throw base::Failure(bad_usage) when the joints are flexible, or for more than eight joints
+/// @throw base::Failure(protective_stop) when a joint runs away for an unknown reason
 Commissioned commission(const scenario::Scenario& scenario, const Trials& trials,
                         const identify::Report& report);
 

@@ -37,12 +37,17 @@ std::string unsent_text(const Commissioned& found) {
 }  // namespace
 
 std::string text(const Commissioned& found, const std::string& name) {
-  std::string turning;
+  std::string turning, assumed;
   for (const Commissioned::Joint& joint : found.joints) {
     if (joint.turns.value_or(false)) turning += joint.name + " turns against the URDF. ";
+    if (joint.assumed_rotor > 0) {
+      assumed +=
+          fmt::format("{}{} {:.3g}", assumed.empty() ? "" : ", ", joint.name, joint.assumed_rotor);
+    }
   }
   std::string text = fmt::format(
-      "{}: {}{} {} {} Commands missed: {}. The arm's torque where none is sent {}. The clock is "
+      "{}: {}{} {} {} Commands missed: {}. Trials repeated: {}. The arm's torque where none is "
+      "sent {}. The clock is "
       "the "
       "{}. {:.3g} s of motion.\n\n",
       name, turning,
@@ -55,7 +60,11 @@ std::string text(const Commissioned& found, const std::string& name) {
                         *found.delay, found.delay_spread / 2)
           : fmt::format("The delay was not determined: joints differ by {:.2g} ticks.",
                         found.delay_spread),
-      found.missed, unsent_text(found), found.arm_is_clock ? "arm" : "computer", found.seconds);
+      found.missed, found.repeated, unsent_text(found), found.arm_is_clock ? "arm" : "computer",
+      found.seconds);
+  if (!assumed.empty()) {
+    text += "The scenario states no rotors; the trials assumed inertias of " + assumed + ".\n\n";
+  }
   std::vector<std::vector<std::string>> rows = {
       {"joint", "turns", "torque scale", "viscous", "dry", "noise", ""}};
   for (const Commissioned::Joint& joint : found.joints) {
@@ -73,6 +82,7 @@ void to_json(nlohmann::ordered_json& json, const Commissioned& found) {
           {"delay_ticks", json_of(found.delay)},
           {"delay_spread_ticks", found.delay_spread},
           {"missed_commands", found.missed},
+          {"repeated_trials", found.repeated},
           {"unsent_torque", found.unsent ? nlohmann::ordered_json(base::name_of(*found.unsent))
                                          : nlohmann::ordered_json(nullptr)},
           {"clock", found.arm_is_clock ? "arm" : "computer"},
@@ -82,11 +92,13 @@ void to_json(nlohmann::ordered_json& json, const Commissioned& found) {
           {"overrides", found.overrides}};
   for (const Commissioned::Joint& joint : found.joints) {
     json["joints"].push_back({{"name", joint.name},
+                              {"answers", json_of(joint.answers)},
                               {"turns_against_urdf", json_of(joint.turns)},
                               {"torque_scale", json_of(joint.scale)},
                               {"viscous_friction", joint.viscous},
                               {"dry_friction", joint.dry},
                               {"delay_ticks", json_of(joint.delay)},
+                              {"assumed_rotor_inertia", joint.assumed_rotor},
                               {"torque_noise", joint.noise}});
   }
 }

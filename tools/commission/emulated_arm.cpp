@@ -17,8 +17,13 @@ EmulatedArm::EmulatedArm(scenario::Scenario scenario)
       now_(plant::initial_state(scenario_.plant, scenario_.robot.flexible, model_)) {}
 
 void EmulatedArm::start() {
+  const Vector gravity = robot::gravity_torque(model_, now_.q);
   now_.v.setZero();
-  if (now_.torque.size() > 0) now_.torque = robot::gravity_torque(model_, now_.q);
+  now_.thetadot.setZero();
+  if (scenario_.robot.flexible) {  // the links hang at rest on their springs
+    now_.theta = now_.q + gravity.cwiseQuotient(scenario_.robot.flexible->stiffness);
+  }
+  if (now_.torque.size() > 0) now_.torque = gravity;
   arm_.emplace(plant::make_arm(scenario_.plant, scenario_.robot.flexible, model_, now_));
   last_ = Vector::Zero(model_.num_joints);
   past_.assign(static_cast<std::size_t>(scenario_.plant.encoder.latency_ticks), now_);

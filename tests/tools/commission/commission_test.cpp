@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <deque>
@@ -19,235 +20,156 @@
 
 #include "base/failure.h"
 #include "commission/emulated_arm.h"
+#include "commission/trials.h"
+#include "tests/tools/commission/hidden_arms.h"
 
 namespace tachless::commission {
 namespace {
 
 using testing::HasSubstr;
 
-/// Properties of an arm's drives that no scenario states.
-struct DriveFaults {
-  Vector scale;          ///< acting torque over sent torque
-  int torque_delay = 0;  ///< until a sent torque acts [ticks]
-  bool zeroes = false;   ///< zero torque without a command; otherwise the last one is held
-  bool is_clock = false;
-};
+/// Counts of statements about arms.
+struct Tally {
+  int arms = 0, refused = 0, right = 0, open = 0, named = 0, to_name = 0;
+  std::vector<std::string> wrong;
+  double farthest = 0, fastest = 0;  ///< deflection [rad; m], speed over its limit
 
-class FaultyArm final : public EmulatedArm {
- public:
-  FaultyArm(const scenario::Scenario& scenario, DriveFaults faults)
-      : EmulatedArm(scenario), faults_(std::move(faults)), first_(state().q) {}
-
-  void start() override {
-    EmulatedArm::start();
-    last_ = Vector::Zero(first_.size());
-    sent_.assign(static_cast<std::size_t>(faults_.torque_delay), Vector::Zero(first_.size()));
-  }
-  void hold(const Vector& tau, double until_s) override {
-    last_ = tau;
-    sent_.push_back(tau.cwiseProduct(faults_.scale));
-    EmulatedArm::hold(sent_.front(), until_s);
-    sent_.pop_front();
-    moved = moved.cwiseMax((state().q - first_).cwiseAbs());
-    fastest = fastest.cwiseMax(state().v.cwiseAbs());
-  }
-
-  void rest(double until_s) override {
-    if (moves()) hold(faults_.zeroes ? Vector::Zero(first_.size()) : last_, until_s);
+  /// Commissions an arm and judges what is said of it.
+  void add(const Hidden& arm, const std::string& what);
+  [[nodiscard]] std::string text() const {
+    return fmt::format(
+        "{} arms, {} ended early; statements: {} right, {} wrong, {} not determined; faults named: "
+        "{} of {}; moved {:.3g} rad, {:.3g} of the speed limit",
+        arms, refused, right, wrong.size(), open, named, to_name, farthest, fastest);
   }
 
  private:
-  DriveFaults faults_;
-  Vector first_, last_;
-  std::deque<Vector> sent_;  ///< torques that do not act yet
-
- public:
-  /// Largest deflection from the start [rad; m], and largest speed.
-  Vector moved = Vector::Zero(first_.size()), fastest = moved;
-};
-
-/// An arm whose ticks are the clock of the run.
-class ClockedArm final : public plant::ClockDriver {
- public:
-  ClockedArm(FaultyArm& arm, double period_s) : arm_(arm), period_s_(period_s) {}
-
-  [[nodiscard]] bool measures_velocity() const override { return false; }
-  void start() override {
-    arm_.start();
-    ticks_ = -1;
-  }
-  void stop() override { arm_.stop(); }
-
- private:
-  plant::ArmState exchange(const Vector& tau) override {
-    const double until_s = static_cast<double>(++ticks_) * period_s_;
-    if (tau.size() > 0) {
-      arm_.hold(tau, until_s);
-    } else if (ticks_ > 0) {
-      arm_.rest(until_s);
+  template <class Value>
+  void judge(const std::string& what, const std::optional<Value>& said, bool is_right) {
+    if (!said) {
+      ++open;
+    } else if (is_right) {
+      ++right;
+    } else {
+      wrong.push_back(fmt::format("{}: {}", what, *said));
     }
-    return arm_.read();
   }
-
-  FaultyArm& arm_;
-  double period_s_;
-  std::int64_t ticks_ = 0;
+  void judge(const Hidden& arm, const Commissioned& found, const std::string& what);
+  void judge_text(const Hidden& arm, const std::string& said, const std::string& what);
 };
 
-/// An arm, and the scenario of somebody who does not know its conventions.
-struct Hidden {
-  scenario::Scenario claimed, truth;
-  DriveFaults more;
-};
-
-std::string list(const Vector& values) { return fmt::format("[{}]", fmt::join(values, ", ")); }
-
-struct ArmKind {
-  const char* scenario;
-  std::vector<double> posture;
-  std::vector<double> rotor;     ///< [kg m^2]
-  std::vector<double> friction;  ///< dry friction [N m]
-  std::string torque_limit;
-  int bits;
-};
-
-const std::vector<ArmKind> kinds = {
-    {"practical_rigid", {0.25, 0.2}, {0.5, 0.1}, {0.5, 0.1}, "[400, 100]", 20},
-    {"practical_rigid", {2.9, 0.25}, {1, 0.2}, {1, 0.15}, "[400, 100]", 19},
-    {"ur5e",
-     {0.2, -1.4, 0.3, -1.4, 0.4, 0.3},
-     {0.7, 0.7, 0.7, 0.2, 0.2, 0.2},
-     {0.6, 0.6, 0.6, 0.1, 0.1, 0.1},
-     "[150, 150, 150, 28, 28, 28]",
-     21},
-    {"iiwa_point_to_point",
-     {0.3, 0.15, -0.4, -0.2, 0.3, 0.3, 0.2},
-     {0.6, 0.6, 0.4, 0.4, 0.2, 0.1, 0.1},
-     {0.5, 0.5, 0.3, 0.3, 0.2, 0.1, 0.1},
-     "[320, 320, 176, 176, 110, 40, 40]",
-     22}};
-
-Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild) {
-  std::uniform_real_distribution<double> part(0, 1);
-  const auto flip = [&](double share) { return part(random) < share; };
-  std::vector<std::string> common = {
-      "plant.mechanics=native",
-      "plant.integrator.accuracy=1e-8",
-      "plant.on_limit=warn",
-      fmt::format("plant.encoder.resolution_bits={}", kind.bits),
-      "loop.command_delay=1",
-      "plant.drive.torque_limit_Nm=" + kind.torque_limit,
-      fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}",
-                  fmt::join(kind.rotor, ", "))};
-  const auto n = static_cast<Eigen::Index>(kind.posture.size());
-  if (friction) {
-    common.push_back(
-        fmt::format("plant.drive.coulomb_friction_Nm=[{}]", fmt::join(kind.friction, ", ")));
+void Tally::judge(const Hidden& arm, const Commissioned& found, const std::string& what) {
+  const auto& compensates = arm.truth.robot.compensates;
+  const bool moves = !arm.more.braked;
+  judge(what + "adds gravity", found.adds_gravity,
+        moves && found.adds_gravity == compensates.gravity);
+  judge(what + "adds friction", found.adds_friction,
+        moves && found.adds_friction == (compensates.friction == 1));
+  judge(what + "delay", found.delay,
+        moves && found.delay == std::max(1, arm.truth.loop.command_delay) + arm.more.torque_delay +
+                                    arm.truth.plant.encoder.latency_ticks);
+  std::optional<int> unsent;
+  if (found.unsent) unsent = static_cast<int>(*found.unsent);
+  judge(what + "unsent", unsent,
+        moves && found.unsent == (arm.more.zeroes ? Unsent::zeroed : Unsent::held));
+  for (std::size_t j = 0; j < found.joints.size(); ++j) {
+    const auto i = static_cast<Eigen::Index>(j);
+    const Commissioned::Joint& joint = found.joints[j];
+    const std::string whose = what + joint.name;
+    const bool braked = !moves || (arm.fault == Fault::brake && arm.joint == i);
+    const bool reversed = arm.fault == Fault::reversed && arm.joint == i;
+    judge(whose + " turns", joint.turns,
+          !braked && joint.turns == (arm.truth.robot.joint_signs[i] < 0));
+    judge(whose + " answers", joint.answers, joint.answers == !braked);
+    // A load has the effect of a scale, and is named beside it. Pulses tell a large scale roughly,
+    // because friction and a load are not known yet.
+    const double tolerance = arm.fault == Fault::hundredfold ? 0.7 : 0.15;
+    const double truth = arm.more.scale[i];
+    judge(whose + " scale", joint.scale,
+          !braked &&
+              (joint.scale < 0 ? reversed
+                               : !reversed && (arm.fault == Fault::payload ||
+                                               std::abs(*joint.scale / truth - 1) < tolerance)));
   }
-  Vector signs = Vector::Ones(n), posture(n), scale = signs;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    posture[i] = kind.posture[static_cast<std::size_t>(i)];
-    if (flip(0.25)) signs[i] = -1;
-    scale[i] = wild ? 0.7 * std::pow(2, part(random)) : 0.95 + 0.1 * part(random);
-  }
-  const std::string path = fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, kind.scenario);
-  const auto with = [&](std::vector<std::string> more) {
-    more.insert(more.begin(), common.begin(), common.end());
-    return scenario::load_scenario(path, more);
-  };
-  const Vector seen = signs.cwiseProduct(posture);
-  const double which = part(random);
-  const char* compensates =
-      which < 0.4 ? "{}"
-                  : (which < 0.7 || !friction ? "{gravity: true}" : "{gravity: true, friction: 1}");
-  const int delay = static_cast<int>(5 * part(random)),
-            of_reading = static_cast<int>((delay + 1) * part(random));
-  const auto at = [](const Vector& q) {
-    return fmt::format("plant.initial.position_rad={}", list(q));
-  };
-  const auto hold = [](const Vector& q) {
-    return fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q));
-  };
-  return {with({at(seen), hold(seen)}),
-          with({at(posture), hold(posture), "robot.joint_signs=" + list(signs),
-                fmt::format("robot.compensates={}", compensates),
-                fmt::format("plant.encoder.latency_ticks={}", of_reading)}),
-          {scale, delay - of_reading, flip(0.5), flip(0.5)}};
 }
 
-/// Counts of the findings.
-struct Tally {
-  int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0,
-      scales = 0, unsent = 0;
-  /// Largest deflection [rad; m], speed over its limit, and error of scale.
-  double farthest = 0, fastest = 0, scale = 0;
-
-  void check(const Hidden& arm, const std::string& what) {
-    SCOPED_TRACE(what);
-    FaultyArm driver(arm.truth, arm.more);
-    ClockedArm clocked(driver, arm.truth.loop.period_s);
-    plant::RobotDriver& as_driven =
-        arm.more.is_clock ? static_cast<plant::RobotDriver&>(clocked) : driver;
-    Commissioned found;
-    ++arms;
-    try {
-      found = commission(arm.claimed, trials_on(as_driven), [](std::string_view) {});
-      EXPECT_EQ(found.arm_is_clock, arm.more.is_clock);
-      EXPECT_LT(found.seconds, 90);
-    } catch (const base::Failure& failure) {
-      std::cout << what << ": " << failure.what() << "\n";
-      ++refused;
-    }
-    const Vector& limit = arm.truth.model->velocity_limit;
-    for (Eigen::Index i = 0; i < limit.size(); ++i) {
-      EXPECT_LT(driver.fastest[i], 0.1 * (std::isfinite(limit[i]) ? limit[i] : 1));
-    }
-    for (Eigen::Index i = 0; i < limit.size(); ++i) {
-      farthest = std::max(farthest, driver.moved[i]);
-      fastest = std::max(fastest, driver.fastest[i] / (std::isfinite(limit[i]) ? limit[i] : 1));
-    }
-    EXPECT_LT(driver.moved.maxCoeff(), 0.05);
-    if (std::getenv("SHOW")) {
-      std::cout << what << " compensates " << arm.truth.robot.compensates.text() << " signs "
-                << list(arm.truth.robot.joint_signs) << " delay " << arm.more.torque_delay << "+"
-                << arm.truth.plant.encoder.latency_ticks << " scale " << list(arm.more.scale)
-                << "\n  moved " << list(driver.moved) << " fast " << list(driver.fastest) << "\n"
-                << text(found, what);
-      for (const auto& m : found.misfits) std::cout << "  ! " << m << "\n";
-    }
-    const auto& compensates = arm.truth.robot.compensates;
-    const bool gravity = compensates.gravity;
-    if (found.adds_gravity) {
-      EXPECT_EQ(*found.adds_gravity, gravity);
-      ++this->gravity;
-    }
-    if (found.adds_friction) {
-      EXPECT_EQ(*found.adds_friction, compensates.friction == 1);
-      ++friction;
-    }
-    if (found.delay) {
-      EXPECT_EQ(*found.delay, 1 + arm.more.torque_delay + arm.truth.plant.encoder.latency_ticks);
-      ++delay;
-    }
-    if (found.unsent) {
-      EXPECT_EQ(*found.unsent, arm.more.zeroes ? Unsent::zeroed : Unsent::held);
-      ++unsent;
-    }
-    for (std::size_t j = 0; j < found.joints.size(); ++j) {
-      const auto i = static_cast<Eigen::Index>(j);
-      const Commissioned::Joint& joint = found.joints[j];
-      ++joints;
-      if (joint.turns) {
-        ++signs;
-        EXPECT_EQ(*joint.turns, arm.truth.robot.joint_signs[i] < 0) << joint.name;
-      }
-      if (joint.scale) {
-        ++scales;
-        scale = std::max(scale, std::abs(*joint.scale / arm.more.scale[i] - 1));
-      }
-    }
+void Tally::judge_text(const Hidden& arm, const std::string& said, const std::string& what) {
+  const robot::JointLabels labels = robot::joint_labels(*arm.claimed.model);
+  const auto says = [&](std::string_view words) { return said.find(words) != std::string::npos; };
+  const auto only = [&](std::string_view words, bool is_true) {
+    if (says(words) && !is_true) wrong.push_back(fmt::format("{}{}: {}", what, words, said));
+  };
+  bool all_silent = true;
+  for (std::size_t j = 0; j < labels.effort.size(); ++j) {
+    const bool silent = says(labels.joint(j) + " moves less than");
+    all_silent = all_silent && silent;
   }
-};
+  only("on a spring", arm.fault == Fault::flexible);
+  only("oscillates", arm.fault == Fault::flexible);
+  only("moves as with", arm.fault == Fault::payload);
+  only("not as gravity pulls", arm.fault == Fault::payload || arm.fault == Fault::wall ||
+                                   arm.fault == Fault::cogging || arm.fault == Fault::flexible ||
+                                   arm.fault == Fault::brake);
+  std::optional<bool> name;
+  if (arm.fault == Fault::brakes || arm.fault == Fault::ignored) name = all_silent;
+  if (arm.fault == Fault::reversed) {
+    name =
+        says(labels.joint(static_cast<std::size_t>(arm.joint)) + " moves against its own torque");
+  }
+  if (arm.fault == Fault::hundredfold) name = says("times the torque that it is sent");
+  if (arm.fault == Fault::flexible) name = says("on a spring") || says("oscillates");
+  to_name += name ? 1 : 0;
+  named += name.value_or(false) ? 1 : 0;
+  if (name == false) std::cout << "NOT NAMED " << what << said << "\n";
+}
+
+void Tally::add(const Hidden& arm, const std::string& what) {
+  FaultyArm driver(arm.truth, arm.more);
+  ClockedArm clocked(driver, arm.truth.loop.period_s);
+  plant::RobotDriver& as_driven =
+      arm.more.is_clock ? static_cast<plant::RobotDriver&>(clocked) : driver;
+  ++arms;
+  const bool shows = std::getenv("SHOW") != nullptr;
+  std::string said;
+  try {
+    const Commissioned found =
+        commission(arm.claimed, trials_on(as_driven), [&](std::string_view now) {
+          if (shows) {
+            std::cout << now << " moved " << list(driver.moved) << " fast " << list(driver.fastest)
+                      << "\n";
+          }
+        });
+    EXPECT_EQ(found.arm_is_clock, arm.more.is_clock) << what;
+    judge(arm, found, what);
+    said = fmt::format("{}", fmt::join(found.misfits, "; "));
+    if (!found.delay) ++refused;
+    if (shows) std::cout << tachless::commission::text(found, what);
+  } catch (const base::Failure& failure) {
+    said = failure.what();
+    ++refused;
+  }
+  judge_text(arm, said, what);
+  const Vector& limit = arm.truth.model->velocity_limit;
+  double fast = 0;
+  for (Eigen::Index i = 0; i < limit.size(); ++i) {
+    fast = std::max(fast, driver.fastest[i] / (std::isfinite(limit[i]) ? limit[i] : 1));
+  }
+  fastest = std::max(fastest, fast);
+  farthest = std::max(farthest, driver.moved.maxCoeff());
+  if (shows || fast > 0.12 || driver.moved.maxCoeff() > 0.03) {
+    std::cout << what << "moved " << list(driver.moved) << " fast " << list(driver.fastest)
+              << " share " << fast << "\n  signs " << list(arm.truth.robot.joint_signs)
+              << " compensates " << arm.truth.robot.compensates.text() << " delay "
+              << arm.more.torque_delay << "+" << arm.truth.plant.encoder.latency_ticks << " scale "
+              << list(arm.more.scale) << " joint " << arm.joint << "\n  " << said << "\n";
+  }
+}
+
+/// Returns the number of an environment variable, or `other`.
+int number_of(const char* name, int other) {
+  const char* text = std::getenv(name);
+  return text == nullptr ? other : std::atoi(text);
+}
 
 /// The arm's time does not depend on this machine's speed, so the arm's speeds do not either.
 TEST(EmulatedArm, TellsTheTimeOfItsTicks) {
@@ -278,29 +200,82 @@ TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
   EXPECT_TRUE(found.mendable);
 }
 
-/// TACHLESS_COMMISSION_ARMS=N tests N arms.
-TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
-  const char* many = std::getenv("TACHLESS_COMMISSION_ARMS");
-  std::mt19937 random(5);
+/// TACHLESS_COMMISSION_ADVERSE=N tests N arms, from TACHLESS_COMMISSION_FIRST on.
+TEST(Commission, NamesTheFaultsOfAdverseArmsAndIsSafe) {
   Tally tally;
-  for (int arm = 0; arm < (many != nullptr ? std::atoi(many) : 40); ++arm) {
-    const ArmKind& kind = kinds[static_cast<std::size_t>(arm % 8 < 6 ? arm % 2 : arm % 8 - 4)];
-    tally.check(draw(random, kind, arm % 2 == 0, arm % 7 == 3),
-                fmt::format("arm {}, {}", arm, kind.scenario));
+  const int first = number_of("TACHLESS_COMMISSION_FIRST", 0);
+  for (int arm = first; arm < first + number_of("TACHLESS_COMMISSION_ADVERSE", 27); ++arm) {
+    std::mt19937 random(static_cast<unsigned>(100 + arm));
+    const auto fault = static_cast<Fault>(arm % 9);
+    const ArmKind& kind = kinds[static_cast<std::size_t>(arm / 9 + arm) % kinds.size()];
+    tally.add(draw(random, kind, arm % 2 == 0, false, fault),
+              fmt::format("arm {}, {}, {}: ", arm, kind.scenario, base::name_of(fault)));
   }
-  std::cout << fmt::format(
-      "{} arms, {} refused; told: gravity {}, friction {}, delay {}, unsent {}, signs {} and "
-      "scales {} of {}, "
-      "within "
-      "{:.3g}; moved {:.3g} rad, {:.3g} of the speed limit\n",
-      tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.unsent,
-      tally.signs, tally.scales, tally.joints, tally.scale, tally.farthest, tally.fastest);
-  // With 40 arms, gravity is determined for 40, delay for 34 and scale for 109 joints. Properties
-  // that the motion does not show stay undetermined.
-  EXPECT_GE(tally.gravity, 0.9 * tally.arms);
-  EXPECT_GE(tally.delay, 0.7 * tally.arms);
-  EXPECT_GE(tally.scales, 0.7 * tally.joints);
-  EXPECT_LT(tally.scale, 0.1);  // friction may hide up to 6 % of the torque that moves a joint
+  std::cout << tally.text() << "\n";
+  EXPECT_THAT(tally.wrong, testing::IsEmpty());
+  // 29 of 35 of 60 arms. Not named: joints that gravity loads lightly and whose torque is reversed,
+  // and springs that a fall hides.
+  EXPECT_GE(tally.named, 0.7 * tally.to_name);
+  EXPECT_LT(tally.fastest, 0.12);
+  EXPECT_LT(tally.farthest, 0.03);
+}
+
+TEST(Commission, DeterminesTheShippedArmsWhereTheyBegin) {
+  for (const char* name : {"ur5e", "iiwa_point_to_point", "xarm7", "panda", "fr3"}) {
+    EmulatedArm arm(
+        scenario::load_scenario(fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, name),
+                                {"plant.mechanics=native"}));
+    const scenario::Scenario claimed = scenario::load_scenario(
+        fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, name), {"plant.mechanics=native"});
+    const Commissioned found = commission(claimed, trials_on(arm), [](std::string_view) {});
+    EXPECT_THAT(found.misfits, testing::IsEmpty()) << name << text(found, name);
+    EXPECT_EQ(found.adds_gravity, claimed.robot.compensates.gravity) << name;
+    EXPECT_EQ(found.delay,
+              std::max(1, claimed.loop.command_delay) + claimed.plant.encoder.latency_ticks)
+        << name;
+    for (const Commissioned::Joint& joint : found.joints) {
+      EXPECT_TRUE(joint.scale && std::abs(*joint.scale - 1) < 0.05) << name << joint.name;
+    }
+  }
+}
+
+TEST(Commission, RunsAtSevenPosturesOfAnFr3) {
+  const std::string path = TACHLESS_SOURCE_DIR "/scenarios/fr3.yaml";
+  for (const char* posture :
+       {"[0, -0.7854, 0, -2.3562, 0, 1.5708, 0.7854]", "[0.5, 0.3, -0.4, -1.6, 0.2, 2.0, 0]",
+        "[-0.6, -0.2, 0.5, -2.6, -0.4, 2.6, 1.2]", "[0, 0.6, 0, -0.8, 0, 1.2, 0.4]",
+        "[1.2, -1.2, -0.8, -2.0, 1.0, 1.0, -1]", "[0, 0, 0, -1.5, 0, 1.5, 0]",
+        "[-1, 1, 1, -2.2, 0.5, 3, 2]"}) {
+    const scenario::Scenario arm = scenario::load_scenario(
+        path, {fmt::format("plant.initial.position_rad={}", posture), "plant.mechanics=native",
+               fmt::format("reference={{hold: {{position_rad: {}}}}}", posture)});
+    Hidden hidden{arm, arm, {Vector::Ones(7)}};
+    Tally tally;
+    tally.add(hidden, fmt::format("fr3 at {}: ", posture));
+    std::cout << posture << ": " << tally.text() << "\n";
+    EXPECT_THAT(tally.wrong, testing::IsEmpty());
+    EXPECT_LT(tally.fastest, 0.12);
+    EXPECT_LT(tally.farthest, 0.03);
+  }
+}
+
+/// TACHLESS_COMMISSION_ARMS=N tests N arms, from TACHLESS_COMMISSION_FIRST on.
+TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
+  Tally tally;
+  const int first = number_of("TACHLESS_COMMISSION_FIRST", 0);
+  for (int arm = first; arm < first + number_of("TACHLESS_COMMISSION_ARMS", 24); ++arm) {
+    std::mt19937 random(static_cast<unsigned>(arm));
+    const ArmKind& kind = kinds[static_cast<std::size_t>(arm) % kinds.size()];
+    tally.add(draw(random, kind, arm % 2 == 0, arm % 7 == 3),
+              fmt::format("arm {}, {}: ", arm, kind.scenario));
+  }
+  std::cout << tally.text() << "\n";
+  EXPECT_THAT(tally.wrong, testing::IsEmpty());
+  // 650 statements of 60 arms are right, 454 not determined: most of these are of arms whose signs
+  // the fall leaves open, so that no torque is known to hold them.
+  EXPECT_GE(tally.right, tally.open);
+  EXPECT_LT(tally.fastest, 0.12);
+  EXPECT_LT(tally.farthest, 0.03);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,8 +25,11 @@ namespace {
 namespace fs = std::filesystem;
 using base::ExitCode;
 
-/// Returns what a run on the bus recorded, up to its end or the protective stop.
-commission::Trial read_trial(const fs::path& log) {
+constexpr int most_repeats = 3;
+
+/// Returns what a run on the bus recorded, up to its end or the protective stop; nothing if ticks
+/// are missing.
+std::optional<commission::Trial> read_trial(const fs::path& log) {
   logger::RunLog run = logger::RunLog::open(log);
   identify::Ticks ticks = identify::read_ticks(run, true);
   commission::Trial trial{std::move(ticks.q), std::move(ticks.tau)};
@@ -34,8 +38,7 @@ commission::Trial read_trial(const fs::path& log) {
   if (!summary.faults.empty()) {
     trial.stopped = summary.faults.front().text;
   } else if (summary.gaps() > 0) {
-    throw base::bad_usage("{}: {} messages of ticks are missing; commission again", log.string(),
-                          summary.gaps());
+    return {};
   }
   return trial;
 }
@@ -55,7 +58,7 @@ struct Commission {
     command.add_option("--out", options.out, "Folder of the logs; default: out/NAME-commission")
         ->needs(driver);
     command.add_option("--write", output, "The scenario with what was found, as a file");
-    command.add_flag("--force", replace, "Replace that file if it exists");
+    command.add_flag("--force,--overwrite", replace, "Replace that file if it exists");
     session::add_lcm_url(command, options.lcm_url);
     session::add_key_file(command, options.key_file);
     add_json(command, options.json);
@@ -87,6 +90,23 @@ struct Commission {
   }
 
  private:
+  /// @return nothing if ticks were late or are missing, so that the run is to be repeated
+  static std::optional<commission::Trial> run_once(const RunOptions& next, int number) {
+    const ExitCode code = cli::run(next, {next.scenario});
+    const fs::path log = next.out / "lcmlog";
+    if (code == ExitCode::check_said_no) return {};
+    if (code != ExitCode::done && (code != ExitCode::protective_stop || !fs::exists(log))) {
+      throw base::Failure(code, "{}: commissioning ended with run {}: see the line above",
+                          next.scenario.string(), number);
+    }
+    auto trial = read_trial(log);
+    if (!trial || trial->stopped.find("loop.max_missed") != std::string::npos) return {};
+    const auto text = base::file_text(next.out / "summary.json").value_or("{}");
+    trial->arm_is_clock =
+        nlohmann::json::parse(text, nullptr, false).value("robot_is_clock", false);
+    return trial;
+  }
+
   /// Runs with the driver, each into a numbered folder.
   [[nodiscard]] commission::Trials on_the_bus(const scenario::Scenario& scenario) const {
     RunOptions of = options;
@@ -99,17 +119,18 @@ struct Commission {
       RunOptions next = of;
       next.out /= std::to_string(++number);
       next.overrides.insert(next.overrides.end(), changes.begin(), changes.end());
-      const ExitCode code = cli::run(next, {of.scenario});
-      const fs::path log = next.out / "lcmlog";
-      if (code != ExitCode::done && (code != ExitCode::protective_stop || !fs::exists(log))) {
-        throw base::Failure(code, "{}: commissioning ended with run {}: see the line above",
-                            of.scenario.string(), number);
+      for (int repeated = 0;; ++repeated) {
+        auto trial = run_once(next, number);
+        if (!trial && repeated < most_repeats) continue;
+        if (!trial) {
+          throw base::Failure(ExitCode::check_said_no,
+                              "{}: run {} had late or missing ticks {} times: this machine is too "
+                              "busy; type: tachless doctor",
+                              of.scenario.string(), number, repeated + 1);
+        }
+        trial->repeated = repeated;
+        return std::move(*trial);
       }
-      commission::Trial trial = read_trial(log);
-      const auto text = base::file_text(next.out / "summary.json").value_or("{}");
-      trial.arm_is_clock =
-          nlohmann::json::parse(text, nullptr, false).value("robot_is_clock", false);
-      return trial;
     };
   }
 };
