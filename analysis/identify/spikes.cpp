@@ -15,6 +15,9 @@ constexpr double spike_deviations = 20;  ///< standard deviations of normal nois
 constexpr double spike_motion = 0.01;    ///< share of a joint's motion
 constexpr double spike_length = 0.005;   ///< [rad; m]
 constexpr double spike_torque = 0.5;     ///< share of the usual range
+/// Multiple of the difference between the four rows around. A start beside the reference makes a
+/// torque that changes as fast in the rows around.
+constexpr double spike_neighbours = 5;
 
 /// Returns the value below which a share of the numbers is.
 double value_below(const VectorXd& of, double share) {
@@ -54,7 +57,9 @@ std::optional<Spike> torque_spike(const VectorXd& rows) {
   for (Index k = 2; k + 2 < rows.size(); ++k) {
     std::array<double, 5> around = {rows[k - 2], rows[k - 1], rows[k], rows[k + 1], rows[k + 2]};
     std::ranges::nth_element(around, around.begin() + 2);
-    off[k] = rows[k] - around[2];
+    const auto [least, most] = std::minmax({rows[k - 2], rows[k - 1], rows[k + 1], rows[k + 2]});
+    const double difference = rows[k] - around[2];
+    if (std::abs(difference) > spike_neighbours * (most - least)) off[k] = difference;
   }
   return largest_spike(off, spike_torque * (value_below(rows, 0.99) - value_below(rows, 0.01)));
 }

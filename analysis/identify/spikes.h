@@ -21,8 +21,8 @@ std::optional<Spike> position_spike(const Eigen::VectorXd& rows);
 
 /// Returns the largest spike of a torque, or nothing. A torque may jump, at a reversal by twice
 /// Coulomb's friction, but it then stays: the median of five rows follows it. A spike is off from
-/// it by more than 20 standard deviations and by more than half of the range in which 98 of 100
-/// rows are.
+/// it by more than 20 standard deviations, by more than half of the range in which 98 of 100 rows
+/// are, and by more than 5 times the range of the four rows around it.
 /// @param rows in order of time
 std::optional<Spike> torque_spike(const Eigen::VectorXd& rows);
 
