@@ -8,11 +8,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <thread>
 
 #include "base/clock.h"
+#include "base/elementary.h"
 #include "base/failure.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
@@ -295,7 +295,7 @@ void EmulatedController::move() {
     if (torque_mode_) {
       v_ += step_s * robot::forward_dynamics(model_, q_, v_, acting_);
     } else {
-      v_ *= std::exp(-step_s / braking_s);  // stopj
+      v_ *= base::exp(-step_s / braking_s);  // stopj
     }
     q_ += step_s * v_;
   }
