@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <ranges>
 #include <tuple>
 #include <utility>
 
@@ -58,7 +57,8 @@ Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_
   // The search for scheduled gains has four variables and comes first. Its gains say how much the
   // longer one for diagonal gains is worth.
   Beside beside{.another_follows = true};
-  for (Candidate& candidate : std::ranges::reverse_view(comparison.candidates)) {
+  for (auto at = comparison.candidates.rbegin(); at != comparison.candidates.rend(); ++at) {
+    Candidate& candidate = *at;
     DesignGoal wanted = goal;
     if (candidate.structure == Structure::scheduled && !wanted.bandwidth_hz) {
       wanted.bandwidth_hz = default_bandwidth_hz;

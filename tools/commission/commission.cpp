@@ -127,8 +127,8 @@ class Procedure {
     if (!fall_.falls.value_or(false)) return true;
     found_.adds_gravity = false;
     // The signs that the scenario states first: they need no turning.
-    std::ranges::stable_partition(fall_.possible,
-                                  [](const Vector& signs) { return (signs.array() > 0).all(); });
+    std::stable_partition(fall_.possible.begin(), fall_.possible.end(),
+                          [](const Vector& signs) { return (signs.array() > 0).all(); });
     for (std::size_t k = 0; k < std::min(most_tried, fall_.possible.size()); ++k) {
       runs_.turn(fall_.possible[k]);
       if (std::ranges::all_of(gravity_shares, [&](const auto& each) { return hold(each); })) {
