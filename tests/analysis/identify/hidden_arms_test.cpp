@@ -83,8 +83,8 @@ class Tally {
   /// finds rotors and friction as well: the medians of both are printed.
   void expect_better_delay_than_least_squares() {
     for (auto& [of, errors] : coarse_) {
-      if (of.second == Kind::delay)
-        EXPECT_LT(median(errors.first), median(errors.second)) << of.first;
+      if (of.second != Kind::delay) continue;
+      EXPECT_LT(median(errors.first), median(errors.second)) << of.first;
     }
   }
   [[nodiscard]] double held() const { return static_cast<double>(held_) / of_; }
