@@ -60,39 +60,46 @@ void leave_links_alone(scenario::Scenario& scenario) {
 /// @throw base::Failure(bad_usage) if too many are missing
 void set_rows(Recording& recording, const Ticks& ticks) {
   constexpr double most_missed = 0.2, longest_gap_s = 0.02;
-  const Eigen::Index rows =
-      ticks.tick.empty() ? 0
-                         : static_cast<Eigen::Index>(ticks.tick.back() - ticks.tick.front()) + 1;
-  const Eigen::Index columns = ticks.q.cols();
-  recording.q.resize(rows, columns);
-  recording.tau.resize(rows, columns);
-  std::int64_t longest = 0;
-  for (Eigen::Index i = 0, row = 0; i < std::ssize(ticks.tick); ++i) {
-    const auto at =
-        static_cast<Eigen::Index>(ticks.tick[static_cast<std::size_t>(i)] - ticks.tick.front());
-    const Eigen::Index gap = at - row;
-    longest = std::max<std::int64_t>(longest, gap);
-    for (Eigen::Index k = 0; k < gap; ++k, ++row) {
-      const double x = static_cast<double>(k + 1) / static_cast<double>(gap + 1);
-      recording.q.row(row) = (1 - x) * ticks.q.row(i - 1) + x * ticks.q.row(i);
-      recording.tau.row(row) = ticks.tau.row(i - 1);
-    }
-    recording.q.row(row) = ticks.q.row(i);
-    recording.tau.row(row) = ticks.tau.row(i);
-    ++row;
-  }
-  recording.missed = rows - std::ssize(ticks.tick) + ticks.missed;
+  FilledTicks filled = fill(ticks);
+  const Eigen::Index rows = filled.q.rows();
+  recording.q = std::move(filled.q);
+  recording.tau = std::move(filled.tau);
+  recording.missed = filled.missing + ticks.missed;
   if (static_cast<double>(recording.missed) <= most_missed * static_cast<double>(rows) &&
-      static_cast<double>(longest) * recording.scenario.loop.period_s <= longest_gap_s) {
+      static_cast<double>(filled.longest) * recording.scenario.loop.period_s <= longest_gap_s) {
     return;
   }
   throw bad_usage(
       "{}: {} of {} ticks are missed, up to {} in a row are missing; allowed: {:g} % and {:g} ms; "
       "record the run again",
-      recording.source, recording.missed, rows, longest, 100 * most_missed, 1e3 * longest_gap_s);
+      recording.source, recording.missed, rows, filled.longest, 100 * most_missed,
+      1e3 * longest_gap_s);
 }
 
 }  // namespace
+
+FilledTicks fill(const Ticks& ticks) {
+  FilledTicks filled;
+  if (ticks.tick.empty()) return filled;
+  const std::int64_t first = ticks.tick.front();
+  const auto rows = static_cast<Eigen::Index>(ticks.tick.back() - first) + 1;
+  filled.q.resize(rows, ticks.q.cols());
+  filled.tau.resize(rows, ticks.tau.cols());
+  filled.missing = rows - std::ssize(ticks.tick);
+  for (Eigen::Index i = 0, row = 0; i < std::ssize(ticks.tick); ++i, ++row) {
+    const auto at = static_cast<Eigen::Index>(ticks.tick[static_cast<std::size_t>(i)] - first);
+    const Eigen::Index gap = at - row;
+    filled.longest = std::max<std::int64_t>(filled.longest, gap);
+    for (Eigen::Index k = 0; k < gap; ++k, ++row) {
+      const double x = static_cast<double>(k + 1) / static_cast<double>(gap + 1);
+      filled.q.row(row) = (1 - x) * ticks.q.row(i - 1) + x * ticks.q.row(i);
+      filled.tau.row(row) = ticks.tau.row(i - 1);
+    }
+    filled.q.row(row) = ticks.q.row(i);
+    filled.tau.row(row) = ticks.tau.row(i);
+  }
+  return filled;
+}
 
 Recording with_torques_moved(const Recording& recording, double ticks) {
   Recording result = recording;

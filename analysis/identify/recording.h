@@ -50,6 +50,17 @@ struct Ticks {
   std::vector<std::int64_t> tick;  ///< of each row
 };
 
+/// Rows of all ticks from the first to the last one of a log.
+struct FilledTicks {
+  Eigen::MatrixXd q, tau;
+  std::int64_t missing = 0;  ///< ticks that the log does not have
+  std::int64_t longest = 0;  ///< largest number of them in a row
+};
+
+/// Fills the rows of missing ticks. Their positions are interpolated, and their torques are those
+/// before.
+FilledTicks fill(const Ticks& ticks);
+
 /// A matrix that grows by a row for each tick.
 class TickRows {
  public:

@@ -1,5 +1,7 @@
 #include "commission/commission.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -22,6 +24,9 @@ using base::Failure;
 using scenario::Scenario;
 
 constexpr double fall_s = 0.06;
+/// Readings of a fall with which the form of the fall is compared. A drive may take its first
+/// torque two ticks late, and a fall of a few readings is then as if gravity were wrong.
+constexpr Eigen::Index least_readings = 8;
 /// Bounds of the deflection that ends a trial without feedback [counts], [rad; m].
 constexpr double least_fall_counts = 40, most_fall = 5e-4;
 constexpr double least_pulse_counts = 25;
@@ -115,6 +120,15 @@ class Procedure {
       add_misfit(found_, "robot.joints",
                  "without torque the joints accelerate slowly at first, as links on a spring; "
                  "commission is for rigid joints");
+      return false;
+    }
+    if (fall_.moved && !fall_.falls && free_.q.rows() < least_readings) {
+      add_misfit(
+          found_, "loop.period_s",
+          fmt::format("the arm moves without torque, and {} readings do not say how; allowed: "
+                      "a loop with at least {} readings before a joint is at a tenth of its "
+                      "speed limit",
+                      free_.q.rows(), least_readings));
       return false;
     }
     if (fall_.moved && !fall_.falls) {
