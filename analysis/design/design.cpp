@@ -602,8 +602,7 @@ class Search {
       if (std::isfinite(noise) && whole < noise) {
         design.warnings.push_back(fmt::format(
             "{} is too soft: an error of its whole range ({:.3g} {}) makes {:.2g} {}, less than "
-            "one "
-            "encoder count may make ({:.2g}): state its rotor's inertia (--rotors typical, or "
+            "one encoder count may make ({:.2g}): state its rotor's inertia (--rotors typical, or "
             "robot.joint_parameters)",
             name, high - low, labels_.length[static_cast<std::size_t>(j)], whole,
             labels_.effort[static_cast<std::size_t>(j)], noise));

@@ -15,6 +15,7 @@
 
 #include "base/elementary.h"
 #include "base/failure.h"
+#include "plant/drivers/loopback.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
 
@@ -37,18 +38,6 @@ constexpr Joints speed_offset = {0.3, 0.2, 0.2, 0.3, 0.35, 0.35, 0.35};  // [rad
 constexpr double most_change = 1;                                        // [N m] in a tick
 constexpr int most_lost = 20;                                            // commands in a row
 constexpr double end_effector = 0.7126;                                  // of the hand [kg]
-
-sockaddr_in local_address(std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  return address;
-}
-
-const sockaddr* generic(const sockaddr_in& address) {
-  return reinterpret_cast<const sockaddr*>(&address);
-}
 
 /// Returns a URDF with the limits near the ends of the ranges, which libfranka reads. A URDF that
 /// has its own stays as it is.
@@ -99,9 +88,10 @@ EmulatedArm::EmulatedArm(const scenario::Scenario& scenario, Pace pace, Trouble 
   udp_ = base::FileDescriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const int yes = 1;
   ::setsockopt(listener_.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-  const sockaddr_in at = local_address(tcp_port), any = local_address(0);
-  if (::bind(listener_.get(), generic(at), sizeof at) != 0 || ::listen(listener_.get(), 4) != 0 ||
-      ::bind(udp_.get(), generic(any), sizeof any) != 0) {
+  const sockaddr_in at = plant::loopback(tcp_port), any = plant::loopback(0);
+  if (::bind(listener_.get(), plant::generic(at), sizeof at) != 0 ||
+      ::listen(listener_.get(), 4) != 0 ||
+      ::bind(udp_.get(), plant::generic(any), sizeof any) != 0) {
     throw base::bad_usage("the emulated arm cannot listen on 127.0.0.1:{}: {}", tcp_port,
                           std::strerror(errno));
   }
@@ -264,7 +254,7 @@ void EmulatedArm::send_state() {
                             ? static_cast<double>(came) / static_cast<double>(window_.size())
                             : 0;
   const StateBytes bytes = encode(state_);
-  ::sendto(udp_.get(), bytes.data(), bytes.size(), 0, generic(client_address_),
+  ::sendto(udp_.get(), bytes.data(), bytes.size(), 0, plant::generic(client_address_),
            sizeof client_address_);
   told_ = state_.mode == Mode::move;
 }
@@ -366,7 +356,7 @@ void EmulatedArm::connect(std::uint32_t id, std::span<const std::byte> payload) 
   const bool fits = number_at<std::uint16_t>(payload, 0) == trouble_.version;
   respond(Request::connect, id, fits ? success : incompatible,
           std::as_bytes(std::span(&trouble_.version, 1)));
-  if (fits) client_address_ = local_address(number_at<std::uint16_t>(payload, 2));
+  if (fits) client_address_ = plant::loopback(number_at<std::uint16_t>(payload, 2));
 }
 
 void EmulatedArm::respond(Request request, std::uint32_t id, std::uint8_t status,

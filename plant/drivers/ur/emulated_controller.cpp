@@ -14,6 +14,7 @@
 #include "base/clock.h"
 #include "base/elementary.h"
 #include "base/failure.h"
+#include "plant/drivers/loopback.h"
 #include "plant/plant_model.h"
 #include "robot/dynamics.h"
 
@@ -45,22 +46,14 @@ std::int32_t number(std::string_view from, std::size_t index) {
   return static_cast<std::int32_t>(value);
 }
 
-sockaddr_in local(std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  return address;
-}
 base::FileDescriptor tcp() { return base::FileDescriptor(::socket(AF_INET, SOCK_STREAM, 0)); }
 
 base::FileDescriptor listener(std::uint16_t port) {
   base::FileDescriptor socket = tcp();
   const int on = 1;
   ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  const sockaddr_in at = local(port);
-  if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&at), sizeof at) != 0 ||
-      ::listen(socket.get(), 4) != 0) {
+  const sockaddr_in at = plant::loopback(port);
+  if (::bind(socket.get(), plant::generic(at), sizeof at) != 0 || ::listen(socket.get(), 4) != 0) {
     throw base::bad_usage("the emulated controller cannot listen on 127.0.0.1:{}: {}", port,
                           std::strerror(errno));
   }
@@ -69,8 +62,8 @@ base::FileDescriptor listener(std::uint16_t port) {
 /// Returns a connection to the port; nothing if nobody listens there.
 base::FileDescriptor connection(std::uint16_t port) {
   base::FileDescriptor socket = tcp();
-  const sockaddr_in at = local(port);
-  if (::connect(socket.get(), reinterpret_cast<const sockaddr*>(&at), sizeof at) != 0) return {};
+  const sockaddr_in at = plant::loopback(port);
+  if (::connect(socket.get(), plant::generic(at), sizeof at) != 0) return {};
   const int on = 1;
   ::setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
   return socket;
