@@ -1,13 +1,19 @@
 #include "robot/dynamics.h"
 
+#include <alloca.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <stdexcept>
 
 #include "robot/cholesky.h"
 #include "robot/kinematics.h"
+
+/// Uninitialised memory for one value of a type for each body of `model`, on the stack of the
+/// function that writes this. A step of a law thereby needs as much stack as its robot has bodies,
+/// and allocates nothing.
+#define TACHLESS_PER_BODY(Type) static_cast<Type*>(alloca(model.bodies.size() * sizeof(Type)))
 
 namespace tachless::robot {
 namespace {
@@ -18,8 +24,7 @@ Scalar component(const Vector3Of<Axis>& axis, const Vector3Of<Scalar>& x) {
   return axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2];
 }
 
-/// A body's quantities in the recursion, in the body's frame. Uninitialised: only the model's
-/// bodies are touched.
+/// A body's quantities in the recursion, in the body's frame.
 template <class Scalar>
 struct BodyState {
   using Vector3 = Vector3Of<Scalar>;
@@ -44,11 +49,8 @@ struct BodyState {
 };
 
 template <class Scalar>
-using Poses = std::array<Pose<Scalar>, max_bodies>;
-
-template <class Scalar>
 [[gnu::flatten]] void set_joint_poses(const Model& model, const VectorOf<Scalar>& q,
-                                      Poses<Scalar>& poses) {
+                                      Pose<Scalar>* poses) {
   require_size(model, q.size(), "q");
   for (std::size_t i = 0; i < model.bodies.size(); ++i) poses[i] = joint_pose(model.bodies[i], q);
 }
@@ -58,15 +60,15 @@ template <class Scalar>
 /// With `two` false x stands for both; with `accelerating` false a is zero.
 template <bool two, bool accelerating, class Scalar>
 [[gnu::flatten]] VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
-                                               const Poses<Scalar>& poses,
-                                               const VectorOf<Scalar>& x, const VectorOf<Scalar>& y,
+                                               const Pose<Scalar>* poses, const VectorOf<Scalar>& x,
+                                               const VectorOf<Scalar>& y,
                                                const VectorOf<Scalar>& a) {
   using Vector3 = Vector3Of<Scalar>;
   require_size(model, x.size(), "v");
   require_size(model, y.size(), "v");
   require_size(model, a.size(), "a");
 
-  std::array<BodyState<Scalar>, max_bodies> state;
+  BodyState<Scalar>* const state = TACHLESS_PER_BODY(BodyState<Scalar>);
   const std::size_t num_bodies = model.bodies.size();
   for (std::size_t i = 0; i < num_bodies; ++i) {
     const Body& body = model.bodies[i];
@@ -150,12 +152,13 @@ Matrix3Of<Scalar> parallel_axis(const Vector3Of<Scalar>& a, const Vector3Of<Scal
 /// Computes M by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 6.2). An element
 /// is the power of one joint's motion on the momentum of another's composite.
 template <class Scalar>
-[[gnu::flatten]] void set_mass_matrix(const Model& model, const Poses<Scalar>& poses,
+[[gnu::flatten]] void set_mass_matrix(const Model& model, const Pose<Scalar>* poses,
                                       MatrixOf<Scalar>& M) {
   using Vector3 = Vector3Of<Scalar>;
   const int num_bodies = static_cast<int>(model.bodies.size());
-  Poses<Scalar> X;  // in the frame of the tree's first body, as all below
-  std::array<Composite<Scalar>, max_bodies> composite;
+  // In the frame of the tree's first body, as all below.
+  Pose<Scalar>* const X = TACHLESS_PER_BODY(Pose<Scalar>);
+  Composite<Scalar>* const composite = TACHLESS_PER_BODY(Composite<Scalar>);
   for (int i = 0; i < num_bodies; ++i) {
     const Body& body = model.bodies[i];
     if (body.parent < 0) {
@@ -170,8 +173,9 @@ template <class Scalar>
   }
   M.setZero(model.num_joints, model.num_joints);
   // Momenta at unit rate, about the frame's origin.
-  std::array<Vector3, max_bodies> linear, angular;
-  std::array<int, max_bodies> carrier;  // the next body that carries each
+  Vector3* const linear = TACHLESS_PER_BODY(Vector3);
+  Vector3* const angular = TACHLESS_PER_BODY(Vector3);
+  int* const carrier = TACHLESS_PER_BODY(int);  // the next body that carries each
   for (int k = num_bodies - 1; k >= 0; --k) {
     const Body& body = model.bodies[k];
     const Composite<Scalar>& b = composite[k];
@@ -218,7 +222,7 @@ template <bool two, class Scalar>
 VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
                               const VectorOf<Scalar>& q, const VectorOf<Scalar>& x,
                               const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
-  Poses<Scalar> poses;
+  Pose<Scalar>* const poses = TACHLESS_PER_BODY(Pose<Scalar>);
   set_joint_poses(model, q, poses);
   return newton_euler<two, true>(model, gravity, poses, x, y, a);
 }
@@ -240,7 +244,7 @@ VectorOf<Scalar> inverse_dynamics_bilinear(const Model& model, const VectorOf<Sc
 
 template <class Scalar>
 MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
-  Poses<Scalar> poses;
+  Pose<Scalar>* const poses = TACHLESS_PER_BODY(Pose<Scalar>);
   set_joint_poses(model, q, poses);
   MatrixOf<Scalar> M;
   set_mass_matrix(model, poses, M);
@@ -267,7 +271,7 @@ Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v) {
 
 void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
                              Vector& bias) {
-  Poses<double> poses;
+  Pose<double>* const poses = TACHLESS_PER_BODY(Pose<double>);
   set_joint_poses(model, q, poses);
   bias = newton_euler<false, false>(model, model.gravity, poses, v, v, v);
   set_mass_matrix(model, poses, M);
@@ -291,7 +295,7 @@ Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, co
 template <class Scalar>
 Scalar potential_energy(const Model& model, const VectorOf<Scalar>& q) {
   require_size(model, q.size(), "q");
-  Pose<Scalar> pose[max_bodies];
+  Pose<Scalar>* const pose = TACHLESS_PER_BODY(Pose<Scalar>);
   Scalar energy = Scalar(0);
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
