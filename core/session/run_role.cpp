@@ -48,8 +48,8 @@ void report_unsent(const std::optional<bus::UdpTransport>& bus) {
                     bus->statistics().unsent, std::strerror(bus->statistics().refusal));
 }
 
-/// Touches the stack that a tick may use, so that no tick faults a page of it. A step of a law takes 112 kB
-/// of stack for seven joints at most, and more for more joints.
+/// Touches the stack that a tick may use, so that no tick faults a page of it. A step of a law
+/// takes 112 kB of stack for seven joints at most, and more for more joints.
 [[gnu::noinline]] void touch_stack() {
   constexpr std::size_t size = 512 * 1024, page = 4096;
   std::array<volatile char, size> stack;
