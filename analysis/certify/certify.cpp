@@ -135,7 +135,7 @@ Group drive_group(const DrivePrediction& d) {
 
 Group reference_group(const Feasibility& f) {
   Group group{"feasibility", "Demands of the reference (errors come on top)", {}};
-  const auto of = [](double value, const std::optional<double>& limit) {
+  const auto of_limit = [](double value, const std::optional<double>& limit) {
     return limit ? fmt::format("{:.4g} of {:g}", value, *limit) : fmt::format("{:.4g}", value);
   };
   Json joints = Json::array();
@@ -147,8 +147,9 @@ Group reference_group(const Feasibility& f) {
                       {"speed", joint.speed},
                       {"speed_limit", json_of(joint.speed_limit)},
                       {"cycles_per_tick", joint.cycles_per_tick}});
-    std::string text = fmt::format("torque {}, speed {}", of(joint.moving, joint.torque_limit),
-                                   of(joint.speed, joint.speed_limit));
+    std::string text =
+        fmt::format("torque {}, speed {}", of_limit(joint.moving, joint.torque_limit),
+                    of_limit(joint.speed, joint.speed_limit));
     if (const auto& tight = joint.tight_speed) {
       joints.back()["tight_speed"] = {{"at_s", tight->at_s},
                                       {"position", tight->position},
@@ -164,7 +165,7 @@ Group reference_group(const Feasibility& f) {
       joints.back()["feedforward_anywhere"] = *joint.feedforward_anywhere;
       joints.back()["feedforward_proved"] = joint.feedforward_proved;
       text += fmt::format(", feed-forward {} at any posture ({}), {:.0f} % of the limit",
-                          of(*joint.feedforward_anywhere, joint.feedforward_max),
+                          of_limit(*joint.feedforward_anywhere, joint.feedforward_max),
                           joint.feedforward_proved ? "proved" : "sampled",
                           100 * *joint.feedforward_max / joint.torque_limit.value_or(infinity));
     }

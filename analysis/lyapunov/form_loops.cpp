@@ -116,7 +116,7 @@ MatrixXd torque_rate_gradient(const robot::Model& model, const Vector& q, const 
 class Blocks {
  public:
   explicit Blocks(Index n) : n_(n) {}
-  [[nodiscard]] auto of(MatrixXd& A, Index row, Index column) const {
+  [[nodiscard]] auto block(MatrixXd& A, Index row, Index column) const {
     return A.block(row * n_, column * n_, n_, n_);
   }
 
@@ -158,9 +158,9 @@ struct Damping {
   /// Adds the torques to the loop whose block `w` of y is the rate of the motors' errors.
   void add(ErrorForm& f, const Blocks& y, Index w, const VectorXd& rotor_inertia) const {
     f.damping = links + springs;
-    y.of(f.Gam, 0, w) += diagonal(springs);
-    y.of(f.Fy, w, w) -= diagonal((motors + springs).cwiseQuotient(rotor_inertia));
-    y.of(f.Fe, w, 0) += diagonal(springs.cwiseQuotient(rotor_inertia));
+    y.block(f.Gam, 0, w) += diagonal(springs);
+    y.block(f.Fy, w, w) -= diagonal((motors + springs).cwiseQuotient(rotor_inertia));
+    y.block(f.Fe, w, 0) += diagonal(springs.cwiseQuotient(rotor_inertia));
   }
 };
 
@@ -194,8 +194,8 @@ class PositionLoop : public FormLoop {
     const ReferencePoint r = samples_.instant(k);
     const Blocks y(robot_.links.num_joints);
     ErrorForm f = with_gains(samples_.at(k, 5 * robot_.links.num_joints));
-    y.of(f.Fy, 2, 0) -= torque_rate_gradient(robot_.links, samples_.other_posture(k), r);
-    y.of(f.Fe, 2, 0) -= torque_gradient(robot_.links, samples_.posture(k), r);
+    y.block(f.Fy, 2, 0) -= torque_rate_gradient(robot_.links, samples_.other_posture(k), r);
+    y.block(f.Fe, 2, 0) -= torque_gradient(robot_.links, samples_.posture(k), r);
     return f;
   }
 
@@ -217,19 +217,19 @@ class PositionLoop : public FormLoop {
     const VectorXd Jb = robot_.rotor_inertia.cwiseQuotient(g.beta);
     const MatrixXd one = MatrixXd::Identity(n, n);
     const Blocks y(n);
-    y.of(f.Fy, 1, 1) = -diagonal(g.a1);
-    y.of(f.Fy, 2, 1) = -diagonal(g.kd1.cwiseProduct(g.a1));
-    y.of(f.Fy, 2, 3) = diagonal(robot_.stiffness);
-    y.of(f.Fy, 3, 2) = -diagonal(Jb.cwiseInverse());
-    y.of(f.Fy, 3, 4) = -diagonal(g.kd2.cwiseQuotient(robot_.rotor_inertia));
-    y.of(f.Fy, 4, 3) = diagonal(g.b2);
-    y.of(f.Fy, 4, 4) = -diagonal(g.a2);
-    y.of(f.Fe, 0, 0) = one;
-    y.of(f.Fe, 1, 0) = diagonal(g.b1);
-    y.of(f.Fe, 2, 0) = diagonal(g.kp1 + g.kd1.cwiseProduct(g.b1) - robot_.stiffness);
-    y.of(f.Gam, 0, 0) = -diagonal(g.kp1);
-    y.of(f.Gam, 0, 1) = -diagonal(g.kd1);
-    y.of(f.Gam, 0, 2) = one;
+    y.block(f.Fy, 1, 1) = -diagonal(g.a1);
+    y.block(f.Fy, 2, 1) = -diagonal(g.kd1.cwiseProduct(g.a1));
+    y.block(f.Fy, 2, 3) = diagonal(robot_.stiffness);
+    y.block(f.Fy, 3, 2) = -diagonal(Jb.cwiseInverse());
+    y.block(f.Fy, 3, 4) = -diagonal(g.kd2.cwiseQuotient(robot_.rotor_inertia));
+    y.block(f.Fy, 4, 3) = diagonal(g.b2);
+    y.block(f.Fy, 4, 4) = -diagonal(g.a2);
+    y.block(f.Fe, 0, 0) = one;
+    y.block(f.Fe, 1, 0) = diagonal(g.b1);
+    y.block(f.Fe, 2, 0) = diagonal(g.kp1 + g.kd1.cwiseProduct(g.b1) - robot_.stiffness);
+    y.block(f.Gam, 0, 0) = -diagonal(g.kp1);
+    y.block(f.Gam, 0, 1) = -diagonal(g.kd1);
+    y.block(f.Gam, 0, 2) = one;
     damping_.add(f, y, 3, robot_.rotor_inertia);
     return f;
   }
@@ -311,15 +311,15 @@ class MotorLoop : public FormLoop {
     const MatrixXd one = MatrixXd::Identity(n, n), K = robot_.stiffness.asDiagonal();
     const MatrixXd by_J = robot_.rotor_inertia.cwiseInverse().asDiagonal();
     const Blocks y(n);
-    y.of(f.Fy, 1, 2) = one;
-    y.of(f.Fy, 2, 0) = by_J * K;
-    y.of(f.Fy, 2, 1) = -by_J * (K + diagonal(gains_.kp));
-    y.of(f.Fy, 2, 3) = -by_J * diagonal(gains_.kd);
-    y.of(f.Fy, 3, 2) = diagonal(gains_.b);
-    y.of(f.Fy, 3, 3) = -diagonal(gains_.a);
-    y.of(f.Fe, 0, 0) = one;
-    y.of(f.Gam, 0, 0) = -K;
-    y.of(f.Gam, 0, 1) = K;
+    y.block(f.Fy, 1, 2) = one;
+    y.block(f.Fy, 2, 0) = by_J * K;
+    y.block(f.Fy, 2, 1) = -by_J * (K + diagonal(gains_.kp));
+    y.block(f.Fy, 2, 3) = -by_J * diagonal(gains_.kd);
+    y.block(f.Fy, 3, 2) = diagonal(gains_.b);
+    y.block(f.Fy, 3, 3) = -diagonal(gains_.a);
+    y.block(f.Fe, 0, 0) = one;
+    y.block(f.Gam, 0, 0) = -K;
+    y.block(f.Gam, 0, 1) = K;
     damping_.add(f, y, 2, robot_.rotor_inertia);
     return f;
   }
@@ -397,11 +397,11 @@ class AdaptiveLoop : public FormLoop {
       f.damping[i] = (corner >> bit++ & 1) != 0 ? gains().friction_max[i] : 0;
     }
     const Blocks y(n);
-    y.of(f.Fy, 1, 1) = -diagonal(gains().a);
-    y.of(f.Fe, 0, 0) = MatrixXd::Identity(n, n);
-    y.of(f.Fe, 1, 0) = diagonal(gains().b);
-    y.of(f.Gam, 0, 0) = -diagonal(gains().kp) - H;
-    y.of(f.Gam, 0, 1) = -diagonal(gains().kd);
+    y.block(f.Fy, 1, 1) = -diagonal(gains().a);
+    y.block(f.Fe, 0, 0) = MatrixXd::Identity(n, n);
+    y.block(f.Fe, 1, 0) = diagonal(gains().b);
+    y.block(f.Gam, 0, 0) = -diagonal(gains().kp) - H;
+    y.block(f.Gam, 0, 1) = -diagonal(gains().kd);
     return f;
   }
 

@@ -180,8 +180,8 @@ class Converter {
     return place;
   }
 
-  void read_content(const XmlElement& of, const Place& place, BodyContent& content) const {
-    for (const XmlElement* each : document_.children(of)) {
+  void read_content(const XmlElement& parent, const Place& place, BodyContent& content) const {
+    for (const XmlElement* each : document_.children(parent)) {
       const std::string& kind = name_of(*each);
       if (kind == "frame") {
         read_content(*each, inside(*each, place), content);
@@ -192,7 +192,7 @@ class Converter {
       } else if (kind == "inertial") {
         const MjcfAttributes inertial = document_.attributes(*each, "main");
         if (content.inertial) inertial.refuse("the body has two; remove one");
-        if (name_of(of) == "frame") inertial.refuse("it is in a <frame>; put it into the body");
+        if (name_of(parent) == "frame") inertial.refuse("it is in a <frame>; put it into the body");
         content.inertial = inertial;
       }
     }
@@ -206,8 +206,8 @@ class Converter {
   }
 
   /// Returns whether a hinge or slide joint is in this body or below it.
-  [[nodiscard]] bool carries_an_arm(const XmlElement& of, const std::string& around) const {
-    for (const XmlElement* each : document_.children(of)) {
+  [[nodiscard]] bool carries_an_arm(const XmlElement& body, const std::string& around) const {
+    for (const XmlElement* each : document_.children(body)) {
       const std::string& kind = name_of(*each);
       if (kind == "joint") {
         const std::string type = type_of(document_.attributes(*each, around));
@@ -249,8 +249,8 @@ class Converter {
                            a.text("name")));
     count_coordinates(body);
   }
-  void count_coordinates(const XmlElement& of) {
-    for (const XmlElement* each : document_.children(of)) {
+  void count_coordinates(const XmlElement& parent) {
+    for (const XmlElement* each : document_.children(parent)) {
       const std::string& kind = name_of(*each);
       if (kind == "freejoint") num_coordinates_ += 7;
       if (kind == "joint") {

@@ -159,16 +159,16 @@ MjcfDocument::MjcfDocument(const std::string& text, std::string source,
 }
 
 void MjcfDocument::parse(const std::string& text, const std::string& file) {
-  const std::string of = file.empty() ? "" : file + ": ";
+  const std::string prefix = file.empty() ? "" : file + ": ";
   XmlDocument& document = files_.emplace_back();
   if (const std::string problem = parse_xml(text, document); !problem.empty()) {
-    refuse_urdf(source_, of + problem);
+    refuse_urdf(source_, prefix + problem);
   }
   names_[&document] = file;
 }
 
-void MjcfDocument::read_includes(const XmlElement& of, const IncludedText& included) {
-  for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+void MjcfDocument::read_includes(const XmlElement& parent, const IncludedText& included) {
+  for (const auto* e = parent.FirstChildElement(); e; e = e->NextSiblingElement()) {
     if (name_of(*e) != "include") {
       read_includes(*e, included);
       continue;
@@ -194,9 +194,9 @@ void MjcfDocument::read_includes(const XmlElement& of, const IncludedText& inclu
   }
 }
 
-std::vector<const XmlElement*> MjcfDocument::children(const XmlElement& of) const {
+std::vector<const XmlElement*> MjcfDocument::children(const XmlElement& parent) const {
   std::vector<const XmlElement*> all;
-  for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+  for (const auto* e = parent.FirstChildElement(); e; e = e->NextSiblingElement()) {
     if (const auto found = included_.find(e); found != included_.end()) {
       const auto inner = children(*found->second);
       all.insert(all.end(), inner.begin(), inner.end());
@@ -222,9 +222,9 @@ std::vector<const XmlElement*> MjcfDocument::in_sections(std::string_view sectio
   return all;
 }
 
-void MjcfDocument::check_names(const XmlElement& element, std::string_view of) const {
+void MjcfDocument::check_names(const XmlElement& element, std::string_view known_as) const {
   const std::string& name = name_of(element);
-  const MjcfRule& rule = mjcf_rule(of);
+  const MjcfRule& rule = mjcf_rule(known_as);
   const auto has = [](const std::vector<std::string_view>& names, std::string_view each) {
     return std::ranges::find(names, each) != names.end();
   };
@@ -331,36 +331,36 @@ double MjcfDocument::angle_unit() const {
   compiler().refuse(fmt::format("angle=\"{:.60}\"; allowed: degree, radian", unit));
 }
 
-MjcfPose MjcfDocument::pose(const MjcfAttributes& of) const {
+MjcfPose MjcfDocument::pose(const MjcfAttributes& frame) const {
   MjcfPose pose;
-  pose.p = of.vector("pos", Eigen::Vector3d::Zero());
-  const auto given = [&](const char* name) { return of.has(name); };
+  pose.p = frame.vector("pos", Eigen::Vector3d::Zero());
+  const auto given = [&](const char* name) { return frame.has(name); };
   if (std::ranges::count_if(orientations, given) > 1) {
-    of.refuse("two orientations; give one of quat, axisangle, xyaxes, zaxis, euler");
+    frame.refuse("two orientations; give one of quat, axisangle, xyaxes, zaxis, euler");
   }
   const auto direction = [&](const char* name, double x, double y, double z) {
     const Eigen::Vector3d v(x, y, z);
     if (v.norm() < 1e-10) {
-      of.refuse(fmt::format("{}: an axis of length 0; give its direction", name));
+      frame.refuse(fmt::format("{}: an axis of length 0; give its direction", name));
     }
     return v;
   };
-  if (const auto q = of.numbers("quat", 4, 4); !q.empty()) {
+  if (const auto q = frame.numbers("quat", 4, 4); !q.empty()) {
     pose.q = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
-    if (pose.q.norm() < 1e-10) of.refuse("quat: four zeros; give a rotation, or leave it out");
+    if (pose.q.norm() < 1e-10) frame.refuse("quat: four zeros; give a rotation, or leave it out");
     if (pose.q.squaredNorm() != 1) pose.q.normalize();
-  } else if (const auto a = of.numbers("axisangle", 4, 4); !a.empty()) {
+  } else if (const auto a = frame.numbers("axisangle", 4, 4); !a.empty()) {
     pose.q = rotation_about(direction("axisangle", a[0], a[1], a[2]), a[3] * angle_unit());
-  } else if (const auto z = of.numbers("zaxis", 3, 3); !z.empty()) {
+  } else if (const auto z = frame.numbers("zaxis", 3, 3); !z.empty()) {
     pose.q = from_z_to(direction("zaxis", z[0], z[1], z[2]));
-  } else if (const auto xy = of.numbers("xyaxes", 6, 6); !xy.empty()) {
+  } else if (const auto xy = frame.numbers("xyaxes", 6, 6); !xy.empty()) {
     Eigen::Matrix3d R;
     R.col(0) = direction("xyaxes", xy[0], xy[1], xy[2]).normalized();
     const Eigen::Vector3d y(xy[3], xy[4], xy[5]), across = y - R.col(0).dot(y) * R.col(0);
     R.col(1) = direction("xyaxes", across.x(), across.y(), across.z()).normalized();
     R.col(2) = R.col(0).cross(R.col(1));
     pose.q = Eigen::Quaterniond(R);
-  } else if (const auto angles = of.numbers("euler", 3, 3); !angles.empty()) {
+  } else if (const auto angles = frame.numbers("euler", 3, 3); !angles.empty()) {
     const std::string sequence = compiler().text("eulerseq", "xyz");
     for (std::size_t i = 0; i < 3; ++i) {
       const char letter = i < sequence.size() ? sequence[i] : '?';

@@ -70,7 +70,7 @@ class MjcfDocument {
   MjcfDocument& operator=(const MjcfDocument&) = delete;
 
   /// Returns the children of an element, with an included file's elements in place of <include>.
-  [[nodiscard]] std::vector<const XmlElement*> children(const XmlElement& of) const;
+  [[nodiscard]] std::vector<const XmlElement*> children(const XmlElement& parent) const;
   /// Returns the children of all sections of a name, such as "equality".
   [[nodiscard]] std::vector<const XmlElement*> in_sections(std::string_view section) const;
   [[nodiscard]] std::vector<const XmlElement*> sections(std::string_view section) const;
@@ -84,7 +84,7 @@ class MjcfDocument {
   [[nodiscard]] const MjcfAttributes& compiler() const { return *compiler_; }
   [[nodiscard]] const XmlElement& root() const { return *root_; }
   /// Returns `pos` and the orientation that an element gives in one of MuJoCo's forms.
-  [[nodiscard]] MjcfPose pose(const MjcfAttributes& of) const;
+  [[nodiscard]] MjcfPose pose(const MjcfAttributes& frame) const;
   /// Returns the factor from the file's unit of angles to radians.
   [[nodiscard]] double angle_unit() const;
   /// Returns "source: line N", with the included file's name if there is one.
@@ -93,8 +93,8 @@ class MjcfDocument {
 
  private:
   void parse(const std::string& text, const std::string& file);
-  void read_includes(const XmlElement& of, const IncludedText& included);
-  void check_names(const XmlElement& element, std::string_view of) const;
+  void read_includes(const XmlElement& parent, const IncludedText& included);
+  void check_names(const XmlElement& element, std::string_view known_as) const;
   void read_top_defaults(const XmlElement& section);
   void read_class(const XmlElement& element, const std::string& name,
                   std::map<std::string, MjcfAttributes::Values> values);

@@ -80,18 +80,19 @@ void MjcfDrives::read_equality(const XmlElement& equality) {
   named_.emplace_back(other, &equality);
 }
 
-std::optional<double> MjcfDrives::smaller_side(const MjcfAttributes& of, const std::string& range,
+std::optional<double> MjcfDrives::smaller_side(const MjcfAttributes& attributes,
+                                               const std::string& range,
                                                const std::string& limited) {
-  const auto ends = of.range(range, limited);
+  const auto ends = attributes.range(range, limited);
   if (!ends) return std::nullopt;
   if (ends->first >= 0 || ends->second <= 0) {
-    warn(of.element(),
-         fmt::format("{}=\"{}\" pushes to one side; it is no effort limit", range, of.text(range)));
+    warn(attributes.element(), fmt::format("{}=\"{}\" pushes to one side; it is no effort limit",
+                                           range, attributes.text(range)));
     return std::nullopt;
   }
   if (ends->first != -ends->second) {
-    warn(of.element(),
-         fmt::format("{}=\"{}\": the smaller side is the effort limit", range, of.text(range)));
+    warn(attributes.element(), fmt::format("{}=\"{}\": the smaller side is the effort limit", range,
+                                           attributes.text(range)));
   }
   return std::min(-ends->first, ends->second);
 }

@@ -41,7 +41,7 @@ class MjcfDrives {
   void read_equality(const XmlElement& equality);
   void read_actuator(const XmlElement& element);
   std::optional<double> force_of(const MjcfAttributes& actuator);
-  std::optional<double> smaller_side(const MjcfAttributes& of, const std::string& range,
+  std::optional<double> smaller_side(const MjcfAttributes& attributes, const std::string& range,
                                      const std::string& limited);
 
   const MjcfDocument& document_;

@@ -10,10 +10,10 @@ using Joints = std::map<std::string, JointNumbers>;
 
 /// Adds the named joints of a body and of the bodies in it.
 /// @param around class of joints without one
-void add_joints(const MjcfDocument& document, const XmlElement& of, std::string around,
+void add_joints(const MjcfDocument& document, const XmlElement& body, std::string around,
                 Joints& joints) {
-  around = document.attributes(of, "main").text("childclass", around);
-  for (const XmlElement* each : document.children(of)) {
+  around = document.attributes(body, "main").text("childclass", around);
+  for (const XmlElement* each : document.children(body)) {
     const std::string& kind = name_of(*each);
     if (kind == "body" || kind == "frame") add_joints(document, *each, around, joints);
     if (kind != "joint") continue;

@@ -8,8 +8,8 @@ namespace tachless::robot {
 namespace {
 
 /// Returns whether a hinge or slide joint is in this body or in those that it carries.
-bool carries_a_joint(const MjcfDocument& document, const XmlElement& of) {
-  return std::ranges::any_of(document.children(of), [&](const XmlElement* each) {
+bool carries_a_joint(const MjcfDocument& document, const XmlElement& body) {
+  return std::ranges::any_of(document.children(body), [&](const XmlElement* each) {
     const std::string& kind = name_of(*each);
     if (kind == "joint") {
       const std::string type = document.attributes(*each, "main").text("type", "hinge");
@@ -31,8 +31,8 @@ bool is_beside_robot(const MjcfDocument& document, const XmlElement& child) {
 }
 
 /// Adds the names of the <include> elements below an element.
-void add_included(const XmlElement& of, std::vector<std::string>& files) {
-  for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+void add_included(const XmlElement& parent, std::vector<std::string>& files) {
+  for (const auto* e = parent.FirstChildElement(); e; e = e->NextSiblingElement()) {
     const char* const file = e->Attribute("file");
     if (name_of(*e) == "include" && file != nullptr) files.emplace_back(file);
     add_included(*e, files);

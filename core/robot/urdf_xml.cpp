@@ -118,18 +118,18 @@ class Reader {
     inert_.insert("<" + name + ">");
   }
   /// The same of what is read of a link or joint, and of its attributes.
-  void require_no_xacro(const XmlElement& of) {
-    for (const auto* a = of.FirstAttribute(); a != nullptr; a = a->Next()) {
+  void require_no_xacro(const XmlElement& element) {
+    for (const auto* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
       for (const char* mark : {"${", "$("}) {
         if (std::string_view(a->Value()).find(mark) != std::string_view::npos)
-          refuse_xacro(of, a->Value());
+          refuse_xacro(element, a->Value());
       }
     }
-    for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+    for (const auto* e = element.FirstChildElement(); e; e = e->NextSiblingElement()) {
       require_expanded(*e);
     }
-    for (const std::string_view name : rule_of(name_of(of))->children) {
-      if (const auto* e = of.FirstChildElement(name.data())) require_no_xacro(*e);
+    for (const std::string_view name : rule_of(name_of(element))->children) {
+      if (const auto* e = element.FirstChildElement(name.data())) require_no_xacro(*e);
     }
   }
 
@@ -155,7 +155,7 @@ class Reader {
 
   /// Warns of attributes, children and text of a link or joint that are not read. Refuses an
   /// element that is there twice.
-  void check_known(const XmlElement& e, const std::string& of) {
+  void check_known(const XmlElement& e, const std::string& owner) {
     const ElementRule& rule = *rule_of(name_of(e));
     const auto has = [](const std::vector<std::string_view>& names, std::string_view name) {
       return std::ranges::find(names, name) != names.end();
@@ -167,8 +167,8 @@ class Reader {
         refuse("line {}: {}: its <{}> has {}; allowed: quat_xyzw=\"x y z w\" or rpy",
                e.GetLineNum(), where_, name_of(e), name);
       }
-      warn_unknown(of, fmt::format("the attribute {} of <{}> is not read; {}", name, name_of(e),
-                                   known_text(name, rule.attributes)));
+      warn_unknown(owner, fmt::format("the attribute {} of <{}> is not read; {}", name, name_of(e),
+                                      known_text(name, rule.attributes)));
     }
     std::vector<std::string_view> children = rule.children;
     children.insert(children.end(), rule.others.begin(), rule.others.end());
@@ -176,8 +176,8 @@ class Reader {
     for (const auto* node = e.FirstChild(); node != nullptr; node = node->NextSibling()) {
       if (node->ToText() != nullptr && !trimmed(node->Value()).empty()) {
         warn_unknown(
-            of, fmt::format("the text in <{}> is not read; known are {}", name_of(e),
-                            base::joined(rule.attributes.empty() ? children : rule.attributes)));
+            owner, fmt::format("the text in <{}> is not read; known are {}", name_of(e),
+                               base::joined(rule.attributes.empty() ? children : rule.attributes)));
       }
       const XmlElement* const child = node->ToElement();
       if (child == nullptr || name_of(*child).starts_with("xacro:")) continue;
@@ -187,36 +187,37 @@ class Reader {
           refuse("line {}: {}: its <{}> has two <{}>; remove one", child->GetLineNum(), where_,
                  name_of(e), name);
         }
-        check_known(*child, of);
+        check_known(*child, owner);
       } else if (has(rule.others, name)) {
-        check_passed_over(*child, of);
+        check_passed_over(*child, owner);
       } else {
-        warn_unknown(of, fmt::format("<{}> in <{}> is not read; {}", name, name_of(e),
-                                     known_text(name, children)));
+        warn_unknown(owner, fmt::format("<{}> in <{}> is not read; {}", name, name_of(e),
+                                        known_text(name, children)));
       }
     }
   }
-  void warn_unknown(const std::string& of, const std::string& what) {
+  void warn_unknown(const std::string& owner, const std::string& what) {
     std::vector<std::string>& names = unknown_[what];
-    if (names.empty() || names.back() != of) names.push_back(of);
+    if (names.empty() || names.back() != owner) names.push_back(owner);
   }
 
   /// Warns of attributes with mechanics in an element that has none.
-  void check_no_mechanics(const XmlElement& e, const std::string& of) {
+  void check_no_mechanics(const XmlElement& e, const std::string& owner) {
     for (const auto* a = e.FirstAttribute(); a != nullptr; a = a->Next()) {
       if (!is_mechanics(a->Name())) continue;
-      warn_unknown(of, fmt::format("the attribute {} of <{}> is not read", a->Name(), name_of(e)));
+      warn_unknown(owner,
+                   fmt::format("the attribute {} of <{}> is not read", a->Name(), name_of(e)));
     }
   }
 
   /// Warns of mechanics in an element that is not read, such as <visual>.
-  void check_passed_over(const XmlElement& e, const std::string& of) {
-    if (name_of(e) != "origin") check_no_mechanics(e, of);
+  void check_passed_over(const XmlElement& e, const std::string& owner) {
+    if (name_of(e) != "origin") check_no_mechanics(e, owner);
     for (const auto* child = e.FirstChildElement(); child; child = child->NextSiblingElement()) {
       if (rule_of(name_of(*child)) != nullptr && name_of(*child) != "origin") {
-        warn_unknown(of, fmt::format("<{}> in <{}> is not read", name_of(*child), name_of(e)));
+        warn_unknown(owner, fmt::format("<{}> in <{}> is not read", name_of(*child), name_of(e)));
       }
-      check_passed_over(*child, of);
+      check_passed_over(*child, owner);
     }
   }
 
@@ -240,21 +241,21 @@ class Reader {
     // A model of its own may be in them.
     if (name == "gazebo" || name.starts_with("xacro:")) return;
     const char* const given = e.Attribute("name");
-    const std::string of = given == nullptr ? "robot" : given;
+    const std::string owner = given == nullptr ? "robot" : given;
     if (holds_mechanics(e)) {
-      return warn_unknown(of, fmt::format("the links and joints in <{}> are not read", name));
+      return warn_unknown(owner, fmt::format("the links and joints in <{}> are not read", name));
     }
     const auto& known = robot_children();
     if (std::ranges::find(known, name) != known.end()) return;
     if (rule_of(name) != nullptr) {
-      return warn_unknown(of, fmt::format("<{}> in <robot> is not read; it belongs in a link or "
-                                          "joint",
-                                          name));
+      return warn_unknown(owner, fmt::format("<{}> in <robot> is not read; it belongs in a link or "
+                                             "joint",
+                                             name));
     }
     const std::vector<std::string_view> meant{"link", "joint"};
     if (const auto near = base::nearest(name, meant)) {
-      warn_unknown(of, fmt::format("<{}> in <robot> is not read; the nearest known name is {}",
-                                   name, *near));
+      warn_unknown(owner, fmt::format("<{}> in <robot> is not read; the nearest known name is {}",
+                                      name, *near));
     }
   }
 
@@ -313,17 +314,18 @@ class Reader {
     refuse("line {}: {}: its <{}> has no <{}>; add one", in.GetLineNum(), where_, name_of(in),
            name);
   }
-  const char* attribute(const XmlElement& of, const char* name) const {
-    if (const char* given = of.Attribute(name)) return given;
-    refuse("line {}: {}: its <{}> has no {}; add one", of.GetLineNum(), where_, name_of(of), name);
+  const char* attribute(const XmlElement& element, const char* name) const {
+    if (const char* given = element.Attribute(name)) return given;
+    refuse("line {}: {}: its <{}> has no {}; add one", element.GetLineNum(), where_,
+           name_of(element), name);
   }
   static bool gives(const XmlElement* element, const char* name) {
     return element != nullptr && element->Attribute(name) != nullptr;
   }
-  [[noreturn]] void refuse_value(const XmlElement& of, const char* name,
+  [[noreturn]] void refuse_value(const XmlElement& element, const char* name,
                                  const char* allowed) const {
-    refuse("line {}: {}: its <{}> has {}=\"{}\"; allowed: {}", of.GetLineNum(), where_, name_of(of),
-           name, of.Attribute(name), allowed);
+    refuse("line {}: {}: its <{}> has {}=\"{}\"; allowed: {}", element.GetLineNum(), where_,
+           name_of(element), name, element.Attribute(name), allowed);
   }
 
   /// Returns the finite number that `word` is, with a sign or without; nothing for another text.
@@ -338,13 +340,13 @@ class Reader {
     if (!value) refuse_value(element, name, "a finite number");
     return *value;
   }
-  double number(const XmlElement* of, const char* name, double otherwise) const {
-    return gives(of, name) ? number(*of, name) : otherwise;
+  double number(const XmlElement* element, const char* name, double otherwise) const {
+    return gives(element, name) ? number(*element, name) : otherwise;
   }
   /// The numbers of an attribute that is there; none where one of them is no finite number.
-  static std::vector<double> numbers(const XmlElement& of, const char* name) {
+  static std::vector<double> numbers(const XmlElement& element, const char* name) {
     std::vector<double> found;
-    std::istringstream words(of.Attribute(name));
+    std::istringstream words(element.Attribute(name));
     for (std::string word; words >> word;) {
       const std::optional<double> value = finite(word);
       if (!value) return {};
@@ -352,12 +354,12 @@ class Reader {
     }
     return found;
   }
-  Eigen::Vector3d vector(const XmlElement* of, const char* name,
+  Eigen::Vector3d vector(const XmlElement* element, const char* name,
                          const Eigen::Vector3d& otherwise = Eigen::Vector3d::Zero()) const {
-    if (!gives(of, name)) return otherwise;
-    const std::vector<double> v = numbers(*of, name);
+    if (!gives(element, name)) return otherwise;
+    const std::vector<double> v = numbers(*element, name);
     if (v.size() == 3) return {v[0], v[1], v[2]};
-    refuse_value(*of, name, "three finite numbers");
+    refuse_value(*element, name, "three finite numbers");
   }
 
   /// Reads rpy or quat_xyzw of an <origin>. @param largest of the angles as written [rad]

@@ -173,7 +173,7 @@ std::string joints_text(const Findings& found) {
       {"joint", "kp", "kv", "armature", "damping", "droop by gravity"}};
   for (std::size_t i = 0; i < labels.name.size(); ++i) {
     const auto j = static_cast<Eigen::Index>(i);
-    const auto of = [&](const Vector& numbers) {
+    const auto entry = [&](const Vector& numbers) {
       return numbers.size() > 0 ? fmt::format("{:.4g}", numbers[j]) : "0";
     };
     constexpr double rounding = 1e-12;
@@ -183,8 +183,8 @@ std::string joints_text(const Findings& found) {
         : std::isinf(found.droop[j])
             ? "no kp"
             : fmt::format("up to {:.3g} {}", found.droop[j], labels.length[i]);
-    table.push_back({labels.name[i], of(found.gains.kp), of(found.gains.kv),
-                     of(found.model.rotor_inertia), of(found.model.damping), droop});
+    table.push_back({labels.name[i], entry(found.gains.kp), entry(found.gains.kv),
+                     entry(found.model.rotor_inertia), entry(found.model.damping), droop});
   }
   return base::table(table, "lrrrrl");
 }
