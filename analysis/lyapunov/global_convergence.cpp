@@ -51,6 +51,9 @@ void lower(LeastDamping& least, const numerics::Inertia& at, const VectorXd& D,
   }
 }
 
+/// Looks at the instants of the motion with the robot on it, and at postures anywhere, each with
+/// all velocities of the motion. The numbers take some tenths of a second for seven joints. The
+/// result is sampled, and says so.
 LeastDamping least_damping(const scenario::Scenario& scenario, const VectorXd& D) {
   constexpr int instants = 65, postures = 256;
   const robot::Model model = error_model(scenario);

@@ -31,7 +31,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Instants of the reference, evenly over it, at which gains that follow it are examined. Further
-/// ones are where the velocity or the gains' rate has a maximum.
+/// ones are where the velocity or the gains' rate has a maximum. Each takes a search over postures,
+/// so the number bounds the time.
 constexpr int instants_of_scheduled = 25;
 
 VectorXd joined(std::initializer_list<Vector> parts) {
@@ -91,14 +92,14 @@ std::vector<double> maxima(const std::vector<double>& t, const F& f, std::size_t
   return result;
 }
 
-/// Bursts of a motion that are examined, the fastest first.
+/// Bursts of a motion that are examined, the fastest first. A motion between two points has one.
 constexpr std::size_t most_bursts = 3;
 
 /// Returns instants evenly over the burst at `peak_s`, in which |v_ref| is at least half of that at
 /// the peak. @param dense increasing times of the motion
 std::vector<double> instants_of_burst(const std::vector<double>& dense,
                                       const reference::Trajectory& trajectory, double peak_s) {
-  constexpr int count = 9;
+  constexpr int count = 9;  // the peak, and four on each side
   const double least = trajectory.at(peak_s).v_ref.norm() / 2;
   const auto fast = [&](double t_s) { return trajectory.at(t_s).v_ref.norm() >= least; };
   const auto peak = std::ranges::lower_bound(dense, peak_s);

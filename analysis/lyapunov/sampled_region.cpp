@@ -24,8 +24,9 @@ constexpr double widest_error = 6;  // [rad; m] of the sets that are looked at
 // Directions in which growth is looked for. More of them find the region smaller, or equal: a
 // candidate is compared by few, and the result takes as many as some seconds allow.
 constexpr int directions_of_candidate = 150, directions_of_result = 4000;
-constexpr int ascents = 16, ascent_steps = 30;  // after these, from the worst of them
-constexpr double scale_ratio = 1.4;             // of the scales that are tried: half an octave
+// Ascents from the worst of the directions. A step shrinks to a 24th of its size in 30 failures.
+constexpr int ascents = 16, ascent_steps = 30;
+constexpr double scale_ratio = 1.4;  // of the scales that are tried: half an octave
 
 /// The one-tick map on the observable part of the state, in scaled coordinates y: x = lift y, y =
 /// project x. Each coordinate is about 1 at its largest after an error of one joint.
@@ -88,8 +89,9 @@ class Ellipsoid {
 /// Returns the least of some radii up to `s` at which V does not fall along z; s where V falls at
 /// all of them.
 double first_growth(const Ellipsoid& set, const VectorXd& z, double s) {
+  // Growth begins near the border most often: there the shares are closer.
   constexpr double shares[] = {0.25, 0.5, 0.75, 0.9, 1};
-  constexpr int halvings = 6;
+  constexpr int halvings = 6;  // to a 64th of the step between two shares
   const auto falls = [&](double radius) { return set.growth(z, radius) < 1; };
   double low = 0;
   for (const double share : shares) {
@@ -133,7 +135,7 @@ double searched_radius(const Ellipsoid& set, double s, const std::vector<VectorX
                             [&](std::size_t i) { return std::pair(-set.growth(along[i], s), i); });
   std::ranges::sort(worst);
   const std::size_t begins = std::min<std::size_t>(ascents, worst.size());
-  constexpr int most_rounds = 100;
+  constexpr int most_rounds = 100;  // each lowers s; a set that needs more is no region
   for (int round = 0;; ++round) {
     if (round == most_rounds) return 0;
     const double before = s;

@@ -36,6 +36,8 @@ std::vector<ErrorForm> forms_of(const FormLoop& loop, int count) {
 /// Searches weights over few forms, to which those that bind over many are added.
 std::optional<FormWeights> searched(const FormLoop& loop, const std::vector<ErrorForm>& fine,
                                     FormRegion& best) {
+  // Each round adds the form that binds. The search ends before where the few forms promise 0.95 of
+  // the level that all of them give; the caps bound the time.
   constexpr int coarse_forms = 24, rounds = 8;
   constexpr double rate = 1;  // 1/s: without it V would be level between the forms
   std::vector<ErrorForm> coarse(fine.begin(), fine.begin() + coarse_forms);

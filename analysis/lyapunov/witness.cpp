@@ -29,8 +29,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Json = nlohmann::ordered_json;
 
-constexpr int samples = 32;        // of the ellipsoid
-constexpr int most_boxes = 40000;  // of the checker
+constexpr int samples = 32;  // of the ellipsoid, which is a candidate: the checker decides
+constexpr int most_boxes =
+    40000;  // of the checker, which says that it has not proved it beyond them
 constexpr double pi = std::numbers::pi;
 
 /// An arm with M = M[0] + M[1] cos q2 + M[2] sin q2 and g_i = (1, cos q1, sin q1) g[i] (1, cos q2,
@@ -300,6 +301,7 @@ std::optional<MatrixXd> found(const Arm& arm, const Vector& errors, const Vector
     for (double& each : z) each = normal(random);
     directions.push_back(z.normalized());
   }
+  // The decay asked of V, as a share of what the slowest mode has.
   for (const double share : {0.5, 0.25, 0.1}) {
     double factor = 2;  // of what (e, v) reaches: the ellipsoid's
     for (int trial = 0; trial < 6; ++trial) {
@@ -318,6 +320,8 @@ std::optional<MatrixXd> found(const Arm& arm, const Vector& errors, const Vector
         const VectorXd x = inverse_scale * arm.start(i, errors[i]);
         largest = std::max(largest, x.dot(*P * x));
       }
+      // The ellipsoid contains the starts, with at most 7 % of V to spare: a larger one is harder
+      // to prove. The next one is 1.5 % wider than these starts ask for.
       if (largest <= 1 && largest > 0.93) return inverse_scale * *P * inverse_scale;
       factor *= 1.015 * std::sqrt(largest);
     }
