@@ -48,8 +48,10 @@ std::string page(const LawFacts& law) {
                         parameter.meaning, parameter.allowed,
                         parameter.required ? "" : "; if not given: " + default_text(parameter));
   }
+  // A line for each condition; "; " separates them.
+  const std::string conditions = base::joined(base::split(law.conditions, ';'), ";\n             ");
   return text + fmt::format("  proved      {}\n  conditions  {}\n  source      {}\n", law.proved,
-                            law.conditions, law.source);
+                            conditions, law.source);
 }
 
 Json to_json(const LawFacts& law) {
