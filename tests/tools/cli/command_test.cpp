@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "base/text.h"
 #include "tests/support/shell.h"
 #include "tests/support/temporary_directory.h"
 
