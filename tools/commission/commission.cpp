@@ -60,7 +60,7 @@ constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell t
 constexpr int most_tries = 24, most_unclear = 4;
 /// Distances from where the first pulse began, beyond which a joint, and any joint, is not asked
 /// [rad; m].
-constexpr double most_strayed = 0.01, most_sagged = 0.02;
+constexpr double most_strayed = 0.01, most_sagged = 0.03;
 constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
 /// Explained share of a motion that is an answer, and the share of the work that has its sign.
 constexpr double answer_share = 0.5, work_share = 0.5;
@@ -335,7 +335,8 @@ class Procedure {
                                            "friction above that? its torque's unit?",
                                            joint.name, answer_counts, most, joint.unit)
                              : fmt::format("{} moves, but not by its torque; see what else moves "
-                                           "it: gravity, another joint, a drive that holds it",
+                                           "it: gravity, another joint, a drive that holds it, "
+                                           "coarse steps of its torque",
                                            joint.name));
   }
 

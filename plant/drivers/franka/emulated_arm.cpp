@@ -127,7 +127,10 @@ bool EmulatedArm::is_awaiting() const {
 
 void EmulatedArm::begin_tick(Time now) {
   ++state_.id;
-  if (state_.mode == Mode::move && told_) begin_incidents();
+  if (state_.mode == Mode::move && told_) {
+    begin_incidents();
+    if (state_.mode == Mode::move) take_command_of_tick();
+  }
   if (state_.mode == Mode::move) {
     move();
     watch();
@@ -135,8 +138,6 @@ void EmulatedArm::begin_tick(Time now) {
   } else {
     brake();
   }
-  // The torque that answers the last state acts from now on.
-  if (state_.mode == Mode::move && told_) take_command_of_tick();
   told_at_ = std::max(now, Clock::now());
   if (!frozen_) send_state();
 }
