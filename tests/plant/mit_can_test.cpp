@@ -181,7 +181,7 @@ TEST_F(MitArm, SendsTheDrivesTheirSetPointsAndGains) {
   }
 }
 
-/// The trials of commission do so. A brake with a hundredth of gravity's torque would sag by radians.
+/// The trials of commission do so. A brake with a hundredth of gravity would sag by radians.
 TEST_F(MitArm, CarriesAllOfGravityInARunThatStatesAShareOfIt) {
   EmulatedDrives drives(scenario({"robot.gravity_m_per_s2=9.81"}), {});
   const std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
