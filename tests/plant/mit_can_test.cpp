@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -178,6 +179,21 @@ TEST_F(MitArm, SendsTheDrivesTheirSetPointsAndGains) {
     EXPECT_GT(end_[0], 0.1);
     EXPECT_LT(end_[1], -0.05);
   }
+}
+
+/// The trials of commission do so. A brake with a hundredth of gravity would sag by radians.
+TEST_F(MitArm, CarriesAllOfGravityInARunThatStatesAShareOfIt) {
+  EmulatedDrives drives(scenario({"robot.gravity_m_per_s2=9.81"}), {});
+  const std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
+  MitDriver driver(scenario({"robot.gravity_m_per_s2=0.0981"}));
+  const Vector before = driver.read().q;
+  driver.start();
+  driver.stop();
+  for (int k = 0; k < 100; ++k) {
+    driver.rest(0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  EXPECT_LT((driver.read().q - before).cwiseAbs().maxCoeff(), 0.01);
 }
 
 TEST_F(MitArm, RefusesGainsBeyondTheFrames) {

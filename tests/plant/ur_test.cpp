@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "commission/commission.h"
+#include "commission/emulated_arm.h"
 #include "controller/registry.h"
 #include "plant/drivers/ur/ur_driver.h"
 #include "plant/guarded_robot.h"
@@ -21,6 +24,7 @@ using base::ExitCode;
 using base::Failure;
 using plant::testing::failure_of;
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using urcl::EmulatedArm;
 
@@ -63,6 +67,32 @@ TEST(UrDriver, TracksOnTheEmulatedArmWithoutTheArmsOwnFriction) {
   EXPECT_EQ(arm.payload_kg, -1) << "that of the installation";
   EXPECT_EQ(arm.stops, 1);
   EXPECT_FALSE(arm.program_runs);
+}
+
+/// The scenario states that the arm adds nothing and acts without delay.
+TEST(UrDriver, IsCommissionedThroughTheDriver) {
+  const auto claimed =
+      arm_of({"robot.compensates={}", "plant.encoder.latency_ticks=0", "plant.mechanics=native"});
+  EmulatedArm arm(arm_of());
+  const commission::Commissioned found = commission::commission(
+      claimed,
+      [](const scenario::Scenario& trial, const std::vector<std::string>& changes) {
+        UrDriver driver(trial);
+        return commission::trials_on(driver)(trial, changes);
+      },
+      [](std::string_view) {});
+  EXPECT_THAT(found.misfits, ElementsAre(HasSubstr("write robot.compensates: {gravity: true"),
+                                         HasSubstr("write plant.encoder.latency_ticks: 1")));
+  EXPECT_TRUE(found.mendable);
+  EXPECT_EQ(found.adds_gravity, true);
+  EXPECT_EQ(found.delay, 1) << "the arm takes a torque at its next step";
+  EXPECT_TRUE(found.arm_is_clock);
+  EXPECT_EQ(found.unsent, commission::Unsent::held);
+  for (const commission::Commissioned::Joint& joint : found.joints) {
+    EXPECT_EQ(joint.turns, false) << joint.name;
+    // Measured 1.000; the driver sends torques in whole micronewton metres.
+    EXPECT_NEAR(joint.scale.value_or(0), 1, 0.02) << joint.name;
+  }
 }
 
 TEST(UrDriver, TellsTheArmItsPayload) {

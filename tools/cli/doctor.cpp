@@ -5,8 +5,10 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <exception>
 #include <fstream>
 #include <map>
@@ -197,6 +199,37 @@ Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& direc
   if (free_bytes < useful_disk_bytes)
     finding.remedy = "run with --out DIR on a disk with more free space";
   return finding;
+}
+
+std::vector<Bin> bins_of(const std::vector<session::LatencyHistogram::Bucket>& buckets) {
+  const auto edge_us = [](int n) {
+    constexpr std::array<double, 3> steps = {1, 2, 5};
+    return n < 0 ? 0 : steps[static_cast<std::size_t>(n % 3)] * std::pow(10, n / 3);
+  };
+  std::vector<Bin> bins;
+  int n = -1;
+  for (const session::LatencyHistogram::Bucket& bucket : buckets) {
+    while (bucket.from_us >= edge_us(n + 1)) {
+      ++n;
+      if (!bins.empty()) bins.push_back({edge_us(n), edge_us(n + 1)});
+    }
+    if (bins.empty()) bins.push_back({edge_us(n), edge_us(n + 1)});
+    bins.back().count += bucket.count;
+  }
+  return bins;
+}
+
+std::string text(const std::vector<Bin>& bins) {
+  constexpr std::int64_t widest = 40;
+  std::int64_t most = 1;
+  for (const Bin& bin : bins) most = std::max(most, bin.count);
+  std::string lines;
+  for (const Bin& bin : bins) {
+    const auto width = static_cast<std::size_t>((widest * bin.count + most - 1) / most);
+    lines += fmt::format("{:>12g} to {:>6g} us {:>9}{}{}\n", bin.from_us, bin.to_us, bin.count,
+                         width > 0 ? "  " : "", std::string(width, '#'));
+  }
+  return lines;
 }
 
 std::vector<Finding> examine_punctuality() {

@@ -1,14 +1,22 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "bus/lcm_url.h"
+#include "session/statistics.h"
 
 /// Checks of this machine for `doctor`. They change nothing.
 namespace tachless::cli {
+
+/// A bin of a histogram of durations.
+struct Bin {
+  double from_us = 0, to_us = 0;
+  std::int64_t count = 0;
+};
 
 /// One line of `doctor`.
 struct Finding {
@@ -16,6 +24,7 @@ struct Finding {
   std::string what;                        ///< what was found
   std::optional<std::string> remedy = {};  ///< command that solves the problem; nothing: none
   bool warns = false;                      ///< the problem cannot be solved on this machine
+  std::vector<Bin> bins = {};              ///< histogram of durations; empty: none
 
   [[nodiscard]] bool ok() const { return !remedy.has_value(); }
 };
@@ -37,5 +46,12 @@ Finding judge_clock_source(const std::string& source);
 /// @param proc_stat the content of /proc/stat
 Finding judge_stolen_time(const std::string& proc_stat);
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory);
+
+/// Returns the bins 1, 2, 5, 10, … us from the first to the last duration, empty ones included. A
+/// bucket that is in two bins counts in the first one, so that an edge has the width of a bucket, a
+/// sixteenth.
+std::vector<Bin> bins_of(const std::vector<session::LatencyHistogram::Bucket>& buckets);
+/// Returns a line for each bin: its edges, its count, and a bar.
+std::string text(const std::vector<Bin>& bins);
 
 }  // namespace tachless::cli

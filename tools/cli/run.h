@@ -49,6 +49,9 @@ struct RunOptions {
   bool overwrite = false;    ///< replace the results of an earlier run in `out`
   bool quiet = false;
   bool verbose = false;
+  /// One of another verb's trials: unless `verbose`, no line of logger, controller and reference is
+  /// shown, no stop by the plant's guards and no late tick.
+  bool trial = false;
   bool json = false;
   bool watch = false;    ///< show the run in a browser while it lasts
   bool dry_run = false;  ///< `plant_program` sends nothing to its robot
@@ -57,6 +60,11 @@ struct RunOptions {
   [[nodiscard]] std::vector<std::string> all_overrides() const;
   /// Returns `line`, after "<robot>: " if there are several robots.
   [[nodiscard]] std::string named(std::string_view line) const;
+  /// Returns whether a trial's end with this code is left to the verb.
+  [[nodiscard]] bool leaves_to_verb(base::ExitCode code) const {
+    return trial && !verbose &&
+           (code == base::ExitCode::protective_stop || code == base::ExitCode::check_said_no);
+  }
 };
 
 /// Returns the measurement of the law that `options.law_program` replaces. The result is empty if

@@ -1,6 +1,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -177,7 +178,9 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
     options.grace +=
         plant::longest_stop + std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
   }
-  options.on_line = [&](std::string_view name, std::string_view line) {
+  const bool plant_alone = robot.options.trial && !robot.options.verbose;
+  options.on_line = [&, plant_alone](std::string_view name, std::string_view line) {
+    if (plant_alone && name != messages::name(messages::Role::plant)) return;
     screen.pass_on(robot.options.named(""), name, line);
   };
   options.begun = [&] { return robot.out->look(); };
@@ -253,8 +256,9 @@ std::vector<std::string> consequences(const Supervision& supervision, const Plan
       run.scenario.loop.mode != scenario::Mode::realtime) {
     return lines;
   }
-  for (const auto& [subject, what, remedy, warns] : examine_punctuality()) {
-    lines.push_back(fmt::format("{}: {}; type: {}", subject, what, *remedy));
+  for (const Finding& finding : examine_punctuality()) {
+    lines.push_back(
+        fmt::format("{}: {}; type: {}", finding.subject, finding.what, *finding.remedy));
   }
   return lines;
 }
@@ -310,6 +314,8 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   }
   // The key is read last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
+  // While the run lasts, `supervise` takes the signals. Later ones leave no file half written.
+  const std::atomic<bool>& interrupted = base::catch_interruptions();
   base::survive_broken_pipes();
   Screen screen(common.quiet);
   std::deque<OnTheBus> robots;
@@ -325,6 +331,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
+  if (interrupted) return ExitCode::interrupted;
   if (page) page->show();
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
@@ -340,7 +347,10 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     const std::string culprit = ends[i].because_of ? robots[*ends[i].because_of].options.robot : "";
     conclude(robots[i], ends[i], culprit, wall_s, conclusions);
   }
-  return conclusions.finish();
+  const ExitCode code = conclusions.finish();
+  if (!interrupted) return code;
+  base::log_info("interrupted when the run had ended; its results are whole");
+  return ExitCode::interrupted;
 }
 
 }  // namespace tachless::cli

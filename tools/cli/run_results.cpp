@@ -327,10 +327,10 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
     end.facts.fault = problem;
     end.code = ExitCode::check_said_no;
   }
-  if (end.facts.fault) {
-    base::log_error(options.named(*end.facts.fault));
+  if (!out.begun() || !options.leaves_to_verb(end.code)) {
+    if (end.facts.fault) base::log_error(options.named(*end.facts.fault));
+    for (const std::string& line : end.consequences) base::log_info(line);
   }
-  for (const std::string& line : end.consequences) base::log_info(line);
   report::RunSummary summary{
       recorded ? recorded->scenario : run.scenario, end.facts,
       recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints), end.statistics};

@@ -27,8 +27,9 @@ constexpr double fall_s = 0.06;
 /// Readings of a fall with which the form of the fall is compared. A drive may take its first
 /// torque two ticks late, and a fall of a few readings is then as if gravity were wrong.
 constexpr Eigen::Index least_readings = 8;
-/// Bounds of the deflection that ends a trial without feedback [counts], [rad; m].
-constexpr double least_fall_counts = 40, most_fall = 5e-4;
+/// Bounds of the deflection that ends a trial without feedback [counts], [rad; m]. A coarse encoder
+/// sees fewer counts: four falls leave room for the pulses.
+constexpr double least_fall_counts = 40, most_fall = 5e-4, most_coarse_fall = 2.5e-3;
 constexpr double least_pulse_counts = 25;
 /// A share of gravity's torque, and bounds of the motion over that of the fall. Without friction a
 /// right torque leaves 1 - share; friction leaves less. The bounds exclude a scale above 10, above
@@ -57,8 +58,9 @@ constexpr double first_pulse = 1e-3, asked_share = 0.2, most_pulse = 100;
 constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell the answer
 /// Trials of a joint's pulses, and trials with an unclear answer, before the joint is given up.
 constexpr int most_tries = 24, most_unclear = 4;
-/// Distance from where the arm began beyond which no joint is asked [rad; m].
-constexpr double most_strayed = 0.01;
+/// Distances from where the first pulse began, beyond which a joint, and any joint, is not asked
+/// [rad; m].
+constexpr double most_strayed = 0.01, most_sagged = 0.03;
 constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
 /// Explained share of a motion that is an answer, and the share of the work that has its sign.
 constexpr double answer_share = 0.5, work_share = 0.5;
@@ -107,7 +109,7 @@ class Procedure {
       const Vector t = (0.8 * runs_.speed().cwiseQuotient(a).array() - 2 * runs_.period_s()).max(0);
       reach = reach.cwiseMin(0.5 * a.cwiseProduct(t.cwiseAbs2()));
     }
-    return reach.cwiseMax(least_fall_counts * runs_.count());
+    return reach.cwiseMax((least_fall_counts * runs_.count()).cwiseMin(most_coarse_fall));
   }
 
   /// Lets the arm go for a moment. If it falls, finds signs and scale of the torque that holds it.
@@ -249,6 +251,7 @@ class Procedure {
     std::iota(order.begin(), order.end(), 0);
     std::ranges::sort(order, {}, [&](Eigen::Index i) { return -std::abs(pull[i]); });
     bool safe = true;
+    asked_from_ = runs_.position();
     for (const Eigen::Index i : order) {
       const auto j = static_cast<std::size_t>(i);
       if (!answers_[j]) ask(i);
@@ -278,9 +281,17 @@ class Procedure {
     Pulses pulses{i, motion, static_cast<int>(std::ceil(std::log2(most / nominal / first_pulse))),
                   1.2 * std::max(motion, seen)};
     pulses.count = std::max(pulses.count, 1);
+    if (!may_ask(i)) {
+      add_misfit(found_, "not asked",
+                 fmt::format("{} has not been asked for its answer: without brakes the arm has "
+                             "moved {:.2g} since the first pulse; bring it back to where the "
+                             "scenario begins, and type commission again",
+                             joint.name, (runs_.position() - asked_from_).cwiseAbs().maxCoeff()));
+      return;
+    }
     double unexpected = 0;
-    for (int tries = 0, unclear = 0;
-         tries < most_tries && unclear < most_unclear && runs_.strayed() < most_strayed; ++tries) {
+    for (int tries = 0, unclear = 0; tries < most_tries && unclear < most_unclear && may_ask(i);
+         ++tries) {
       report_(fmt::format("{}: pulses up to {:.3g} {}", joint.name, most, joint.unit));
       const Trial trial = runs_.pulses(law, pulses);
       const double ticks = ArmRuns::pulse_s / runs_.period_s();
@@ -324,8 +335,15 @@ class Procedure {
                                            "friction above that? its torque's unit?",
                                            joint.name, answer_counts, most, joint.unit)
                              : fmt::format("{} moves, but not by its torque; see what else moves "
-                                           "it: gravity, another joint, a drive that holds it",
+                                           "it: gravity, another joint, a drive that holds it, "
+                                           "coarse steps of its torque",
                                            joint.name));
+  }
+
+  /// Returns whether the arm is near enough to where the first pulse began.
+  [[nodiscard]] bool may_ask(Eigen::Index i) const {
+    const Vector strayed = (runs_.position() - asked_from_).cwiseAbs();
+    return strayed[i] < most_strayed && strayed.maxCoeff() < most_sagged;
   }
 
   void name_spring(const Commissioned::Joint& joint, double hz) {
@@ -484,6 +502,7 @@ class Procedure {
   ArmHypotheses arm_;  ///< with the scenario's signs
   Trial free_;         ///< the moment without torque
   Fall fall_;
+  Vector asked_from_;           ///< position before the first pulse
   Vector scale_;                ///< of the torque, by the last share of gravity's; NaN: not seen
   std::vector<Vector> scales_;  ///< the same for signs that did not hold the arm
   bool springs_ = false;        ///< a joint's pulses show a spring

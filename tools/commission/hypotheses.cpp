@@ -235,6 +235,31 @@ VectorXd parabola(Eigen::Index ticks, int onset, double h) {
   return ((t.array() - onset).cwiseMax(0) * h).square() / 2;
 }
 
+/// Returns the expected sum of squares of the rounding of positions to counts.
+double rounding_of(const VectorXd& counts, Eigen::Index ticks) {
+  return static_cast<double>(ticks) * counts.squaredNorm() / 12;
+}
+
+/// Returns whether a motion `x` along `a` has about this acceleration. A coarse encoder leaves the
+/// onset open: each one is allowed that explains the motion as well as the best one does, up to
+/// `rounding`.
+bool is_as_fast(const MatrixXd& x, const VectorXd& a, double rounding, double h) {
+  const VectorXd along = x * a / a.squaredNorm();
+  std::array<double, longest_delay> left{}, as_fast{};
+  for (std::size_t delay = 0; delay < left.size(); ++delay) {
+    const VectorXd f = parabola(x.rows(), static_cast<int>(delay), h);
+    as_fast[delay] = f.dot(along) / std::max(1e-300, f.squaredNorm());
+    left[delay] = (x - as_fast[delay] * f * a.transpose()).squaredNorm();
+  }
+  const double least = *std::ranges::min_element(left);
+  for (std::size_t delay = 0; delay < left.size(); ++delay) {
+    if (left[delay] <= least + rounding && as_fast[delay] > slowest_fall &&
+        as_fast[delay] < fastest_fall)
+      return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 ArmHypotheses::ArmHypotheses(const scenario::Scenario& scenario)
@@ -353,10 +378,9 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, const Vector& coun
                                 answer_counts * count.cwiseProduct(weight).array())
                                    .any();
   result.moved = seen && (stopped || moved > moved_share * expected);
-  const double as_fast = weight.cwiseProduct(result.acceleration).norm() /
-                         std::max(1e-300, weight.cwiseProduct(arm.fall(result.signs)).norm());
-  if (result.moved && result.explained > explained_by_fall && as_fast > slowest_fall &&
-      as_fast < fastest_fall) {
+  if (result.moved && result.explained > explained_by_fall &&
+      is_as_fast(x, weight.cwiseProduct(arm.fall(result.signs)),
+                 rounding_of(count.cwiseProduct(weight), ticks), h)) {
     result.falls = true;
   }
   const bool visible = least[ticks - 1] * stated.cwiseAbs().maxCoeff() > smallest_fall;

@@ -32,7 +32,7 @@ void judge_delay(const Scenario& scenario, int whole, Commissioned& found) {
   const double middle = delays[delays.size() / 2];
   found.delay_spread = delays.back() - delays.front();
   if (std::abs(middle - whole) < 0.3 && found.delay_spread < 0.8) {
-    found.delay = whole + std::max(1, scenario.loop.command_delay);
+    found.delay = whole + scenario.loop.command_delay;
   }
 }
 
@@ -145,7 +145,7 @@ void compare_gravity(const Scenario& scenario, Commissioned& found) {
 
 void compare_delay(const Scenario& scenario, Commissioned& found) {
   if (!found.delay) return;
-  const int latency = *found.delay - std::max(1, scenario.loop.command_delay);
+  const int latency = *found.delay - scenario.loop.command_delay;
   if (latency == scenario.plant.encoder.latency_ticks) return;
   add_misfit(found, "plant.encoder.latency_ticks",
              fmt::format("{}, but a torque acts {} ticks after its reading; write "

@@ -105,7 +105,8 @@ Trial ArmRuns::run(const SoftLaw& law, const std::string& reference, const Vecto
        fmt::format("plant.speed_limit_rad_per_s={}", list(speed_)),
        fmt::format("loop.max_missed={}", scenario_.loop.max_missed),
        fmt::format("loop.max_missed_share={:.6g}",
-                   std::min(1.0, std::max(scenario_.loop.max_missed_share, 3 / ticks))),
+                   std::min(1.0, std::max({scenario_.loop.max_missed_share, most_missed_share,
+                                           3 / ticks}))),
        "plant.initial.torque=hold",
        fmt::format("controller={{law: loria_ortega_rigid, filter: tustin, gains: {{kp: {}, kd: "
                    "{}, a: {}, b: {}}}}}",

@@ -21,8 +21,9 @@ inline std::string list(const Vector& values) {
   return fmt::format("[{}]", fmt::join(values, ", "));
 }
 
-inline constexpr int longest_delay = 6;      ///< [ticks] beyond the loop's own
-inline constexpr double answer_counts = 10;  ///< least motion that is an answer [counts]
+inline constexpr double most_missed_share = 0.05;  ///< of the ticks of a trial that tells anything
+inline constexpr int longest_delay = 6;            ///< [ticks] beyond the loop's own
+inline constexpr double answer_counts = 10;        ///< least motion that is an answer [counts]
 /// Largest deflection of the references, and of a joint from its reference [rad; m].
 inline constexpr double reach = 0.016, farthest = 0.02;
 /// Deflection of a joint that ends the pulses of another one [rad; m].
@@ -60,8 +61,7 @@ class ArmRuns {
   [[nodiscard]] const Vector& count() const { return count_; }  ///< of an encoder [rad; m]
   [[nodiscard]] const Vector& turned_by() const { return turned_by_; }  ///< signs found so far
 
-  /// Returns the largest distance of a joint from where the arm began [rad; m].
-  [[nodiscard]] double strayed() const { return (last_ - began()).cwiseAbs().maxCoeff(); }
+  [[nodiscard]] const Vector& position() const { return last_; }  ///< of the arm [rad; m]
 
   /// Turns the joints with a negative entry against the scenario.
   void turn(const Vector& signs);

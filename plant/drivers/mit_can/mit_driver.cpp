@@ -34,6 +34,14 @@ Failure stopped(fmt::format_string<Args...> text, Args&&... args) {
           std::string_view(fmt::format(text, std::forward<Args>(args)...))};
 }
 
+/// Returns the arm's model with the gravity that its brake carries.
+robot::Model braked_model(const scenario::Scenario& scenario, double gravity_m_per_s2) {
+  robot::Model model = plant::plant_model(scenario);
+  const double stated = model.gravity.norm();
+  if (stated > 0) model.gravity *= gravity_m_per_s2 / stated;
+  return model;
+}
+
 }  // namespace
 
 std::optional<base::Refusal> MotorSettings::refusal() const {
@@ -65,7 +73,7 @@ MitDriver::MitDriver(const scenario::Scenario& scenario)
     : scenario_(scenario),
       settings_(scenario::driver_settings<Settings>(scenario)),
       drive_loop_(scenario::drive_loop(scenario)),
-      model_(plant::plant_model(scenario)),
+      model_(braked_model(scenario, settings_.brake_gravity_m_per_s2)),
       bus_(settings_.bus, settings_.fd),
       wait_(base::nanoseconds_of(settings_.answer_wait_s > 0 ? settings_.answer_wait_s
                                                              : 0.1 * scenario.loop.period_s)) {

@@ -53,6 +53,7 @@ struct Settings {
   double watchdog_s = 0.1;
   double answer_wait_s = 0;  ///< 0: a tenth of the period
   Vector brake_kp_Nm_per_rad, brake_kd_Nms_per_rad;
+  double brake_gravity_m_per_s2 = 9.81;
 
   static constexpr std::tuple keys{
       base::Key{"bus", &Settings::bus, "",
@@ -74,7 +75,12 @@ struct Settings {
       base::Key{"brake_kd_Nms_per_rad", &Settings::brake_kd_Nms_per_rad, "N m s/rad",
                 "Damping of the same"}
           .in(base::not_negative)
-          .by_default(1)};
+          .by_default(1),
+      base::Key{"brake_gravity_m_per_s2", &Settings::brake_gravity_m_per_s2, "m/s2",
+                "Gravity that the brake carries in every run, in the direction of the scenario's; "
+                "the trials of commission state a share of gravity"}
+          .in(base::not_negative)
+          .by_default()};
 };
 
 /// An arm whose drives have the MIT mode, on one CAN bus. Commands are torques alone (kp = kd = 0),

@@ -128,7 +128,6 @@ EmulatedController::EmulatedController(const scenario::Scenario& scenario, Troub
       model_(plant::plant_model(scenario)),
       q_(plant::initial_state(scenario.plant, scenario.robot.flexible, model_).q),
       v_(Vector::Zero(q_.size())),
-      next_(v_),
       acting_(v_),
       primary_listener_(listener(30001)),
       rtde_listener_(listener(30004)) {
@@ -260,8 +259,8 @@ void EmulatedController::take_torques() {
     if (!torque_mode_) continue;
     timeout_s_ = 1e-3 * number(torque_in_, 0);
     heard_s_ = static_cast<double>(tick_) * tick_s;
-    for (Eigen::Index i = 0; i < next_.size(); ++i) {
-      next_[i] = 1e-6 * number(torque_in_, static_cast<std::size_t>(i + 1));
+    for (Eigen::Index i = 0; i < acting_.size(); ++i) {
+      acting_[i] = 1e-6 * number(torque_in_, static_cast<std::size_t>(i + 1));
     }
     ++torques;
     if (torques == trouble_.protective_stop_at) safety_ = 3;
@@ -292,7 +291,6 @@ void EmulatedController::move() {
     }
     q_ += step_s * v_;
   }
-  acting_ = next_;
 }
 
 }  // namespace tachless::ur

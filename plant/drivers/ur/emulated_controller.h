@@ -27,7 +27,8 @@ struct Trouble {
 /// (port 30004), the configuration of the primary interface (30001), and the sides of the arm's
 /// program in the connections for torques, trajectories and script commands (50001, 50003, 50004).
 /// The arm is the scenario's without gravity, which it adds, at 500 Hz. Its program brakes the arm
-/// when no torque has come within the time-out that the last one named. The program starts when the
+/// when no torque has come within the time-out that the last one named. A torque that answers a
+/// state acts from the arm's next step on. The program starts when the
 /// primary interface has got a script. The script itself is not run.
 class EmulatedController {
  public:
@@ -55,7 +56,7 @@ class EmulatedController {
 
   Trouble trouble_;
   robot::Model model_;
-  Vector q_, v_, next_, acting_;
+  Vector q_, v_, acting_;
   base::FileDescriptor primary_listener_, rtde_listener_;
   base::FileDescriptor primary_, rtde_, torque_, trajectory_, script_;
   std::string primary_in_, rtde_in_, torque_in_, script_in_;

@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "base/this_process.h"
 #include "bus/udp_transport.h"
@@ -39,6 +41,22 @@ TEST(CheckUp, WarnsOfMessagesThatStayOnThisHostAndOfSuchThatGoTooFar) {
   EXPECT_THAT(stuck.what, HasSubstr("nothing leaves this host"));
   EXPECT_THAT(*stuck.remedy, HasSubstr("ip route replace 224.0.0.0/4"));
   EXPECT_THAT(*judge_ttl(url("3"), "eth0").remedy, HasSubstr("ttl=1"));
+}
+
+TEST(CheckUp, CountsDurationsInBins) {
+  const std::vector<Bin> bins = bins_of({{81.92, 7}, {98.3, 2}, {110.0, 40}, {614.4, 1}});
+  ASSERT_EQ(bins.size(), 4U);
+  const std::vector<double> edges = {50, 100, 200, 500, 1000};
+  const std::vector<std::int64_t> counts = {9, 40, 0, 1};
+  for (std::size_t i = 0; i < bins.size(); ++i) {
+    EXPECT_EQ(bins[i].from_us, edges[i]);
+    EXPECT_EQ(bins[i].to_us, edges[i + 1]);
+    EXPECT_EQ(bins[i].count, counts[i]);
+  }
+  EXPECT_THAT(text(bins), HasSubstr("50 to    100 us         9  #########\n"));
+  EXPECT_THAT(text(bins), HasSubstr("200 to    500 us         0\n"));
+  EXPECT_EQ(bins_of({{0.5, 3}}).front().from_us, 0);
+  EXPECT_TRUE(bins_of({}).empty());
 }
 
 TEST(CheckUp, WarnsOfSlowClocks) {

@@ -66,7 +66,7 @@ void Tally::judge(const Hidden& arm, const Commissioned& found, const std::strin
   judge(what + "adds friction", found.adds_friction,
         moves && found.adds_friction == (compensates.friction == 1));
   judge(what + "delay", found.delay,
-        moves && found.delay == std::max(1, arm.truth.loop.command_delay) + arm.more.torque_delay +
+        moves && found.delay == arm.truth.loop.command_delay + arm.more.torque_delay +
                                     arm.truth.plant.encoder.latency_ticks);
   std::optional<int> unsent;
   if (found.unsent) unsent = static_cast<int>(*found.unsent);
@@ -230,11 +230,30 @@ TEST(Commission, DeterminesTheShippedArmsWhereTheyBegin) {
     const Commissioned found = commission(claimed, trials_on(arm), [](std::string_view) {});
     EXPECT_THAT(found.misfits, testing::IsEmpty()) << name << text(found, name);
     EXPECT_EQ(found.adds_gravity, claimed.robot.compensates.gravity) << name;
-    EXPECT_EQ(found.delay,
-              std::max(1, claimed.loop.command_delay) + claimed.plant.encoder.latency_ticks)
+    EXPECT_EQ(found.delay, claimed.loop.command_delay + claimed.plant.encoder.latency_ticks)
         << name;
     for (const Commissioned::Joint& joint : found.joints) {
       EXPECT_TRUE(joint.scale && std::abs(*joint.scale - 1) < 0.05) << name << joint.name;
+    }
+  }
+}
+
+/// A count of 14 bits is 0.38 mrad: a fall of 40 counts would leave no room for the pulses.
+TEST(Commission, DeterminesAnArmWithCoarseEncodersAtAFastAndASlowRate) {
+  for (const char* period : {"0.001", "0.0025"}) {
+    const scenario::Scenario claimed =
+        scenario::load_scenario(TACHLESS_SOURCE_DIR "/examples/mit_can/arm.yaml",
+                                {std::string("loop.period_s=") + period, "controller.gains.b=300"});
+    EmulatedArm arm(claimed);
+    const Commissioned found = commission(claimed, trials_on(arm), [](std::string_view) {});
+    EXPECT_THAT(found.misfits, testing::IsEmpty()) << text(found, period);
+    EXPECT_EQ(found.adds_gravity, false);
+    EXPECT_EQ(found.delay, 2) << "command_delay and latency_ticks";
+    EXPECT_EQ(found.unsent, Unsent::held);
+    for (const Commissioned::Joint& joint : found.joints) {
+      EXPECT_EQ(joint.turns, false) << period << joint.name;
+      // Measured 1.007 at worst; a scale is open where the counts are as large as the motion.
+      EXPECT_NEAR(joint.scale.value_or(1), 1, 0.03) << period << joint.name;
     }
   }
 }

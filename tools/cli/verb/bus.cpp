@@ -16,6 +16,7 @@
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "base/child.h"
 #include "base/clock.h"
@@ -35,6 +36,7 @@
 #include "live/page_process.h"
 #include "live/watch.h"
 #include "session/options.h"
+#include "session/statistics.h"
 
 namespace tachless::cli {
 namespace {
@@ -87,6 +89,19 @@ Finding judge_readings(const Json& summary, const certify::Prediction& loop,
   return {"readings", what, bears ? std::nullopt : std::optional(command)};
 }
 
+/// Returns the histogram of the times from readings to the torques that answer them.
+Finding answers(const Json& summary) {
+  std::vector<session::LatencyHistogram::Bucket> buckets;
+  std::int64_t count = 0;
+  for (const Json& each : summary.at("command_age_us").at("histogram")) {  // null: no command came
+    buckets.push_back({each.at(0).get<double>(), each.at(1).get<std::int64_t>()});
+    count += buckets.back().count;
+  }
+  Finding finding{"answers", fmt::format("{} torques, from a reading to its answer", count)};
+  finding.bins = bins_of(buckets);
+  return finding;
+}
+
 struct Doctor {
   std::string lcm_url = session::default_lcm_url;
   fs::path scenario;
@@ -123,18 +138,23 @@ struct Doctor {
     std::vector<Finding> findings = examine(lcm_url, ".");
     if (!scenario.empty()) examine_run(findings);
     Json list = Json::array();
-    for (const auto& [subject, what, remedy, warns] : findings) {
+    for (const auto& [subject, what, remedy, warns, bins] : findings) {
       list.push_back({{"subject", subject},
                       {"ok", !remedy},
                       {"warns", warns},
                       {"what", what},
                       {"remedy", remedy ? Json(*remedy) : Json()}});
+      for (const Bin& bin : bins) {
+        list.back()["histogram"].push_back(
+            {{"from_us", bin.from_us}, {"to_us", bin.to_us}, {"count", bin.count}});
+      }
       if (json) continue;
       std::cout << fmt::format("{:<5} {:<20}{}\n",
                                remedy  ? "fail"
                                : warns ? "warn"
                                        : "ok",
-                               subject, what);
+                               subject, what)
+                << text(bins);
       if (remedy) std::cout << "      type: " << *remedy << "\n";
     }
     if (json) std::cout << base::json_text(list, 2) << "\n";
@@ -183,6 +203,7 @@ struct Doctor {
     const Json summary =
         Json::parse(base::file_text(options.out / "summary.json").value_or("null"));
     findings.push_back(judge_timing(summary, loop, file));
+    findings.push_back(answers(summary));
     if (!plant.empty()) findings.push_back(judge_readings(summary, loop, command));
   }
 };

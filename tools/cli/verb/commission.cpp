@@ -3,6 +3,7 @@
 #include "commission/commission.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "cli/run.h"
 #include "cli/verb.h"
 #include "commission/emulated_arm.h"
+#include "commission/trials.h"
 #include "identify/recording.h"
 #include "session/options.h"
 
@@ -26,16 +28,21 @@ namespace fs = std::filesystem;
 using base::ExitCode;
 
 constexpr int most_repeats = 3;
+/// Longest time without a reading, or two ticks: the motion in it is not known.
+constexpr double longest_gap_s = 5e-3;
 
 /// Returns what a run on the bus recorded, up to its end or the protective stop. Returns nothing if
-/// more than two ticks in a row are missing, or more than one in twenty: in so short a time the
-/// motion between readings is not known. A drive on a CAN bus answers the first command a tick
-/// late.
-std::optional<commission::Trial> read_trial(const fs::path& log) {
+/// too many ticks are missing, in a row or in all. A drive on a CAN bus answers the first command a
+/// tick late.
+std::optional<commission::Trial> read_trial(const fs::path& log, double period_s) {
   logger::RunLog run = logger::RunLog::open(log);
   const identify::Ticks ticks = identify::read_ticks(run, true);
   identify::FilledTicks filled = identify::fill(ticks);
-  if (filled.longest > 2 || 20 * filled.missing > filled.q.rows()) return {};
+  const double longest = std::max(2.0, longest_gap_s / period_s);
+  if (static_cast<double>(filled.longest) > longest * (1 + 1e-9) ||
+      static_cast<double>(filled.missing) >
+          commission::most_missed_share * static_cast<double>(filled.q.rows()))
+    return {};
   commission::Trial trial{std::move(filled.q), std::move(filled.tau)};
   trial.missed = ticks.missed + filled.missing;
   const logger::RunSummary& summary = run.summary();
@@ -63,6 +70,9 @@ struct Commission {
     session::add_key_file(command, options.key_file);
     add_json(command, options.json);
     add_quiet(command, options.quiet);
+    command
+        .add_flag("-v,--verbose", options.verbose, "Shows what the programs of each trial print")
+        ->needs(driver);
   }
 
   [[nodiscard]] ExitCode run() const {
@@ -91,7 +101,8 @@ struct Commission {
 
  private:
   /// @return nothing if ticks were late or are missing, so that the run is to be repeated
-  static std::optional<commission::Trial> run_once(const RunOptions& next, int number) {
+  static std::optional<commission::Trial> run_once(const RunOptions& next, int number,
+                                                   double period_s) {
     const ExitCode code = cli::run(next, {next.scenario});
     const fs::path log = next.out / "lcmlog";
     if (code == ExitCode::check_said_no) return {};
@@ -99,7 +110,7 @@ struct Commission {
       throw base::Failure(code, "{}: commissioning ended with run {}: see the line above",
                           next.scenario.string(), number);
     }
-    auto trial = read_trial(log);
+    auto trial = read_trial(log, period_s);
     if (!trial || trial->stopped.find("loop.max_missed") != std::string::npos) return {};
     const auto text = base::file_text(next.out / "summary.json").value_or("{}");
     trial->arm_is_clock =
@@ -112,15 +123,16 @@ struct Commission {
     RunOptions of = options;
     if (of.out.empty()) of.out = fs::path("out") / (scenario.name + "-commission");
     of.mode = "realtime";
-    of.quiet = of.force = of.any_outcome = of.overwrite = true;
+    of.quiet = of.force = of.any_outcome = of.overwrite = of.trial = true;
     of.json = false;
-    return [of, number = 0](const scenario::Scenario& /*changed*/,
-                            const std::vector<std::string>& changes) mutable {
+    return [of, number = 0, period_s = scenario.loop.period_s](
+               const scenario::Scenario& /*changed*/,
+               const std::vector<std::string>& changes) mutable {
       RunOptions next = of;
       next.out /= std::to_string(++number);
       next.overrides.insert(next.overrides.end(), changes.begin(), changes.end());
       for (int repeated = 0;; ++repeated) {
-        auto trial = run_once(next, number);
+        auto trial = run_once(next, number, period_s);
         if (!trial && repeated < most_repeats) continue;
         if (!trial) {
           throw base::Failure(ExitCode::check_said_no,
