@@ -131,7 +131,7 @@ FeedforwardBound feedforward_bound(const scenario::Scenario& scenario) {
   for (const VectorXd& each : most) largest = largest.cwiseMax(each);
   FeedforwardBound bound{largest / grid.share, true};
   if (const controller::FrictionSpec& friction = scenario.controller.friction; friction.given()) {
-    bound.torque += friction.viscous.cwiseProduct(Vector(all.v)) + friction.coulomb;
+    bound.torque += friction.viscous.cwiseProduct(Vector(all.v)) + friction.largest_dry();
   }
   return bound;
 }

@@ -184,6 +184,7 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
 struct Instant {
   const Vector &q, &v, &a;
   const Vector& own;                   ///< torque of the robot with all unknowns zero
+  const Vector& gravity;               ///< of that robot; zero if no friction grows with it
   const Eigen::RowVectorXd& per_tick;  ///< change of the torque in a tick
 };
 
@@ -207,6 +208,12 @@ void set_columns(const Recording& recording, const Parameters& parameters, const
         break;
       case Kind::coulomb:
         column(k, entry.joint) = sign(at.v[entry.joint]);
+        break;
+      case Kind::rise:
+        column(k, entry.joint) = robot::friction_rise(at.v[entry.joint], 1, entry.velocity);
+        break;
+      case Kind::load_friction:
+        column(k, entry.joint) = sign(at.v[entry.joint]) * std::abs(at.gravity[entry.joint]);
         break;
       case Kind::payload:
         column.row(k) = (torque(models.loaded) - at.own).transpose();
@@ -273,6 +280,9 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const Eigen::Index delay = parameters.first(Kind::delay);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
   MatrixXd speed = MatrixXd::Zero(ticks, n);
+  const plant::DriveSpec& drive = models.drive;
+  const bool loaded = parameters.first(Kind::load_friction) >= 0 || !drive.load_friction.isZero(0);
+  const bool more_friction = loaded || !drive.friction_rise_Nm.isZero(0);
   // Ticks of delay that the torques have already.
   const int had = recording.controlled ? recording.scenario.loop.command_delay : recording.moved;
   for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
@@ -281,14 +291,21 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     const Vector a = (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h);
     const Vector own = robot::inverse_dynamics<double>(models.bare, at, v, a);
     Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
-    for (Eigen::Index j = 0; j < n; ++j)
+    const Vector gravity = loaded ? robot::gravity_torque(models.bare, at) : Vector(0 * at);
+    for (Eigen::Index j = 0; j < n; ++j) {
       friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
+      if (!more_friction) continue;
+      const robot::JointFriction law = models.drive.friction_of(j);
+      friction[j] += law.load * std::abs(gravity[j]) * sign(v[j]) +
+                     robot::friction_rise(v[j], law.rise, law.rise_velocity);
+    }
     left.row(k) -= (own + friction).transpose();
     // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
     const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
     if (delay >= 0) left.row(k) += had * per_tick;
     speed.row(k) = v.transpose();
-    if (p > 0) set_columns(recording, parameters, models, {at, v, a, own, per_tick}, k, columns);
+    if (p > 0)
+      set_columns(recording, parameters, models, {at, v, a, own, gravity, per_tick}, k, columns);
   }
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);

@@ -151,9 +151,20 @@ TableAnswer table_answer(const std::vector<Regression>& regressions, const Param
                          const robot::Model& model) {
   TableAnswer result{least_squares(regressions, parameters, model), {}};
   result.misfits = torque_misfits(regressions, parameters, result.values);
-  if (std::ranges::none_of(result.misfits, is_misfit)) return result;
+  std::vector<bool> rises(result.misfits.size(), false);
+  bool determined = true;
+  for (Index i = 0; i < parameters.size(); ++i) {
+    const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    if (entry.kind != Kind::rise) continue;
+    rises[static_cast<std::size_t>(entry.joint)] = true;
+    determined = determined && result.half_width[i] < std::abs(result.values[i]);
+  }
+  if (determined && std::ranges::none_of(result.misfits, is_misfit)) return result;
+  // Fast rows may not tell a rise from Coulomb friction.
+  const bool some = std::ranges::any_of(rises, [](bool each) { return each; });
+  const VectorXd fast =
+      some ? least_squares(regressions, parameters, model, rises).values : result.values;
   const std::vector<bool> with_slow(result.misfits.size(), true);
-  const VectorXd fast = result.values;
   static_cast<LeastSquares&>(result) = least_squares(regressions, parameters, model, with_slow);
   result.half_width += (result.values - fast).cwiseAbs();
   return result;

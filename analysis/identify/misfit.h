@@ -44,7 +44,8 @@ struct TableAnswer : LeastSquares {
 
 /// Identifies from torques alone. Rows that are not slow give the answer. If a test finds a misfit
 /// at any joint, the friction of the arm differs from the model. Slow rows then count too, and the
-/// intervals are wider by the difference between both answers.
+/// intervals are wider by the difference between both answers. Slow rows of a joint with a rise are
+/// in both then.
 TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model);
 

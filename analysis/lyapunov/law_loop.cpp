@@ -22,6 +22,7 @@
 #include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
+#include "scenario/largest_friction.h"
 
 namespace tachless::lyapunov {
 namespace {
@@ -363,13 +364,16 @@ FrictionTorques friction_torques(const scenario::Scenario& scenario, const Vecto
   const auto& drive = scenario.plant.drive;
   const auto& forward = scenario.controller.friction;
   const VectorXd Fc = drive.coulomb_friction_Nm;
-  const VectorXd Fs = drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm);
+  const VectorXd Fs = scenario::largest_friction(scenario);
   const VectorXd zero = VectorXd::Zero(Fc.size());
-  if (v_ref.isZero(0)) return {zero, Fs};  // v = edot, and friction takes energy
+  const auto rise = [&](const Vector& of) { return of.size() > 0 ? VectorXd(of) : zero; };
+  // v = edot, and friction takes energy
+  if (v_ref.isZero(0)) return {zero, Fs + rise(drive.friction_rise_Nm).cwiseMax(0)};
   const VectorXd Ff = forward.given() ? VectorXd(forward.coulomb) : zero;
   const VectorXd D = forward.given() ? VectorXd(forward.viscous) : zero;
   const VectorXd missing = VectorXd(drive.viscous_friction_Nms_per_rad) - D;
   FrictionTorques result{missing.cwiseAbs().cwiseProduct(v_ref), zero};
+  result.on_y += rise(drive.friction_rise_Nm).cwiseAbs() + rise(forward.rise).cwiseAbs();
   if (Ff.isZero(0)) {
     result.on_y += Fs;
   } else {

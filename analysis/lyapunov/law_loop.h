@@ -82,7 +82,8 @@ struct VelocityBound {
 VelocityBound velocity_bound(const scenario::Scenario& scenario);
 
 /// Bounds of a rigid robot's friction torques, which Mm does not contain. Let f = Fc Sgn(v) + r,
-/// |r| <= Fs - Fc, less Ff tanh(v_ref / s) fed forward, and y = edot + delta. Then Vdot <= -x' Mm x
+/// |r| <= Fs - Fc, with Fs that of `scenario::largest_friction` and |rise| added to r, less Ff
+/// tanh(v_ref / s) fed forward, and y = edot + delta. Then Vdot <= -x' Mm x
 /// + |y|' on_y + |delta|' on_delta + power. The term -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most
 /// 0.2785 Fc s.
 struct FrictionTorques {
