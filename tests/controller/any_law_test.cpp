@@ -12,6 +12,7 @@
 
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/registry.h"
+#include "robot/dynamics.h"
 
 namespace tachless::controller {
 namespace {
@@ -143,6 +144,34 @@ TEST(AnyLaw, FeedsFrictionForwardFromTheReference) {
   // These are differences of torques of some 300 N m.
   EXPECT_NEAR(tau[0], 3 * 0.25, 1e-12);
   EXPECT_NEAR(tau[1], 2 * std::tanh(-1.0), 1e-12);
+}
+
+/// The friction that grows with gravity's torque is taken at the reference's posture.
+TEST(AnyLaw, FeedsForwardFrictionThatRisesAndThatGrowsWithTheLoad) {
+  for (const char* law : {"loria_ortega_rigid", "loria_ortega_integral", "loria_ortega_bounded"}) {
+    scenario::Scenario s = scenario(
+        {std::string("controller.law=") + law,
+         law == std::string("loria_ortega_bounded")
+             ? "controller.gains={kp: 100, kd: 20, a: 300, b: 300}"
+             : "controller.gains={kp: 100, kd: 20, a: 300, b: 300, ki: 1, eps_1: 1, eps_2: 0.1}",
+         "controller.friction={coulomb: [2, 1], rise: [3, -1], rise_velocity: 0.5, load: [0.1, 0], "
+         "smoothing: 0.2}"});
+    ScenarioLaw with = scenario_law(s);
+    s.controller.friction = {};
+    ScenarioLaw without = scenario_law(s);
+    messages::ReferencePoint reference = at_zero();
+    reference.q_ref << 0.3, -0.2;
+    reference.v_ref << 0.25, -0.5;
+    const Vector tau = with->step(0, ramp(0), reference).command.tau -
+                       without->step(0, ramp(0), reference).command.tau;
+    const Vector g = robot::gravity_torque(rigid_model(s), reference.q_ref);
+    ASSERT_GT(std::abs(g[0]), 50);
+    EXPECT_NEAR(tau[0],
+                (2 + 0.1 * std::abs(g[0])) * std::tanh(0.25 / 0.2) + 3 * std::tanh(0.25 / 0.5),
+                1e-11)
+        << law;
+    EXPECT_NEAR(tau[1], std::tanh(-0.5 / 0.2) - std::tanh(-0.5 / 0.5), 1e-11) << law;
+  }
 }
 
 TEST(AnyLaw, RefusesToGoBack) {
