@@ -81,7 +81,7 @@ bool has_terms(const Identified& found) {
 
 TEST(FrictionTerms, AreNeverChosenOnArmsWithoutThem) {
   std::mt19937 random(7);
-  for (int arm = 0; arm < 20; ++arm) {
+  for (int arm = 0; arm < 40; ++arm) {
     const Identified found = identify({table_of(drawn(random), arm % 2 == 0 ? 0.01 : 0)},
                                       friction_and_rotors, {}, ignore);
     EXPECT_FALSE(has_terms(found)) << arm << "\n" << identify::text(found, "arm");
@@ -111,6 +111,27 @@ TEST(FrictionTerms, ARiseIsFoundWithItsValues) {
   }
 }
 
+/// Gears that give way let friction turn round over a speed below a tenth of the largest. It
+/// differs from Coulomb friction at reversals alone.
+TEST(FrictionTerms, FrictionThatTurnsRoundSlowlyIsFound) {
+  std::mt19937 random(10);
+  for (int arm = 0; arm < 4; ++arm) {
+    HiddenFriction hidden = drawn(random);
+    hidden.coulomb[0] = 0;
+    hidden.rise[0] = 6;
+    hidden.velocity[0] = 0.06 + 0.02 * arm;
+    const Identified found = identify({table_of(hidden, 0.002)}, friction_and_rotors, {}, ignore);
+    const std::string said = identify::text(found, "arm");
+    const Identified::Parameter* rise = find(found, "rise shoulder");
+    ASSERT_NE(rise, nullptr) << arm << "\n" << said;
+    const double whole = rise->value + find(found, "coulomb shoulder")->value;
+    EXPECT_NEAR(whole, 6, 0.05 * 6) << said;
+    EXPECT_GT(rise->value, 0.8 * 6) << said;
+    EXPECT_NEAR(rise->entry.velocity, hidden.velocity[0], 0.25 * hidden.velocity[0]) << said;
+    EXPECT_EQ(find(found, "rise elbow"), nullptr) << said;
+  }
+}
+
 TEST(FrictionTerms, FrictionOfTheLoadIsFoundWithItsValue) {
   std::mt19937 random(9);
   for (int arm = 0; arm < 4; ++arm) {
@@ -128,6 +149,7 @@ TEST(FrictionTerms, FrictionOfTheLoadIsFoundWithItsValue) {
     EXPECT_EQ(find(found, "rise shoulder"), nullptr) << said;
     EXPECT_FALSE(found.checks[0].misfit.found) << said;
     EXPECT_THAT(found.overrides, testing::Contains(HasSubstr("plant.drive.load_friction=[")));
+    EXPECT_THAT(found.overrides, testing::Contains(HasSubstr("controller.friction.load=[")));
   }
 }
 

@@ -87,6 +87,7 @@ TEST(Tables, IntervalsHold) {
       for (const Identified::Check& each : found.checks) {
         EXPECT_FALSE(each.misfit.found) << each.joint;
       }
+      EXPECT_EQ(std::ssize(found.parameters), 7) << "no further term of friction";
     }
     EXPECT_GE(held, 53) << bits << (made == commands_of ? " bits, commands" : " bits");
   }
