@@ -251,7 +251,8 @@ std::vector<FrictionTerm> kept_terms(const std::vector<FrictionTerm>& terms,
     const double value = found.values[i];
     if (!(found.half_width[i] < std::abs(value))) continue;
     if (terms[t].kind == Kind::rise && found.values[coulomb + terms[t].joint] + value < 0) continue;
-    if (terms[t].kind == Kind::load_friction && value > 1) continue;
+    const bool possible = value <= 1 && found.values[coulomb + terms[t].joint] > 0;
+    if (terms[t].kind == Kind::load_friction && !possible) continue;
     result.push_back(terms[t]);
   }
   return result;
