@@ -54,7 +54,8 @@ constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
 }
 
 /// Friction that a law feeds forward from the reference: D v_ref + (Fc + c |g(q_ref)|)
-/// tanh(v_ref / smoothing) + Fr tanh(v_ref / rise_velocity). The vectors are empty if none is given.
+/// tanh(v_ref / smoothing) + Fr tanh(v_ref / rise_velocity). The vectors are empty if none is
+/// given.
 struct FrictionSpec {
   Vector viscous;                  ///< D [N m s/rad]
   Vector coulomb;                  ///< Fc [N m; N]
@@ -106,9 +107,10 @@ struct FrictionSpec {
                 "Reference velocity over which the rise turns round"}
           .in(base::positive)
           .by_default(0.1),
-      base::Key{"load", &FrictionSpec::load, "",
-                "c of c |g(q_ref)| tanh(v_ref / smoothing), with gravity's torque g by the law's "
-                "robot"}
+      base::Key{
+          "load", &FrictionSpec::load, "",
+          "c of c g tanh(v_ref / smoothing), with the size g of gravity's torque at q_ref by the "
+          "law's robot"}
           .in({0, 1})
           .by_default(0)};
 };
