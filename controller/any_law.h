@@ -135,14 +135,15 @@ class LawWithMemory final : public AnyLaw {
   /// @throw base::Failure(bad_usage) if the law cannot use these gains.
   using Retuned = std::function<L(std::string_view gains)>;
 
+  /// Returns the friction that is fed forward beside the law [N m; N].
+  using Friction = std::function<Vector(const messages::ReferencePoint&)>;
+
+  /// @param friction empty if none is fed forward
   /// @param retuned empty if the gains may not change.
-  LawWithMemory(L law, const scenario::LoopSpec& loop,
-                const controller::FrictionSpec& friction = {}, double lead_s = 0,
-                Retuned retuned = {})
+  LawWithMemory(L law, const scenario::LoopSpec& loop, Friction friction = {}, Retuned retuned = {})
       : AnyLaw(loop),
         law_(std::move(law)),
-        friction_(friction),
-        lead_s_(lead_s),
+        friction_(std::move(friction)),
         retuned_(std::move(retuned)) {}
 
   [[nodiscard]] std::string_view name() const override { return L::name; }
@@ -150,9 +151,6 @@ class LawWithMemory final : public AnyLaw {
   [[nodiscard]] std::span<const messages::Signal> signals() const override { return L::signals; }
 
  private:
-  /// True for a law that feeds friction forward itself.
-  static constexpr bool feeds_friction = requires { L::feeds_friction; };
-
   void compute(std::int64_t /*tick*/, const messages::AnyMeasurement& any,
                const messages::ReferencePoint& reference, int ticks) override {
     const auto& measurement = std::get<typename L::Measurement>(any);
@@ -167,9 +165,7 @@ class LawWithMemory final : public AnyLaw {
     memory_ = step.memory;
     command_ = step.command;
     signals_of_step_ = step.signals;
-    if (friction_.given() && !feeds_friction) {
-      command_.tau += friction_.torque(law::feedforward_ahead(reference, lead_s_).v_ref);
-    }
+    if (friction_) command_.tau += friction_(reference);
     measurement_ = measurement;
     reference_ = reference;
   }
@@ -190,8 +186,7 @@ class LawWithMemory final : public AnyLaw {
   typename L::Memory memory_;
   typename L::Measurement measurement_;
   messages::ReferencePoint reference_;
-  controller::FrictionSpec friction_;
-  double lead_s_;
+  Friction friction_;
   Retuned retuned_;
 };
 

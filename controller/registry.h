@@ -217,9 +217,16 @@ ScenarioLaw law_over_run(const scenario::Scenario& scenario, const LawFacts& law
       return make_law<L>(changed, law);
     };
   }
-  return std::make_unique<LawWithMemory<L>>(
-      make_law<L>(scenario, law), scenario.loop, scenario.controller.friction,
-      law_settings(scenario).feedforward_lead_s, std::move(retuned));
+  typename LawWithMemory<L>::Friction friction;
+  constexpr bool feeds_friction = requires { L::feeds_friction; };  // by the law itself
+  if (scenario.controller.friction.given() && !feeds_friction) {
+    friction = [spec = scenario.controller.friction, robot = rigid_model(scenario),
+                lead_s = law_settings(scenario).feedforward_lead_s](const auto& reference) {
+      return law::friction_feedforward(spec, robot, reference, lead_s);
+    };
+  }
+  return std::make_unique<LawWithMemory<L>>(make_law<L>(scenario, law), scenario.loop,
+                                            std::move(friction), std::move(retuned));
 }
 
 /// Returns the data with which a controller announces the law.

@@ -10,6 +10,7 @@
 #include "base/elementary.h"
 #include "base/quantities.h"
 #include "base/schema.h"
+#include "robot/joint_friction.h"
 
 namespace tachless::controller::law {
 
@@ -52,19 +53,39 @@ constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
   return {"none", "half_tick_plus_delay"};
 }
 
-/// Friction that a law feeds forward from the reference: D v_ref + Fc tanh(v_ref / smoothing). The
-/// vectors are empty if none is given.
+/// Friction that a law feeds forward from the reference: D v_ref + (Fc + c |g(q_ref)|)
+/// tanh(v_ref / smoothing) + Fr tanh(v_ref / rise_velocity). The vectors are empty if none is
+/// given.
 struct FrictionSpec {
-  Vector viscous;    ///< D [N m s/rad]
-  Vector coulomb;    ///< Fc [N m; N]
-  Vector smoothing;  ///< [rad/s; m/s]
+  Vector viscous;                  ///< D [N m s/rad]
+  Vector coulomb;                  ///< Fc [N m; N]
+  Vector smoothing;                ///< [rad/s; m/s]
+  Vector rise{}, rise_velocity{};  ///< Fr [N m; N] and its speed [rad/s; m/s]; empty: none
+  Vector load{};                   ///< c; empty: none
 
   [[nodiscard]] bool given() const {
-    return viscous.size() > 0 && !(viscous.isZero(0) && coulomb.isZero(0));
+    return viscous.size() > 0 &&
+           !(viscous.isZero(0) && coulomb.isZero(0) && rise.isZero(0) && load.isZero(0));
   }
-  [[nodiscard]] Vector torque(const Vector& v_ref) const {
-    return viscous.cwiseProduct(v_ref) +
-           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).unaryExpr(&base::tanh));
+  /// Returns whether the friction grows with gravity's torque.
+  [[nodiscard]] bool needs_gravity() const { return !load.isZero(0); }
+  /// @param gravity torque g(q_ref) [N m; N]; not read unless `needs_gravity`
+  [[nodiscard]] Vector torque(const Vector& v_ref, const Vector& gravity) const {
+    const Vector dry = needs_gravity() ? coulomb + load.cwiseProduct(gravity.cwiseAbs()) : coulomb;
+    Vector torque = viscous.cwiseProduct(v_ref) +
+                    dry.cwiseProduct(v_ref.cwiseQuotient(smoothing).unaryExpr(&base::tanh));
+    for (Eigen::Index i = 0; i < rise.size(); ++i) {
+      if (rise[i] != 0) torque[i] += robot::friction_rise(v_ref[i], rise[i], rise_velocity[i]);
+    }
+    return torque;
+  }
+  /// Returns a bound of the part that is not viscous [N m; N].
+  /// @param gravity bound of gravity's torque [N m; N]; not read unless `needs_gravity`
+  [[nodiscard]] Vector largest_dry(const Vector& gravity) const {
+    Vector largest = coulomb;
+    if (rise.size() > 0) largest += rise.cwiseMax(0);
+    if (needs_gravity()) largest += load.cwiseProduct(gravity.cwiseAbs());
+    return largest;
   }
 
   static constexpr std::tuple keys{
@@ -78,7 +99,20 @@ struct FrictionSpec {
       base::Key{"smoothing", &FrictionSpec::smoothing, "rad/s (m/s)",
                 "Reference velocity over which Coulomb's part turns round"}
           .in(base::positive)
-          .by_default(0.01)};
+          .by_default(0.01),
+      base::Key{"rise", &FrictionSpec::rise, "N m (N)",
+                "Fr of Fr tanh(v_ref / rise_velocity); negative: friction falls with speed"}
+          .by_default(0),
+      base::Key{"rise_velocity", &FrictionSpec::rise_velocity, "rad/s (m/s)",
+                "Reference velocity over which the rise turns round"}
+          .in(base::positive)
+          .by_default(0.1),
+      base::Key{
+          "load", &FrictionSpec::load, "",
+          "c of c g tanh(v_ref / smoothing), with the size g of gravity's torque at q_ref by the "
+          "law's robot"}
+          .in({0, 1})
+          .by_default(0)};
 };
 
 /// The scenario's `controller` map.

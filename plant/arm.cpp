@@ -34,8 +34,11 @@ void require_size(const Vector& x, Eigen::Index num_joints) {
 
 DryFriction friction_of(const DriveSpec& drive) {
   if (!drive.dry_friction()) return {};
-  return {drive.coulomb_friction_Nm, drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm),
-          drive.stribeck_velocity_rad_per_s};
+  std::vector<robot::JointFriction> joints;
+  for (Eigen::Index i = 0; i < drive.coulomb_friction_Nm.size(); ++i) {
+    joints.push_back(drive.friction_of(i));
+  }
+  return DryFriction(std::move(joints));
 }
 
 }  // namespace
@@ -79,7 +82,11 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
       throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
     }
     const Vector dry = or_zero(options.flexible->motor_coulomb_friction_Nm);
-    if ((dry.array() > 0).any()) motor_friction_ = {dry, dry, Vector::Ones(n)};
+    if ((dry.array() > 0).any()) {
+      std::vector<robot::JointFriction> motors;
+      for (const double each : dry) motors.push_back({each, each});
+      motor_friction_ = DryFriction(std::move(motors));
+    }
   }
   x_.resize(n + num_motors);
   x_ << initial.q, initial.theta;
@@ -123,6 +130,8 @@ void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdo
   const Eigen::Index n = num_joints_;
   q_ = x.head(n);
   v_ = xdot.head(n);
+  const bool loaded = dry_friction_.needs_gravity();
+  if (loaded) gravity_ = links_->evaluate(q_, Vector::Zero(n)).bias;
   const Multibody::Terms links = links_->evaluate(q_, v_);
   load_ = -links.bias;
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -139,12 +148,12 @@ void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdo
     }
   }
   if (disturbances_ != nullptr) disturbances_->add(time_s, q_, load_);
-  dry_friction_.solve(links.M, v_.data(), load_);
+  dry_friction_.solve(links.M, v_.data(), loaded ? gravity_.data() : nullptr, load_);
   xddot.head(n) = load_;
   if (!motor_friction_.present()) return;
   load_ = xddot.tail(n).cwiseProduct(J_);
   Matrix J = J_.asDiagonal();
-  motor_friction_.solve(J, xdot.data() + n, load_);
+  motor_friction_.solve(J, xdot.data() + n, nullptr, load_);
   xddot.tail(n) = load_;
 }
 

@@ -77,7 +77,7 @@ class Arm {
   double step_s_ = 0;  ///< length of the next step to try
 
   // Work space of an evaluation and of a step.
-  Vector q_, v_, load_;
+  Vector q_, v_, load_, gravity_;
   Coordinates xddot_;
   std::array<Coordinates, num_stages> rate_, acceleration_;
   Coordinates next_x_, next_xdot_, error_x_, error_xdot_;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
-#include "base/elementary.h"
 #include "robot/cholesky.h"
 
 namespace tachless::plant {
@@ -19,23 +19,32 @@ void factorise_inertia(Matrix& M) {
 
 }  // namespace
 
-DryFriction::DryFriction(const Vector& coulomb, const Vector& held, const Vector& stribeck)
-    : coulomb_(coulomb),
-      held_(held),
-      stribeck_(stribeck),
-      direction_(VectorOf<int>::Zero(coulomb.size())) {
-  if (held.size() == coulomb.size() && stribeck.size() == coulomb.size() &&
-      (coulomb.array() >= 0 && held.array() >= coulomb.array() && stribeck.array() > 0).all()) {
-    return;
+DryFriction::DryFriction(std::vector<robot::JointFriction> joints)
+    : joints_(std::move(joints)),
+      held_(std::ssize(joints_)),
+      direction_(VectorOf<int>::Zero(std::ssize(joints_))) {
+  for (Index i = 0; i < held_.size(); ++i) {
+    const robot::JointFriction& joint = joints_[static_cast<std::size_t>(i)];
+    if (!joint.is_possible()) {
+      throw std::logic_error(
+          "plant::DryFriction: 0 <= Coulomb's <= static, -Coulomb's <= rise, speeds > 0, and "
+          "static > 0 where friction grows with the load, needed");
+    }
+    held_[i] = joint.held;
   }
-  throw std::logic_error("plant::DryFriction: 0 <= Coulomb's <= static, and a speed > 0, needed");
 }
 
-void DryFriction::solve(Matrix& M, const double* v, Vector& rhs) {
+bool DryFriction::needs_gravity() const {
+  return std::ranges::any_of(joints_, [](const auto& joint) { return joint.load > 0; });
+}
+
+void DryFriction::solve(Matrix& M, const double* v, const double* gravity, Vector& rhs) {
   const Index n = rhs.size();
-  for (Index i = 0; i < coulomb_.size(); ++i) {
-    const double x = v[i] / stribeck_[i];
-    rhs[i] -= direction_[i] * (coulomb_[i] + (held_[i] - coulomb_[i]) * base::exp(-x * x));
+  for (Index i = 0; i < held_.size(); ++i) {
+    const robot::JointFriction& joint = joints_[static_cast<std::size_t>(i)];
+    const double load = gravity == nullptr ? 0 : gravity[i];
+    held_[i] = joint.holding(load);
+    rhs[i] -= joint.sliding(v[i], direction_[i], load);
   }
   const bool some = sticks();
   if (some) {

@@ -1,13 +1,15 @@
 #pragma once
 
+#include <vector>
+
 #include "base/quantities.h"
+#include "robot/joint_friction.h"
 
 namespace tachless::plant {
 
 /// Dry friction of joints: Coulomb's with Stribeck's rise towards rest
-/// (Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994):
-///
-///   F(v) = sign(v) (Fc + (Fs - Fc) exp(-(v/vs)^2)) for v != 0, |F| <= Fs at rest.
+/// (Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994), a part that grows with the
+/// load and a part that rises or falls with speed: `robot::JointFriction`.
 ///
 /// Nothing is smoothed. A joint slides in a direction, or it sticks with an acceleration of exactly
 /// zero. It changes between the two only at instants that the integrator finds. Torques are smooth
@@ -20,17 +22,19 @@ class DryFriction {
 
  public:
   DryFriction() = default;  ///< none
-  /// @param coulomb, held Fc and Fs >= Fc [N m; N]
-  /// @param stribeck vs > 0 [rad/s; m/s]
-  /// @throw std::logic_error for other sizes or values.
-  DryFriction(const Vector& coulomb, const Vector& held, const Vector& stribeck);
+  /// @param joints the law of each joint
+  /// @throw std::logic_error if a law is not possible.
+  explicit DryFriction(std::vector<robot::JointFriction> joints);
 
-  [[nodiscard]] bool present() const { return coulomb_.size() > 0; }
+  [[nodiscard]] bool present() const { return !joints_.empty(); }
+  /// Returns true if the friction of any joint grows with its load.
+  [[nodiscard]] bool needs_gravity() const;
 
   /// Replaces rhs, all other torques at link velocity v, by the accelerations. Overwrites M, which
   /// is symmetric.
+  /// @param gravity torque of gravity at each joint; null if no friction grows with the load
   /// @throw std::runtime_error if M is not positive definite.
-  void solve(Matrix& M, const double* v, Vector& rhs);
+  void solve(Matrix& M, const double* v, const double* gravity, Vector& rhs);
 
   /// Makes moving joints slide, and joints at rest stick until `release`. Call `solve` between
   /// `stick` and `release`.
@@ -59,7 +63,8 @@ class DryFriction {
 
   [[nodiscard]] bool stuck(Index i) const { return held_[i] > 0 && direction_[i] == 0; }
 
-  Vector coulomb_, held_, stribeck_;
+  std::vector<robot::JointFriction> joints_;
+  Vector held_;              ///< largest friction at rest, in the posture of the last `solve`
   VectorOf<int> direction_;  ///< 0: sticks
   Matrix M_;                 ///< inertia matrix of the last `solve`, if a joint sticks
   Vector torque_;            ///< without friction first, then the holding torque of sticking joints

@@ -49,11 +49,13 @@ Encoder ideal_encoder(const robot::Model& model) {
 /// Refuses keys of mechanics that a simulator has itself: they would have no effect. The keys of
 /// the emulator's own computation (plant.mechanics, plant.integrator) state no property of a robot.
 void require_simulable(const scenario::Scenario& scenario) {
-  for (const char* key : {"robot.joints.flexible", "plant.payload", "plant.disturbances",
-                          "plant.drive.viscous_friction_Nms_per_rad",
-                          "plant.drive.coulomb_friction_Nm", "plant.drive.static_friction_Nm",
-                          "plant.drive.stribeck_velocity_rad_per_s", "plant.drive.current_loop_hz",
-                          "plant.drive.torque_scale", "plant.drive.torque_offset_Nm"}) {
+  for (const char* key :
+       {"robot.joints.flexible", "plant.payload", "plant.disturbances",
+        "plant.drive.viscous_friction_Nms_per_rad", "plant.drive.coulomb_friction_Nm",
+        "plant.drive.static_friction_Nm", "plant.drive.stribeck_velocity_rad_per_s",
+        "plant.drive.friction_rise_Nm", "plant.drive.friction_rise_velocity_rad_per_s",
+        "plant.drive.load_friction", "plant.drive.current_loop_hz", "plant.drive.torque_scale",
+        "plant.drive.torque_offset_Nm"}) {
     if (!scenario.gives(key)) continue;
     throw scenario.complaint(
         key,

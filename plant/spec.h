@@ -9,6 +9,7 @@
 
 #include "base/quantities.h"
 #include "base/schema.h"
+#include "robot/joint_friction.h"
 
 /// Values of a scenario for the plant, whose models docs/plant.md describes. Each value is declared
 /// once, with its key. The header has no mechanics and reads no file.
@@ -207,16 +208,31 @@ struct DriveSpec {
   Vector coulomb_friction_Nm;
   std::optional<Vector> static_friction_Nm;  ///< nothing: Coulomb's
   Vector stribeck_velocity_rad_per_s;
+  Vector friction_rise_Nm, friction_rise_velocity_rad_per_s, load_friction;  ///< empty: none
   std::optional<Vector> current_loop_hz;  ///< nothing: the torque acts at once
   Vector torque_scale, torque_offset_Nm;  ///< empty: 1 and 0
   int command_age_jitter_ticks = 0;
   std::uint64_t seed = 1;
   double delay_fraction = 0;  ///< has no key; ticks in [0, 1) added to loop.command_delay
 
-  /// Returns true if any joint has friction that can hold it.
+  /// Returns true if any joint has friction that is not viscous.
   [[nodiscard]] bool dry_friction() const {
     return (coulomb_friction_Nm.array() > 0).any() ||
-           (static_friction_Nm && (static_friction_Nm->array() > 0).any());
+           (static_friction_Nm && (static_friction_Nm->array() > 0).any()) ||
+           !friction_rise_Nm.isZero(0) || !load_friction.isZero(0);
+  }
+  /// Returns the dry friction of a joint.
+  [[nodiscard]] robot::JointFriction friction_of(Eigen::Index joint) const {
+    const auto value = [&](const Vector& of, double none) {
+      return of.size() == 0 ? none : of[joint];
+    };
+    const Vector& held = static_friction_Nm ? *static_friction_Nm : coulomb_friction_Nm;
+    return {coulomb_friction_Nm[joint],
+            held[joint],
+            stribeck_velocity_rad_per_s[joint],
+            value(friction_rise_Nm, 0),
+            value(friction_rise_velocity_rad_per_s, 1),
+            value(load_friction, 0)};
   }
 
   static constexpr std::tuple keys{
@@ -247,6 +263,19 @@ struct DriveSpec {
                 "Speed v_s of the fall from static to Coulomb's friction: exp(-(v/v_s)²)"}
           .in(base::positive)
           .by_default(0.01),
+      base::Key{"friction_rise_Nm", &DriveSpec::friction_rise_Nm, "N m (N)",
+                "F_r of F_r tanh(v/v_r), which Coulomb's friction grows by with speed; negative: "
+                "it falls, by no more than Coulomb's"}
+          .by_default(0),
+      base::Key{"friction_rise_velocity_rad_per_s", &DriveSpec::friction_rise_velocity_rad_per_s,
+                "rad/s (m/s)", "v_r of F_r tanh(v/v_r)"}
+          .in(base::positive)
+          .by_default(0.1),
+      base::Key{"load_friction", &DriveSpec::load_friction, "",
+                "Friction over gravity's torque at the joint, on top of Coulomb's, which is above "
+                "zero there"}
+          .in({0, 1})
+          .by_default(0),
       base::Key{"current_loop_hz", &DriveSpec::current_loop_hz, "Hz",
                 "Bandwidth of the torque's first-order lag 1/(2π bandwidth); null = none"}
           .in(base::positive)

@@ -11,6 +11,7 @@
 #include "numerics/postures.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
+#include "robot/gravity_bound.h"
 
 namespace tachless::certify {
 namespace {
@@ -20,10 +21,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
-/// Returns the friction that is fed forward at v_ref.
-Vector fed_friction(const scenario::Scenario& scenario, const Vector& v_ref) {
+/// Returns the friction that is fed forward at the reference.
+Vector fed_friction(const scenario::Scenario& scenario, const robot::Model& model,
+                    const ReferencePoint& r) {
   const controller::FrictionSpec& friction = scenario.controller.friction;
-  return friction.given() ? friction.torque(v_ref) : Vector(Vector::Zero(v_ref.size()));
+  return friction.given() ? controller::law::friction_feedforward(friction, model, r, 0)
+                          : Vector(Vector::Zero(r.v_ref.size()));
 }
 
 FeedforwardBound sampled(const scenario::Scenario& scenario, const robot::Model& model,
@@ -32,7 +35,7 @@ FeedforwardBound sampled(const scenario::Scenario& scenario, const robot::Model&
   FeedforwardBound bound{Vector::Zero(model.num_joints)};
   for (const double t_s : reference::Motion(scenario, trajectory).closely(instants)) {
     const ReferencePoint r = trajectory.at(t_s);
-    const Vector added = fed_friction(scenario, r.v_ref);
+    const Vector added = fed_friction(scenario, model, r);
     for (int k = 0; k <= postures; ++k) {
       const Vector q = k == 0 ? r.q_ref : numerics::spread_posture(model, k);
       const Vector torque = robot::inverse_dynamics(model, q, r.v_ref, r.a_ref) + added;
@@ -131,7 +134,8 @@ FeedforwardBound feedforward_bound(const scenario::Scenario& scenario) {
   for (const VectorXd& each : most) largest = largest.cwiseMax(each);
   FeedforwardBound bound{largest / grid.share, true};
   if (const controller::FrictionSpec& friction = scenario.controller.friction; friction.given()) {
-    bound.torque += friction.viscous.cwiseProduct(Vector(all.v)) + friction.coulomb;
+    bound.torque += friction.viscous.cwiseProduct(Vector(all.v)) +
+                    friction.largest_dry(robot::gravity_bound(model));
   }
   return bound;
 }

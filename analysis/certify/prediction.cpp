@@ -15,6 +15,7 @@
 #include "numerics/decompositions.h"
 #include "numerics/postures.h"
 #include "scenario/drive_loop.h"
+#include "scenario/largest_friction.h"
 
 namespace tachless::certify {
 namespace {
@@ -168,18 +169,12 @@ void find_settling(Prediction& result, const linear::ScenarioLoop& scenario_loop
   result.modes.settling_mean_s = longest.settling_mean_s;
 }
 
-/// Returns the torque from which on each joint at rest begins to move [N m; N].
-VectorXd holding_friction(const scenario::Scenario& scenario) {
-  const plant::DriveSpec& drive = scenario.plant.drive;
-  return drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm);
-}
-
 /// Finds gain, stiffness and rest error, each the worst over the postures.
 void find_stiffness(Prediction& result, const scenario::Scenario& scenario,
                     const std::vector<linear::SampledLoop>& loops) {
   const double h = result.settings.period_s;
   const auto laws = parallel_map(loops.size(), [&](std::size_t i) { return loops[i].law(h); });
-  const VectorXd held = holding_friction(scenario);
+  const VectorXd held = scenario::largest_friction(scenario);
   const auto& drive = scenario.robot.flexible;
   const VectorXd springs = drive ? VectorXd(drive->stiffness) : VectorXd();
   const VectorXd scale = scenario.plant.drive.torque_scale;
@@ -228,6 +223,7 @@ std::string uncounted(const plant::Spec& plant, const scenario::RobotSpec& robot
   };
   add(plant.drive.command_age_jitter_ticks > 0, "plant.drive.command_age_jitter_ticks");
   add(!plant.drive.torque_offset_Nm.isZero(0), "plant.drive.torque_offset_Nm");
+  add(!plant.drive.friction_rise_Nm.isZero(0), "plant.drive.friction_rise_Nm");
   add(!plant.encoder.eccentricity_rad.isZero(0), "plant.encoder.eccentricity_rad");
   add(robot.flexible && !robot.flexible->motor_coulomb_friction_Nm.isZero(0),
       "robot.joints.flexible.motor_coulomb_friction_Nm");
@@ -321,7 +317,7 @@ Vector stiffness(const scenario::Scenario& scenario) {
   rest.settings = loop.settings();
   find_stiffness(rest, scenario, loops_at(loop, loop.rest_points(reference_postures)));
   if (rest.rest_error.size() == 0) return rest.stiffness;
-  const VectorXd held = holding_friction(scenario);
+  const VectorXd held = scenario::largest_friction(scenario);
   return (held.array() > 0).select(held.cwiseQuotient(rest.rest_error), rest.stiffness);
 }
 

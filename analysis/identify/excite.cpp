@@ -194,10 +194,10 @@ class Information {
     for (Eigen::Index i = 0; i < size.size(); ++i) {
       size[i] = size_of(parameters.entries()[static_cast<std::size_t>(i)]);
     }
-    const std::vector<bool> none(static_cast<std::size_t>(noise.size()), false);
+    const std::vector<RowUse> fast(static_cast<std::size_t>(noise.size()), RowUse::fast);
     MatrixXd rows = of.columns;
     for (Eigen::Index row = 0; row < rows.rows(); ++row) {
-      rows.row(row) *= of.used(row, none) ? 1 / noise[of.joint[row]] : 0;
+      rows.row(row) *= of.used(row, fast) ? 1 / noise[of.joint[row]] : 0;
     }
     normal_ = rows.transpose() * rows / rows_alike(of);
     MatrixXd sized = size.asDiagonal() * normal_ * size.asDiagonal();

@@ -12,6 +12,7 @@
 
 #include "base/failure.h"
 #include "base/json_text.h"
+#include "identify/friction_terms.h"
 #include "identify/least_squares.h"
 #include "identify/units.h"
 #include "robot/urdf_xml.h"
@@ -90,6 +91,7 @@ std::string advice_on(const Identified::Parameter& of, const std::string& joint)
     case Kind::viscous:
       return fmt::format("more speed of {}", joint);
     case Kind::coulomb:
+    case Kind::rise:
       return fmt::format("motion of {} both ways, slowly and fast", joint);
     case Kind::delay:
       return "more speed";
@@ -99,6 +101,7 @@ std::string advice_on(const Identified::Parameter& of, const std::string& joint)
     case Kind::payload:
     case Kind::inertia:
     case Kind::offset:
+    case Kind::load_friction:
       break;
   }
   return "postures in which gravity pulls differently";
@@ -189,6 +192,25 @@ bool delay_is_doubtful(const Answer& answer, const Parameters& parameters) {
   const Eigen::Index delay = parameters.first(Kind::delay);
   return delay >= 0 && parameters.size() > 1 && std::ranges::any_of(answer.misfits, is_misfit) &&
          !(clear * answer.half_width[delay] < std::abs(answer.values[delay]));
+}
+
+/// Adds the further terms of friction that tables ask for to the parameters and to the answer.
+void add_friction_terms(const std::vector<Recording>& recordings, const std::vector<Kind>& kinds,
+                        Parameters& parameters, Answer& answer) {
+  if (parameters.first(Kind::viscous) < 0 || parameters.first(Kind::coulomb) < 0) return;
+  std::vector<FrictionTerm> terms =
+      friction_terms(answer.recordings, answer.regressions, parameters, answer.values);
+  while (!terms.empty()) {
+    Parameters with(recordings.front().scenario, kinds, false, terms);
+    Answer found = answer_of_tables(recordings, with);
+    std::vector<FrictionTerm> kept = kept_terms(terms, with, found);
+    if (kept.size() == terms.size()) {
+      parameters = std::move(with);
+      answer = std::move(found);
+      return;
+    }
+    terms = std::move(kept);
+  }
 }
 
 /// Identifies from logs.
@@ -308,6 +330,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
     parameters = Parameters(recordings.front().scenario, kinds, simulated);
     answer = answer_of_tables(recordings, parameters);
   }
+  if (tables) add_friction_terms(recordings, kinds, parameters, answer);
   const scenario::Scenario& scenario = recordings.front().scenario;
   Identified result;
   result.rank = answer.rank;
@@ -337,6 +360,11 @@ std::string urdf_of(const Identified& found, const scenario::Scenario& scenario)
 }
 
 namespace {
+
+/// Returns the function of velocity that a rise is the factor of, or "" for others.
+std::string over(const Parameters::Entry& entry) {
+  return entry.kind == Kind::rise ? fmt::format(", of tanh(v / {:.3g})", entry.velocity) : "";
+}
 
 /// Returns the sentences on what the model lacks.
 std::string remarks(const Identified& found) {
@@ -374,7 +402,8 @@ std::string text(const Identified& found, const std::string& name) {
       continue;
     }
     text += fmt::format("  {:<24} {:>10.4g} {} {:.2g} {}{}\n", each.entry.name, each.value,
-                        each.at_bound ? "to" : "+-", each.half_width, each.entry.unit,
+                        each.at_bound ? "to" : "+-", each.half_width,
+                        each.entry.unit + over(each.entry),
                         !each.doubt.empty() ? ": not identifiable, " + each.doubt
                         : each.is_small()   ? ": small, not told from zero"
                                             : "");
@@ -427,6 +456,9 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
                                   {"at_bound", each.at_bound},
                                   {"small", each.is_small()},
                                   {"doubt", each.doubt}});
+    if (each.entry.kind == Kind::rise) {
+      json["parameters"].back()["velocity"] = each.entry.velocity;
+    }
   }
   if (found.load) to_json(json["payload"], *found.load);
   for (const Identified::Link& each : found.links) {

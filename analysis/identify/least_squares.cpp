@@ -31,6 +31,9 @@ constexpr double slowest = 0.2;
 /// to a wrong sign of the velocity falls to a thousandth within 0.1 s.
 constexpr std::array<double, 4> guards_s = {0.1, 0.05, 0.025, 0};
 constexpr double least_share = 0.2;  ///< of a joint's rows that are not slow
+/// Share of a joint's largest speed below which it creeps, and the time before and after a reversal
+/// [s]. The filter's answer to a wrong sign falls to a thousandth within this time.
+constexpr double creeping = 0.02, reversal_s = 0.1;
 
 /// Applies a second-order Butterworth low-pass forwards and backwards, which adds no phase.
 void low_pass(Eigen::Ref<VectorXd> x, double h, double hz) {
@@ -133,6 +136,24 @@ void set_slow(Regression& regression, Eigen::Index j) {
   }
 }
 
+/// Sets `reversing` of the rows of joint j. Rows at both ends have nothing before or after them.
+void set_reversing(Regression& regression, Eigen::Index j) {
+  const Eigen::Index n = regression.peak.size(), instants = regression.torque.size() / n;
+  VectorXd speed(instants);
+  for (Eigen::Index k = 0; k < instants; ++k) speed[k] = regression.speed[k * n + j];
+  const double least = instants > 0 ? creeping * speed.cwiseAbs().maxCoeff() : 0;
+  const double step_s = instants > 1 ? regression.time_s[n] - regression.time_s[0] : 1;
+  const auto guard = static_cast<Eigen::Index>(std::ceil(reversal_s / step_s));
+  for (Eigen::Index k = 0; k < instants; ++k) {
+    bool reversing = k < guard || k + guard >= instants || std::abs(speed[k]) < least;
+    if (!reversing) {
+      const auto near = speed.segment(k - guard, 2 * guard + 1);
+      reversing = near.minCoeff() < 0 && near.maxCoeff() > 0;
+    }
+    regression.reversing[static_cast<std::size_t>(k * n + j)] = reversing;
+  }
+}
+
 /// Selects the rows at every few instants and leaves out both ends.
 /// @param columns one matrix per parameter
 /// @param torque one row per tick
@@ -151,6 +172,7 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
                     VectorXd(instants * n),
                     Eigen::VectorXi(instants * n),
                     VectorXd(instants * n),
+                    std::vector<bool>(static_cast<std::size_t>(instants * n)),
                     std::vector<bool>(static_cast<std::size_t>(instants * n)),
                     whole.cwiseAbs().colwise().maxCoeff().transpose(),
                     VectorXd(std::ssize(columns))};
@@ -179,7 +201,10 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
       result.speed[row] = speed(k, j);
     }
   }
-  for (Eigen::Index j = 0; j < n; ++j) set_slow(result, j);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    set_slow(result, j);
+    set_reversing(result, j);
+  }
   return result;
 }
 
@@ -210,6 +235,7 @@ struct Differences {
 struct Instant {
   const Vector &q, &v, &a;
   const Vector& own;                   ///< torque of the robot with all unknowns zero
+  const Vector& gravity;               ///< of that robot; zero if no friction grows with it
   const Eigen::RowVectorXd& per_tick;  ///< change of the torque in a tick
 };
 
@@ -233,6 +259,12 @@ void set_columns(const Recording& recording, const Parameters& parameters, const
         break;
       case Kind::coulomb:
         column(k, entry.joint) = sign(at.v[entry.joint]);
+        break;
+      case Kind::rise:
+        column(k, entry.joint) = robot::friction_rise(at.v[entry.joint], 1, entry.velocity);
+        break;
+      case Kind::load_friction:
+        column(k, entry.joint) = sign(at.v[entry.joint]) * std::abs(at.gravity[entry.joint]);
         break;
       case Kind::payload:
         column.row(k) = (torque(models.loaded) - at.own).transpose();
@@ -266,11 +298,11 @@ MatrixXd low_passed(MatrixXd columns, double h, double hz) {
   return columns;
 }
 
-VectorXd Regression::residual(const VectorXd& values, const std::vector<bool>& with_slow) const {
+VectorXd Regression::residual(const VectorXd& values, const std::vector<RowUse>& rows) const {
   const VectorXd left = torque - columns * values;
   VectorXd sum = VectorXd::Zero(peak.size()), count = VectorXd::Constant(peak.size(), 1e-300);
   for (Eigen::Index row = 0; row < left.size(); ++row) {
-    if (!with_slow.empty() && !used(row, with_slow)) continue;
+    if (!rows.empty() && !used(row, rows)) continue;
     sum[joint[row]] += left[row] * left[row];
     count[joint[row]] += 1;
   }
@@ -299,6 +331,9 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const Eigen::Index delay = parameters.first(Kind::delay);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
   MatrixXd speed = MatrixXd::Zero(ticks, n);
+  const plant::DriveSpec& drive = models.drive;
+  const bool loaded = parameters.first(Kind::load_friction) >= 0 || !drive.load_friction.isZero(0);
+  const bool more_friction = loaded || !drive.friction_rise_Nm.isZero(0);
   // Ticks of delay that the torques have already.
   const double had = recording.controlled ? recording.scenario.loop.command_delay : recording.moved;
   for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
@@ -306,14 +341,21 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     const auto [v, a] = Differences(q, k, h, recording.controlled);
     const Vector own = robot::inverse_dynamics<double>(models.bare, at, v, a);
     Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
-    for (Eigen::Index j = 0; j < n; ++j)
+    const Vector gravity = loaded ? robot::gravity_torque(models.bare, at) : Vector(0 * at);
+    for (Eigen::Index j = 0; j < n; ++j) {
       friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
+      if (!more_friction) continue;
+      const robot::JointFriction law = models.drive.friction_of(j);
+      friction[j] += law.load * std::abs(gravity[j]) * sign(v[j]) +
+                     robot::friction_rise(v[j], law.rise, law.rise_velocity);
+    }
     left.row(k) -= (own + friction).transpose();
     // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
     const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
     if (delay >= 0) left.row(k) += had * per_tick;
     speed.row(k) = v.transpose();
-    if (p > 0) set_columns(recording, parameters, models, {at, v, a, own, per_tick}, k, columns);
+    if (p > 0)
+      set_columns(recording, parameters, models, {at, v, a, own, gravity, per_tick}, k, columns);
   }
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);
@@ -335,15 +377,15 @@ struct Weighted {
   VectorXd torque;
 };
 
-/// Slow rows have weight 0 unless they are used of that joint.
+/// Rows that are not used have weight 0.
 Weighted weighted(const std::vector<Regression>& regressions, const VectorXd& weight,
-                  const std::vector<bool>& with_slow) {
-  Eigen::Index rows = 0, row = 0;
-  for (const Regression& each : regressions) rows += each.torque.size();
-  Weighted all{MatrixXd(rows, regressions.front().columns.cols()), VectorXd(rows)};
+                  const std::vector<RowUse>& used) {
+  Eigen::Index size = 0, row = 0;
+  for (const Regression& each : regressions) size += each.torque.size();
+  Weighted all{MatrixXd(size, regressions.front().columns.cols()), VectorXd(size)};
   for (const Regression& each : regressions) {
     for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
-      const double w = each.used(i, with_slow) ? weight[each.joint[i]] : 0;
+      const double w = each.used(i, used) ? weight[each.joint[i]] : 0;
       all.columns.row(row) = w * each.columns.row(i);
       all.torque[row] = w * each.torque[i];
     }
@@ -505,16 +547,17 @@ double Precision::half_width_of(const VectorXd& combination) const {
 }
 
 LeastSquares least_squares(const std::vector<Regression>& regressions, const Parameters& parameters,
-                           const robot::Model& model, const std::vector<bool>& with_slow) {
+                           const robot::Model& model, const std::vector<RowUse>& rows_of_joints) {
   const Eigen::Index n = regressions.front().peak.size();
-  const std::vector<bool> slow =
-      with_slow.empty() ? std::vector<bool>(static_cast<std::size_t>(n), false) : with_slow;
+  const std::vector<RowUse> used =
+      rows_of_joints.empty() ? std::vector<RowUse>(static_cast<std::size_t>(n), RowUse::fast)
+                             : rows_of_joints;
   LeastSquares result;
   VectorXd weight = VectorXd::Ones(n);
   for (const Regression& each : regressions)
     weight = weight.cwiseMin(each.peak.cwiseMax(1e-9).cwiseInverse());
   for (int pass = 0; pass < passes; ++pass) {
-    const Weighted rows = weighted(regressions, weight, slow);
+    const Weighted rows = weighted(regressions, weight, used);
     // Rows of one recording are as far apart as those of the others, if their loggers agree.
     const double alike = rows_alike(regressions.front());
     result.values =
@@ -523,7 +566,7 @@ LeastSquares least_squares(const std::vector<Regression>& regressions, const Par
     if (pass + 1 == passes) set_intervals(rows, parameters, result);
     VectorXd residual = VectorXd::Zero(n);
     for (const Regression& each : regressions) {
-      residual = residual.cwiseMax(each.residual(result.values, slow));
+      residual = residual.cwiseMax(each.residual(result.values, used));
     }
     weight = residual.cwiseMax(1e-9).cwiseInverse();
   }

@@ -9,6 +9,10 @@
 
 namespace tachless::identify {
 
+/// Rows of a joint that are used. `fast`: rows that are not slow. `one_way`: rows that are not near
+/// a reversal, slow ones too. `all`: every row.
+enum class RowUse { fast, one_way, all };
+
 /// The inverse dynamics of a recording, linear in the parameters, with one row per joint and
 /// instant. Both sides pass the same filter: a low-pass without phase. Velocity and acceleration
 /// are differences of the filtered position.
@@ -22,17 +26,21 @@ struct Regression {
   /// True if that joint is slower than a fifth of its largest speed at some time within 0.1 s of
   /// the row. The time is shorter for a joint that would keep less than a fifth of its rows.
   std::vector<bool> slow;
+  /// True if that joint creeps, below 2 % of its largest speed, or reverses within 0.1 s of the
+  /// row. The filtered velocity may have the wrong sign there.
+  std::vector<bool> reversing;
   Eigen::VectorXd peak;   ///< largest filtered torque of each joint [N m; N]
   Eigen::VectorXd share;  ///< largest torque of one unit of each parameter at any tick, over `peak`
 
   /// Returns the rms of the torque that `values` leave unexplained, per joint [N m; N].
-  /// @param with_slow whether a joint's slow rows count; empty: all rows do
+  /// @param rows of each joint that count; empty: all do
   [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values,
-                                         const std::vector<bool>& with_slow = {}) const;
-  /// Returns whether a row is used, if slow rows are used for the joints in `with_slow`.
-  [[nodiscard]] bool used(Eigen::Index row, const std::vector<bool>& with_slow) const {
+                                         const std::vector<RowUse>& rows = {}) const;
+  /// Returns whether a row is one of those of its joint.
+  [[nodiscard]] bool used(Eigen::Index row, const std::vector<RowUse>& rows) const {
     const auto at = static_cast<std::size_t>(row);
-    return !slow[at] || with_slow[static_cast<std::size_t>(joint[row])];
+    const RowUse of_joint = rows[static_cast<std::size_t>(joint[row])];
+    return of_joint == RowUse::all || !(of_joint == RowUse::fast ? slow : reversing)[at];
   }
 };
 
@@ -85,8 +93,8 @@ struct LeastSquares : Precision {  ///< half widths are infinite where not deter
   /// the parameter is determined by itself.
   std::vector<std::string> sums;
 };
-/// @param with_slow whether a joint's slow rows are used; empty: no joint's are
+/// @param rows that are used of each joint; empty: the fast ones
 LeastSquares least_squares(const std::vector<Regression>& regressions, const Parameters& parameters,
-                           const robot::Model& model, const std::vector<bool>& with_slow = {});
+                           const robot::Model& model, const std::vector<RowUse>& rows = {});
 
 }  // namespace tachless::identify

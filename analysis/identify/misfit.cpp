@@ -21,17 +21,15 @@ constexpr double least_torque = 0.002;   ///< share of the peak
 constexpr double least_position = 1e-6;  ///< share of the joint's motion
 constexpr double noise_margin = 1.2;     ///< factor on the encoder's rms error
 constexpr Index least_pairs = 100;       ///< that a correlation needs
-/// Slow motion for the test of friction, as shares of the largest speed.
-constexpr double creeping = 0.02, slow_motion = 0.2;
-constexpr double same_sign_s = 0.1;  ///< before and after a row of slow motion
-constexpr Index least_slow = 30;     ///< rows
+constexpr double slow_motion = 0.2;      ///< for the test of friction, share of the largest speed
+constexpr Index least_slow = 30;         ///< rows
 /// Least difference of friction: in half widths of its 95 % interval, and as a share of the peak.
 constexpr double least_widths = 3, least_friction = 0.01;
 
 /// The rows of one joint in one recording, in order of time.
 struct JointRows {
   VectorXd residual, speed;
-  std::vector<bool> slow;
+  std::vector<bool> slow, reversing;
   double step_s = 1, peak = 0;
 
   JointRows(const Regression& regression, const VectorXd& left, Index joint)
@@ -44,6 +42,7 @@ struct JointRows {
       residual[k] = left[row];
       speed[k] = regression.speed[row];
       slow.push_back(regression.slow[static_cast<std::size_t>(row)]);
+      reversing.push_back(regression.reversing[static_cast<std::size_t>(row)]);
     }
     if (instants > 1) step_s = regression.time_s[n] - regression.time_s[0];
   }
@@ -75,13 +74,10 @@ Misfit of_torques(const JointRows& rows) {
 /// tell it from zero.
 double slow_friction(const JointRows& rows) {
   const double largest = rows.speed.cwiseAbs().maxCoeff();
-  const auto guard = static_cast<Index>(std::ceil(same_sign_s / rows.step_s));
   std::vector<Index> used;
   Index slow = 0;
-  for (Index k = guard; k + guard < rows.speed.size(); ++k) {
-    const auto near = rows.speed.segment(k - guard, 2 * guard + 1);
-    if (std::abs(rows.speed[k]) < creeping * largest) continue;
-    if (near.minCoeff() < 0 && near.maxCoeff() > 0) continue;
+  for (Index k = 0; k < rows.speed.size(); ++k) {
+    if (rows.reversing[static_cast<std::size_t>(k)]) continue;
     used.push_back(k);
     slow += std::abs(rows.speed[k]) < slow_motion * largest ? 1 : 0;
   }
@@ -147,15 +143,28 @@ std::vector<Misfit> position_misfits(const Recording& recording, const MatrixXd&
   return result;
 }
 
+std::vector<RowUse> rows_of(const Parameters& parameters, Index joints) {
+  std::vector<RowUse> rows(static_cast<std::size_t>(joints), RowUse::fast);
+  for (const Parameters::Entry& entry : parameters.entries()) {
+    if (!is_term(entry.kind)) continue;
+    RowUse& of_joint = rows[static_cast<std::size_t>(entry.joint)];
+    if (of_joint != RowUse::all) of_joint = entry.at_reversals ? RowUse::all : RowUse::one_way;
+  }
+  return rows;
+}
+
 TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model) {
-  TableAnswer result{least_squares(regressions, parameters, model), {}};
+  std::vector<RowUse> rows = rows_of(parameters, regressions.front().peak.size());
+  TableAnswer result{least_squares(regressions, parameters, model, rows), {}};
   result.misfits = torque_misfits(regressions, parameters, result.values);
   if (std::ranges::none_of(result.misfits, is_misfit)) return result;
-  const std::vector<bool> with_slow(result.misfits.size(), true);
-  const VectorXd fast = result.values;
-  static_cast<LeastSquares&>(result) = least_squares(regressions, parameters, model, with_slow);
-  result.half_width += (result.values - fast).cwiseAbs();
+  for (RowUse& each : rows) {
+    if (each == RowUse::fast) each = RowUse::all;
+  }
+  const VectorXd before = result.values;
+  static_cast<LeastSquares&>(result) = least_squares(regressions, parameters, model, rows);
+  result.half_width += (result.values - before).cwiseAbs();
   return result;
 }
 

@@ -42,9 +42,14 @@ struct TableAnswer : LeastSquares {
   std::vector<Misfit> misfits;
 };
 
-/// Identifies from torques alone. Rows that are not slow give the answer. A misfit at any joint
-/// means that the friction of the arm differs from the model. Slow rows then count too, and the
-/// difference between the two answers widens the intervals.
+/// Returns the rows that least squares uses of each joint: the fast ones, or of a joint with
+/// further terms of friction those of motion one way. In fast rows alone a rise is like Coulomb
+/// friction. All rows are used of a joint with a rise that only rows near reversals tell from it.
+std::vector<RowUse> rows_of(const Parameters& parameters, Eigen::Index joints);
+
+/// Identifies from torques alone. The rows of `rows_of` give the answer. A misfit at any joint
+/// means that the friction of the arm differs from the model. All rows of the joints without
+/// further terms then count too, and the difference between the two answers widens the intervals.
 TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model);
 

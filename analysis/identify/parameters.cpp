@@ -21,7 +21,10 @@ std::string unit_of(Kind kind, bool turns) {
       return turns ? "N m s/rad" : "N s/m";
     case Kind::coulomb:
     case Kind::offset:
+    case Kind::rise:
       return turns ? "N m" : "N";
+    case Kind::load_friction:
+      return "of gravity's torque";
     case Kind::delay:
       return "ticks";
     case Kind::payload:
@@ -66,7 +69,7 @@ robot::MassProperties mass_properties(const Inertial& value) {
 }
 
 Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
-                       bool controlled)
+                       bool controlled, const std::vector<FrictionTerm>& terms)
     : controlled_(controlled) {
   for (const Kind kind : unknown) {
     const std::string name(kind_names[static_cast<std::size_t>(kind)]);
@@ -102,6 +105,15 @@ Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kin
                           unit_of(kind, turns), kind != Kind::offset});
     }
   }
+  for (const FrictionTerm& term : terms) {
+    const auto at = static_cast<std::size_t>(term.joint);
+    const bool turns = scenario.model->joint_types[at] == robot::JointType::revolute;
+    entries_.push_back({term.kind, term.joint,
+                        fmt::format("{} {}", kind_names[static_cast<std::size_t>(term.kind)],
+                                    scenario.model->joint_names[at]),
+                        unit_of(term.kind, turns), term.kind == Kind::load_friction, 0,
+                        term.velocity, term.at_reversals});
+  }
 }
 
 Eigen::Index Parameters::first(Kind kind) const {
@@ -127,6 +139,13 @@ scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
         break;
       case Kind::coulomb:
         drive.coulomb_friction_Nm[entry.joint] = value;
+        break;
+      case Kind::rise:
+        drive.friction_rise_Nm[entry.joint] = value;
+        drive.friction_rise_velocity_rad_per_s[entry.joint] = entry.velocity;
+        break;
+      case Kind::load_friction:
+        drive.load_friction[entry.joint] = value;
         break;
       case Kind::payload:
         changed.plant.payload.mass_kg = value;
@@ -187,6 +206,33 @@ std::vector<double> Parameters::of(Kind kind, const Eigen::VectorXd& values) con
   return found;
 }
 
+/// Appends overrides of the further terms of friction. Joints without one keep the scenario's.
+void Parameters::add_terms_to(std::vector<std::string>& overrides,
+                              const scenario::Scenario& scenario,
+                              const Eigen::VectorXd& values) const {
+  plant::DriveSpec drive = scenario.plant.drive;
+  const auto add = [&](const char* key, const Vector& list) {
+    overrides.push_back(fmt::format("{}=[{:.6g}]", key, fmt::join(list, ", ")));
+  };
+  for (Eigen::Index i = 0; i < size(); ++i) {
+    const Entry& entry = entries_[static_cast<std::size_t>(i)];
+    if (entry.kind == Kind::load_friction) drive.load_friction[entry.joint] = values[i];
+    if (entry.kind != Kind::rise) continue;
+    drive.friction_rise_Nm[entry.joint] = values[i];
+    drive.friction_rise_velocity_rad_per_s[entry.joint] = entry.velocity;
+  }
+  if (first(Kind::rise) >= 0) {
+    add("plant.drive.friction_rise_Nm", drive.friction_rise_Nm);
+    add("plant.drive.friction_rise_velocity_rad_per_s", drive.friction_rise_velocity_rad_per_s);
+    add("controller.friction.rise", drive.friction_rise_Nm);
+    add("controller.friction.rise_velocity", drive.friction_rise_velocity_rad_per_s);
+  }
+  if (first(Kind::load_friction) >= 0) {
+    add("plant.drive.load_friction", drive.load_friction);
+    add("controller.friction.load", drive.load_friction);
+  }
+}
+
 std::vector<std::string> Parameters::overrides(const scenario::Scenario& scenario,
                                                const Eigen::VectorXd& values) const {
   constexpr std::array<std::pair<Kind, const char*>, 5> keys = {
@@ -205,6 +251,7 @@ std::vector<std::string> Parameters::overrides(const scenario::Scenario& scenari
     result.push_back(
         fmt::format("plant.drive.static_friction_Nm=[{:.6g}]", fmt::join(coulomb, ", ")));
   }
+  add_terms_to(result, scenario, values);
   for (const double mass : of(Kind::payload, values)) {
     result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
   }

@@ -15,10 +15,27 @@ namespace tachless::identify {
 /// constant error of a torque sensor or motor current. `delay`: ticks, with a fraction, from a
 /// measurement until the torque computed from it acts. `payload`: mass of a payload whose position
 /// is in the scenario. `load`: mass, first moments and inertia of a payload on the scenario's
-/// payload link.
-enum class Kind { rotor, viscous, coulomb, payload, delay, inertia, offset, load };
-inline constexpr std::array<std::string_view, 8> kind_names = {
-    "rotor", "viscous", "coulomb", "payload", "delay", "inertia", "offset", "load"};
+/// payload link. `rise` and `load_friction`: friction that rises with speed and friction that grows
+/// with gravity's torque (`robot::JointFriction`), of the joints of which `FrictionTerm` says so.
+enum class Kind {
+  rotor,
+  viscous,
+  coulomb,
+  payload,
+  delay,
+  inertia,
+  offset,
+  load,
+  rise,
+  load_friction
+};
+inline constexpr std::array<std::string_view, 10> kind_names = {
+    "rotor",   "viscous", "coulomb", "payload", "delay",
+    "inertia", "offset",  "load",    "rise",    "load friction"};
+/// Returns whether a kind is a further term of friction, which the data ask for.
+constexpr bool is_term(Kind kind) { return kind == Kind::rise || kind == Kind::load_friction; }
+/// Number of leading kinds that a user can ask for by name.
+inline constexpr std::size_t num_asked_kinds = 7;
 /// Number of leading kinds for which a motion can be designed.
 inline constexpr std::size_t num_motion_kinds = 4;
 
@@ -28,6 +45,14 @@ using Inertial = Eigen::Matrix<double, 10, 1>;
 Inertial inertial_of(const robot::MassProperties& body);
 /// @param value with a nonzero mass, or with neither mass nor first moments
 robot::MassProperties mass_properties(const Inertial& value);
+
+/// One more term of a joint's friction.
+struct FrictionTerm {
+  Kind kind;  ///< `rise` or `load_friction`
+  int joint;
+  double velocity = 1;        ///< v_r of a rise [rad/s; m/s]
+  bool at_reversals = false;  ///< a rise that rows near reversals tell from Coulomb friction
+};
 
 /// The unknown parameters of a robot as one vector: each kind's joints in order, one number for the
 /// payload's mass and one for the delay, ten numbers for each body and for the load. A body's
@@ -40,14 +65,18 @@ class Parameters {
     std::string name;  ///< "rotor elbow", "Izz forearm"
     std::string unit;
     bool not_negative = true;
-    int component = 0;  ///< index into an `Inertial`
+    int component = 0;          ///< index into an `Inertial`
+    double velocity = 1;        ///< v_r of a rise
+    bool at_reversals = false;  ///< as in `FrictionTerm`
   };
 
   /// @param controlled the recordings are of the scenario's own law (`Recording::controlled`).
   /// Otherwise a delay is the time by which a table's torques are late. This delay may be negative.
   /// It is a property of the table, so `overrides` does not write it.
+  /// @param terms more terms of friction; several rises of a joint are candidates, of which no
+  /// plant is made
   Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
-             bool controlled = true);
+             bool controlled = true, const std::vector<FrictionTerm>& terms = {});
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
   [[nodiscard]] Eigen::Index size() const { return std::ssize(entries_); }
@@ -71,6 +100,8 @@ class Parameters {
                                                    const Eigen::VectorXd& values) const;
 
  private:
+  void add_terms_to(std::vector<std::string>& overrides, const scenario::Scenario& scenario,
+                    const Eigen::VectorXd& values) const;
   [[nodiscard]] std::vector<double> of(Kind kind, const Eigen::VectorXd& values) const;
 
   std::vector<Entry> entries_;

@@ -52,8 +52,11 @@ Vector told_torque(const logger::TickRecord& record, TorqueSource source,
 /// Takes rotors and friction out of the scenario: sensors behind the gears do not see them.
 void leave_links_alone(scenario::Scenario& scenario) {
   scenario.robot.rigid_rotor_inertia_kgm2.setZero();
-  scenario.plant.drive.viscous_friction_Nms_per_rad.setZero();
-  scenario.plant.drive.coulomb_friction_Nm.setZero();
+  plant::DriveSpec& drive = scenario.plant.drive;
+  for (Vector* friction : {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm,
+                           &drive.friction_rise_Nm, &drive.load_friction}) {
+    friction->setZero();
+  }
 }
 
 /// Takes rows of ticks of which some are missing.

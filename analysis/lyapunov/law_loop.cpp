@@ -22,6 +22,8 @@
 #include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
+#include "robot/gravity_bound.h"
+#include "scenario/largest_friction.h"
 
 namespace tachless::lyapunov {
 namespace {
@@ -351,17 +353,26 @@ FrictionTorques friction_torques(const scenario::Scenario& scenario, const Vecto
   const auto& drive = scenario.plant.drive;
   const auto& forward = scenario.controller.friction;
   const VectorXd Fc = drive.coulomb_friction_Nm;
-  const VectorXd Fs = drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm);
+  const VectorXd largest = scenario::largest_friction(scenario);
   const VectorXd zero = VectorXd::Zero(Fc.size());
-  if (v_ref.isZero(0)) return {zero, Fs};  // v = edot, and friction takes energy
+  if (v_ref.isZero(0)) return {zero, largest};  // v = edot, and friction takes energy
   const VectorXd Ff = forward.given() ? VectorXd(forward.coulomb) : zero;
   const VectorXd D = forward.given() ? VectorXd(forward.viscous) : zero;
   const VectorXd missing = VectorXd(drive.viscous_friction_Nms_per_rad) - D;
   FrictionTorques result{missing.cwiseAbs().cwiseProduct(v_ref), zero};
+  const auto add = [&](const Vector& of, const auto& size) {
+    if (of.size() > 0) result.on_y += size(VectorXd(of));
+  };
+  add(drive.friction_rise_Nm, [](const VectorXd& rise) { return VectorXd(-rise.cwiseMin(0)); });
+  add(forward.rise, [](const VectorXd& rise) { return VectorXd(rise.cwiseAbs()); });
+  if (forward.needs_gravity()) {
+    result.on_y +=
+        forward.load.cwiseProduct(robot::gravity_bound(controller::rigid_model(scenario)));
+  }
   if (Ff.isZero(0)) {
-    result.on_y += Fs;
+    result.on_y += largest;
   } else {
-    result.on_y += Fs - Fc + (Fc - Ff).cwiseAbs();
+    result.on_y += largest - Fc + (Fc - Ff).cwiseAbs();
     result.on_delta = 2 * Fc;
     result.power = 0.2785 * Fc.dot(VectorXd(forward.smoothing));
   }

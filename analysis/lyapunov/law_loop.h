@@ -81,10 +81,11 @@ struct VelocityBound {
 /// Returns the bound for the scenario's reference.
 VelocityBound velocity_bound(const scenario::Scenario& scenario);
 
-/// Bounds of a rigid robot's friction torques, which Mm does not contain. Let f = Fc Sgn(v) + r,
-/// |r| <= Fs - Fc, less Ff tanh(v_ref / s) fed forward, and y = edot + delta. Then Vdot <= -x' Mm x
-/// + |y|' on_y + |delta|' on_delta + power. The term -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most
-/// 0.2785 Fc s.
+/// Bounds of a rigid robot's friction torques, which Mm does not contain. Let f = Fc Sgn(v) + r
+/// less Ff tanh(v_ref / s) fed forward, and y = edot + delta. Here |r| <= L - Fc + |F_r| of a fall,
+/// with L that of `scenario::largest_friction`, and r has the rise and the load that are fed
+/// forward. Then Vdot <= -x' Mm x + |y|' on_y + |delta|' on_delta + power. The term -edot Fc
+/// (Sgn(v) - tanh(v_ref / s)) is at most 0.2785 Fc s.
 struct FrictionTorques {
   Eigen::VectorXd on_y, on_delta;  ///< [N m]
   double power = 0;                ///< [W]

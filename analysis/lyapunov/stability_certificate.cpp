@@ -290,7 +290,8 @@ class ErrorLoop {
       for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += reach[i] * part(random);
       VectorXd each = robot::inverse_dynamics(model_, q, r.v_ref, r.a_ref).cwiseAbs();
       if (const auto& friction = scenario_.controller.friction; friction.given()) {
-        each += friction.viscous.cwiseProduct(r.v_ref.cwiseAbs()) + friction.coulomb;
+        each += friction.viscous.cwiseProduct(r.v_ref.cwiseAbs()) +
+                friction.largest_dry(robot::gravity_torque(model_, r.q_ref));
       }
       torque = torque.cwiseMax(each);
     }

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <variant>
 
+#include "scenario/largest_friction.h"
+
 namespace tachless::study {
 namespace {
 
@@ -403,9 +405,7 @@ void judge_all(std::vector<Joint>& joints, const Context& context, const Yardsti
 
 Yardsticks yardsticks(const scenario::Scenario& scenario) {
   Yardsticks result;
-  const plant::DriveSpec& drive = scenario.plant.drive;
-  result.friction = drive.coulomb_friction_Nm.cwiseMax(
-      drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm));
+  result.friction = scenario::largest_friction(scenario);
   result.resolution = scenario::encoder_count(scenario, *scenario.model)
                           .cwiseMax(scenario.plant.encoder.noise_std_rad);
   result.realtime = scenario.loop.mode == scenario::Mode::realtime;

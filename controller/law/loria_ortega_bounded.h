@@ -129,7 +129,7 @@ class LoriaOrtegaBounded : public FilteredError<LoriaOrtegaBounded, BoundedGains
       taken_up = integral_->torque(next.y);
     }
     Vector torque = feedforward(measured.q, reference);
-    if (settings_.friction.given()) torque += settings_.friction.torque(ahead(reference).v_ref);
+    if (settings_.friction.given()) torque += friction(reference);
     const Vector back = bounded(feedback(each(0), e, next.filter.nu, reference));
     const Vector tau =
         torque.cwiseMax(-feedforward_max_).cwiseMin(feedforward_max_) + back + taken_up;

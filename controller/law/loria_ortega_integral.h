@@ -87,7 +87,7 @@ class LoriaOrtegaIntegral : public FollowingGains<LoriaOrtegaIntegral, IntegralG
                                   const ReferencePoint& reference) const {
     auto [filter, command, logged] = FilteredError::step(memory.filter, measured, reference);
     Vector outside = command.tau;  // of the integral
-    if (settings_.friction.given()) outside += settings_.friction.torque(ahead(reference).v_ref);
+    if (settings_.friction.given()) outside += friction(reference);
     const Vector free = integral_.next(memory.y, memory.filter, filter);
     const Vector y = without_windup(memory.y, free, outside);
     const Vector torque = integral_.torque(y);

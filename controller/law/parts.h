@@ -76,6 +76,16 @@ inline Feedforward feedforward_ahead(const ReferencePoint& reference, double lea
           reference.a_ref + h * (reference.jerk_ref + h / 2 * reference.snap_ref)};
 }
 
+/// Returns the friction that is fed forward at the reference, `lead_s` ahead [N m; N]. The load on
+/// a joint is taken at q_ref itself.
+/// @param robot the law's model
+inline Vector friction_feedforward(const FrictionSpec& friction, const robot::Model& robot,
+                                   const ReferencePoint& reference, double lead_s) {
+  return friction.torque(
+      feedforward_ahead(reference, lead_s).v_ref,
+      friction.needs_gravity() ? robot::gravity_torque(robot, reference.q_ref) : Vector());
+}
+
 /// Position, velocity and acceleration of the reference, each with its first two time derivatives.
 struct ReferenceJets {
   robot::JetVector q;  ///< [rad; m]
@@ -128,6 +138,12 @@ class LawOf {
   /// Returns v_ref and vdot_ref, taken ahead by the scenario's `feedforward_lead_s`.
   [[nodiscard]] Feedforward ahead(const ReferencePoint& reference) const {
     return feedforward_ahead(reference, settings_.feedforward_lead_s);
+  }
+
+  /// Returns the friction that the law itself feeds forward [N m; N].
+  [[nodiscard]] Vector friction(const ReferencePoint& reference) const {
+    return friction_feedforward(settings_.friction, robot_, reference,
+                                settings_.feedforward_lead_s);
   }
 
   Robot robot_;        ///< the law's model of the robot

@@ -169,8 +169,9 @@ void apply_compensation(Scenario& scenario) {
   if (arm.friction == 0) return;
   plant::DriveSpec& drive = scenario.plant.drive;
   controller::FrictionSpec& known = scenario.controller.friction;
-  for (Vector* friction : {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm,
-                           &known.viscous, &known.coulomb}) {
+  for (Vector* friction :
+       {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm, &drive.friction_rise_Nm,
+        &drive.load_friction, &known.viscous, &known.coulomb, &known.rise, &known.load}) {
     *friction *= 1 - arm.friction;
   }
   if (drive.static_friction_Nm) *drive.static_friction_Nm *= 1 - arm.friction;

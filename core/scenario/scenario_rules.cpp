@@ -83,6 +83,34 @@ void require_static_above_coulomb(const Scenario& scenario) {
   }
 }
 
+void require_possible_friction(const Scenario& scenario) {
+  const plant::DriveSpec& drive = scenario.plant.drive;
+  for (int i = 0; i < scenario.num_joints; ++i) {
+    const std::string& joint = scenario.model->joint_names[static_cast<std::size_t>(i)];
+    const robot::JointFriction friction = drive.friction_of(i);
+    if (friction.rise < -friction.coulomb) {
+      throw scenario.complaint("plant.drive.friction_rise_Nm",
+                               "{} of joint {}: friction would drive it; allowed: at least {}, its "
+                               "Coulomb friction reversed",
+                               shortest(friction.rise), joint, shortest(-friction.coulomb));
+    }
+    const double forward = scenario.controller.friction.rise[i],
+                 least = -scenario.controller.friction.coulomb[i];
+    if (forward < least) {
+      throw scenario.complaint(
+          "controller.friction.rise",
+          "{} of joint {}: friction would drive it; allowed: at least {}, its coulomb reversed",
+          shortest(forward), joint, shortest(least));
+    }
+    if (friction.load > 0 && friction.held == 0) {
+      throw scenario.complaint("plant.drive.load_friction",
+                               "{} of joint {}, which has no other dry friction; allowed: 0, or "
+                               "plant.drive.coulomb_friction_Nm above 0",
+                               shortest(friction.load), joint);
+    }
+  }
+}
+
 }  // namespace
 
 void require_consistent(const Scenario& scenario) {
@@ -94,6 +122,7 @@ void require_consistent(const Scenario& scenario) {
   require_possible_initial_state(scenario);
   require_motors_only_behind_springs(scenario);
   require_static_above_coulomb(scenario);
+  require_possible_friction(scenario);
   require_link(scenario, "plant.payload.link", scenario.plant.payload.link);
   with_payload(scenario, *scenario.model);
   require_disturbed(scenario);

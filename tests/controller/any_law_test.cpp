@@ -9,9 +9,11 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/registry.h"
+#include "robot/dynamics.h"
 
 namespace tachless::controller {
 namespace {
@@ -145,6 +147,34 @@ TEST(AnyLaw, FeedsFrictionForwardFromTheReference) {
   EXPECT_NEAR(tau[1], 2 * std::tanh(-1.0), 1e-12);
 }
 
+/// The friction that grows with gravity's torque is taken at the reference's posture.
+TEST(AnyLaw, FeedsForwardFrictionThatRisesAndThatGrowsWithTheLoad) {
+  const std::string gains = "controller.gains={kp: 100, kd: 20, a: 300, b: 300";
+  for (const auto& [law, more] : {std::pair<std::string, const char*>{"loria_ortega_rigid", "}"},
+                                  {"loria_ortega_integral", ", ki: 1, eps_1: 0.1, eps_2: 0.01}"},
+                                  {"loria_ortega_bounded", "}"}}) {
+    scenario::Scenario s =
+        scenario({"controller.law=" + law, gains + more, "plant.drive.torque_limit_Nm=1000",
+                  "controller.friction={coulomb: [2, 1], rise: [3, -1], rise_velocity: 0.5, load: "
+                  "[0.1, 0], smoothing: 0.2}"});
+    ScenarioLaw with = scenario_law(s);
+    s.controller.friction = {};
+    ScenarioLaw without = scenario_law(s);
+    messages::ReferencePoint reference = at_zero();
+    reference.q_ref << 0.3, -0.2;
+    reference.v_ref << 0.25, -0.5;
+    const Vector tau = with->step(0, ramp(0), reference).command.tau -
+                       without->step(0, ramp(0), reference).command.tau;
+    const Vector g = robot::gravity_torque(rigid_model(s), reference.q_ref);
+    ASSERT_GT(std::abs(g[0]), 20);
+    EXPECT_NEAR(tau[0],
+                (2 + 0.1 * std::abs(g[0])) * std::tanh(0.25 / 0.2) + 3 * std::tanh(0.25 / 0.5),
+                1e-11)
+        << law;
+    EXPECT_NEAR(tau[1], std::tanh(-0.5 / 0.2) - std::tanh(-0.5 / 0.5), 1e-11) << law;
+  }
+}
+
 TEST(AnyLaw, RefusesToGoBack) {
   Stepper stepper = stepper_of(scenario({}));
   take(stepper, 5);
@@ -185,7 +215,7 @@ TEST(AnyLaw, TakesPreparedGainsAtTheTickOfTheirReference) {
   const scenario::Scenario s = scenario({"controller.gains_may_change=true"});
   int built = 0;
   LawWithMemory<LoriaOrtegaRigid> prepared(
-      make_law<LoriaOrtegaRigid>(s), s.loop, {}, 0, [&](std::string_view gains) {
+      make_law<LoriaOrtegaRigid>(s), s.loop, {}, [&](std::string_view gains) {
         ++built;
         return make_law<LoriaOrtegaRigid>(with_gains(s, gains));
       });

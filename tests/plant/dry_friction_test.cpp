@@ -17,7 +17,7 @@ using testing::rigid_state;
 using testing::turntable;
 
 struct Friction {
-  double coulomb, held, stribeck = 0.01, viscous = 0;
+  double coulomb, held, stribeck = 0.01, viscous = 0, rise = 0, load = 0;
 };
 
 class DryFriction : public ::testing::TestWithParam<Mechanics> {};
@@ -32,6 +32,9 @@ ArmOptions options(const Friction& friction, int num_joints = 1) {
   result.drive.static_friction_Nm = Vector::Constant(num_joints, friction.held);
   result.drive.stribeck_velocity_rad_per_s = Vector::Constant(num_joints, friction.stribeck);
   result.drive.viscous_friction_Nms_per_rad = Vector::Constant(num_joints, friction.viscous);
+  result.drive.friction_rise_Nm = Vector::Constant(num_joints, friction.rise);
+  result.drive.friction_rise_velocity_rad_per_s = Vector::Constant(num_joints, 0.3);
+  result.drive.load_friction = Vector::Constant(num_joints, friction.load);
   return result;
 }
 
@@ -148,6 +151,50 @@ TEST_P(DryFriction, FallsFromStaticToCoulombsAsStribecksCurve) {
   EXPECT_NEAR(arm.state().v[0], y[1], 1e-8);
 }
 
+/// A joint about a horizontal axis, whose mass gravity pulls down at q = 0.
+robot::Model pendulum(double mass, double length) {
+  robot::Model model = turntable(0.1);
+  model.bodies[0].mass = mass;
+  model.bodies[0].p_Bcm = {length, 0, 0};
+  model.gravity = {0, -9.81, 0};
+  return model;
+}
+
+TEST_P(DryFriction, RisesOrFallsWithSpeedAndGrowsWithGravitysTorque) {
+  constexpr double m = 2, r = 0.3, Fc = 1.5, load = 0.2, viscous = 0.3;
+  const robot::Model model = pendulum(m, r);
+  const double I = robot::mass_matrix(model, Vector(Vector::Zero(1)))(0, 0);
+  for (const double rise : {0.8, -0.9}) {
+    Arm arm(model, options({Fc, Fc, 0.01, viscous, rise, load}), at(-2, 3));
+    const Eigen::VectorXd y = testing::runge_kutta_4(
+        [&](const Eigen::VectorXd& state) {
+          const double v = state[1], g = 9.81 * m * r * std::cos(state[0]);
+          const double F = Fc + load * std::abs(g) + rise * std::tanh(v / 0.3) + viscous * v;
+          return Eigen::VectorXd(Eigen::Vector2d(v, (-g - F) / I));
+        },
+        Eigen::Vector2d(-2, 3), 0.25, 20000);
+    ASSERT_GT(y[1], 0.5);  // it moves one way, and gravity's torque changes its sign
+    ASSERT_GT(y[0], -1.5);
+    arm.advance(torque(0), 0.25);
+    // Steps of accuracy 1e-10; |g| has a kink, at which the steps are shorter.
+    EXPECT_NEAR(arm.state().q[0], y[0], 1e-7) << rise;
+    EXPECT_NEAR(arm.state().v[0], y[1], 1e-7) << rise;
+  }
+}
+
+TEST_P(DryFriction, HoldsMoreWhereGravityPullsMore) {
+  constexpr double m = 2, r = 0.3, Fs = 1, load = 0.2;
+  const robot::Model model = pendulum(m, r);
+  for (const double q : {0.0, 1.2, 2.5}) {
+    const double g = 9.81 * m * r * std::cos(q), held = Fs + load * std::abs(g);
+    Arm arm(model, options({Fs, Fs, 0.01, 0, 0, load}), at(q, 0));
+    arm.advance(torque(g + held * (1 - 1e-6)), 0.5);
+    EXPECT_EQ(arm.state().q[0], q);
+    arm.advance(torque(g + held * (1 + 1e-6)), 0.6);
+    EXPECT_GT(arm.state().v[0], 0);
+  }
+}
+
 TEST_P(DryFriction, LetsALinkGoInTheMiddleOfATickWhenItsSpringPullsHardEnough) {
   constexpr double K = 100, J = 0.2, tau = 3, Fs = 4;
   const FlexibleDrive drive{
@@ -255,6 +302,8 @@ TEST_P(DryFriction, TakesEnergyAndGivesNoneUntilTheArmHangsStill) {
 TEST_P(DryFriction, IsRefusedWhereItMakesNoSense) {
   EXPECT_THROW(Arm(turntable(1), options({2, 1}), at(0, 0)), std::logic_error);
   EXPECT_THROW(Arm(turntable(1), options({2, 2, 0}), at(0, 0)), std::logic_error);
+  EXPECT_THROW(Arm(turntable(1), options({2, 2, 1, 0, -2.1}), at(0, 0)), std::logic_error);
+  EXPECT_THROW(Arm(turntable(1), options({0, 0, 1, 0, 0, 0.1}), at(0, 0)), std::logic_error);
 }
 
 }  // namespace

@@ -66,6 +66,24 @@ TEST(FeedforwardBound, ContainsTheFrictionThatIsFedForward) {
   EXPECT_NEAR(with[1] - without[1], 2 + 1, 1e-3);
 }
 
+/// The bound has gravity's largest torque and friction that falls with speed at its largest.
+TEST(FeedforwardBound, ContainsFrictionThatRisesAndThatGrowsWithTheLoad) {
+  const std::string motion = "reference={sinusoid: {amplitude_rad: 0.5, frequency_hz: 0.3183}}";
+  const scenario::Scenario scenario = two_link({motion});
+  const Vector without = feedforward_bound(scenario).torque;
+  const Vector with =
+      feedforward_bound(two_link({motion,
+                                  "controller.friction={coulomb: [3, 1], rise: [2, -1], "
+                                  "load: [0.1, 0]}"}))
+          .torque;
+  // Both links hang straight from the shoulder where gravity pulls most.
+  const Vector most =
+      robot::gravity_torque(controller::rigid_model(scenario), Vector{{0.5 * std::numbers::pi, 0}});
+  EXPECT_GE(with[0] - without[0], 3 + 2 + 0.1 * std::abs(most[0]) - 1e-9);  // of rounding
+  EXPECT_LE(with[0] - without[0], 3 + 2 + 0.11 * std::abs(most[0]));
+  EXPECT_NEAR(with[1] - without[1], 1, 1e-12);
+}
+
 TEST(FeedforwardBound, OfManyJointsIsSampled) {
   EXPECT_FALSE(feedforward_bound(linear::testing::shipped("iiwa_point_to_point")).proved);
 }

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
+#include "robot/dynamics.h"
 #include "tests/analysis/linear/scenarios.h"
 
 namespace tachless::certify {
@@ -210,6 +212,25 @@ TEST(Prediction, RestErrorIsThatOfTheWholeMatrixOfGains) {
   EXPECT_NEAR(found.rest_error[0], (240 * 6 + 800 * 2) / 320000.0, 1e-6);
   EXPECT_NEAR(found.rest_error[1], (800 * 6 + 4000 * 2) / 320000.0, 1e-6);
   EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = [0.0095, 0.04]"));
+}
+
+/// A joint may stop where gravity pulls most, so the bound is that of all postures.
+TEST(Prediction, RestErrorHasTheLargestFrictionOfTheLoad) {
+  const scenario::Scenario loaded = linear::testing::shipped(
+      "practical_rigid", {"plant.drive.coulomb_friction_Nm=[6, 2]",
+                          "plant.drive.load_friction=[0.1, 0]", "plant.payload.mass_kg=3"});
+  const Vector kp = loaded.controller.gains.at("kp");
+  const robot::Model arm = scenario::with_payload(loaded, *loaded.model);
+  double most = 0;
+  for (int k = 0; k < 400; ++k) {
+    most = std::max(
+        most, std::abs(robot::gravity_torque(arm, Vector{{k * std::numbers::pi / 200, 0}})[0]));
+  }
+  const Prediction found = analyse(loaded, linear::Effort::quick);
+  // K is by differences of step 1e-6. The bound has the joints' offsets in a straight line.
+  EXPECT_GT(found.rest_error[0], (6 + 0.1 * most) / kp[0] * (1 - 1e-6));
+  EXPECT_LT(found.rest_error[0], (6 + 0.11 * most) / kp[0]);
+  EXPECT_NEAR(found.rest_error[1], 2 / kp[1], 1e-6);
 }
 
 /// A run's verdict divides friction by this stiffness.

@@ -33,9 +33,9 @@ class Tally {
     const Recording recording = record(believed, plant);
     const Identified found = identify({recording}, unknown, {}, ignore);
     ++arms_;
-    const std::vector<bool> with_slow(static_cast<std::size_t>(believed.num_joints), true);
+    const std::vector<RowUse> rows(static_cast<std::size_t>(believed.num_joints), RowUse::all);
     const Eigen::VectorXd rough =
-        least_squares({regression(recording, parameters)}, parameters, *believed.model, with_slow)
+        least_squares({regression(recording, parameters)}, parameters, *believed.model, rows)
             .values;
     for (std::size_t i = 0; i < found.parameters.size(); ++i) {
       const Identified::Parameter& each = found.parameters[i];

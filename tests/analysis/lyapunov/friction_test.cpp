@@ -37,6 +37,26 @@ TEST(Friction, IsInTheConditionAndWhatIsNotFedForwardBoundsTheErrors) {
   RecordProperty("dry", certify::list_text(*dry.friction_error));
 }
 
+/// Each further term of friction, of the plant and fed forward, widens the errors that end.
+TEST(Friction, ThatRisesOrGrowsWithTheLoadWidensTheErrors) {
+  const auto last_error = [](const std::vector<std::string>& more) {
+    std::vector<std::string> overrides = {"plant.drive.coulomb_friction_Nm=[0.05, 0.01]",
+                                          "controller.friction.coulomb=[0.05, 0.01]"};
+    overrides.insert(overrides.end(), more.begin(), more.end());
+    std::string why_not;
+    const auto found = stability_certificate(linear::testing::shipped("practical_rigid", overrides),
+                                             linear::Effort::full, why_not);
+    return (*found->fastest->friction_error)[0];
+  };
+  const double before = last_error({});
+  for (const char* term :
+       {"plant.drive.friction_rise_Nm=[0.02, 0]", "plant.drive.friction_rise_Nm=[-0.02, 0]",
+        "plant.drive.load_friction=[1e-4, 0]", "controller.friction.rise=[0.02, 0]",
+        "controller.friction.load=[1e-4, 0]"}) {
+    EXPECT_GT(last_error({term}), 1.01 * before) << term;
+  }
+}
+
 /// The provisos name offset, eccentricity and the friction of motors and springs.
 TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
   const auto provisos = [](const std::string& scenario, const std::string& value) {

@@ -1,7 +1,11 @@
-#include "robot/dynamics.h"
-
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "robot/dynamics.h"
+#include "robot/gravity_bound.h"
 #include "tests/core/robot/energy.h"
 #include "tests/core/robot/robots.h"
 
@@ -34,6 +38,30 @@ TEST_P(Energy, IsHalfOfVMVAndItsGradientIsGravity) {
       EXPECT_NEAR(potential_energy(model, along).first, g[j], 64 * eps * 500);
     }
   }
+}
+
+TEST_P(Energy, NoPostureHasMoreGravityThanItsBound) {
+  const Vector bound = gravity_bound(model);
+  for (int k = 0; k < 2000; ++k) {
+    // Prismatic joints stay within their ranges.
+    Vector q = random.vector(n, 3);
+    for (const Body& body : model.bodies) {
+      const Eigen::Index j = body.coordinate;
+      if (body.type == JointType::prismatic)
+        q[j] = std::clamp(q[j], model.lower[j], model.upper[j]);
+    }
+    const Vector g = gravity_torque(model, q);
+    for (Eigen::Index j = 0; j < n; ++j) EXPECT_LE(std::abs(g[j]), bound[j] + 64 * eps * 500);
+  }
+}
+
+/// A pendulum bears most where it is level: m g r. Beyond it the bound of a chain is that of the
+/// straight chain.
+TEST(GravityBound, OfTwoLinksIsThatOfTheStraightArm) {
+  const Model arm = testing::two_link(2);
+  const Vector level = gravity_torque(arm, Vector{{std::numbers::pi / 2, 0}}).cwiseAbs();
+  const Vector bound = gravity_bound(arm);
+  for (Eigen::Index j = 0; j < 2; ++j) EXPECT_NEAR(bound[j], level[j], 1e-9 * level[j]);
 }
 
 /// Largest departure from the initial energy over one second of free fall by classical

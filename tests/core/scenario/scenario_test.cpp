@@ -886,6 +886,11 @@ TEST(Scenario, CoulombFrictionIsTheUrdfsUnlessGiven) {
   EXPECT_FALSE(none.plant.drive.dry_friction());
   EXPECT_THAT(refusal([&] { read({"plant.drive.static_friction_Nm=0.5"}); }),
               HasSubstr("plant.drive.static_friction_Nm: 0.5 of joint elbow is below its Coulomb"));
+  EXPECT_THAT(refusal([&] { read({"plant.drive.friction_rise_Nm=[0, -1.5]"}); }),
+              HasSubstr("-1.5 of joint elbow: friction would drive it; allowed: at least -1"));
+  EXPECT_THAT(refusal([&] { read({"plant.drive.load_friction=0.1"}); }),
+              HasSubstr("plant.drive.load_friction: 0.1 of joint shoulder, which has no other"));
+  EXPECT_TRUE(read({"plant.drive.friction_rise_Nm=[0, -1]"}).plant.drive.dry_friction());
 }
 
 TEST(Scenario, OfAnArmThatCompensatesHasAHoldingStartAndTheRestOfTheFriction) {

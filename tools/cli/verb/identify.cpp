@@ -175,7 +175,7 @@ struct Identify {
                     "Logs of runs of one robot, or their directories; or YAML files that say what "
                     "the columns of another logger's tables are")
         ->required();
-    chosen = add_unknown(command, unknown, identify::kind_names.size() - 1);  // the load is --on's
+    chosen = add_unknown(command, unknown, identify::num_asked_kinds);
     command
         .add_flag("--all", all,
                   "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset, and "
