@@ -320,6 +320,24 @@ double least_distance(const scenario::Scenario& arm, const Excitation& motion) {
   return least;
 }
 
+TEST(LinkShapes, AreInCapsulesWithTheDistanceOfTheirSegments) {
+  const std::vector<robot::Capsule> of = robot::link_capsules(
+      R"(<robot name="x"><link name="a"><collision><origin xyz="0 0 1" rpy="0 1.5707963267948966 0"/>
+<geometry><cylinder radius="0.1" length="2"/></geometry></collision>
+<collision><geometry><mesh filename="a.stl"/></geometry></collision></link>
+<link name="b"><visual><geometry><box size="0.06 2 0.08"/></geometry></visual></link>
+<link name="c"><visual><geometry><mesh filename="c.stl"/></geometry></visual></link></robot>)");
+  ASSERT_EQ(of.size(), 2U);
+  EXPECT_LT((of[0].to - Eigen::Vector3d(1, 0, 1)).norm(), 1e-12);  // turned about y, and up by 1 m
+  EXPECT_LT((of[1].to - Eigen::Vector3d(0, 1, 0)).norm(), 1e-12);
+  EXPECT_NEAR(of[1].radius, 0.05, 1e-12);
+  EXPECT_NEAR(robot::distance(of[0], of[1]), 0.85, 1e-12) << "segments across each other";
+  robot::Capsule beside = of[0];
+  beside.from += Eigen::Vector3d(3, 0, 0.4);
+  beside.to += Eigen::Vector3d(3, 0, 0.4);
+  EXPECT_NEAR(robot::distance(of[0], beside), std::hypot(1, 0.4) - 0.2, 1e-12) << "parallel ones";
+}
+
 TEST(Excite, KeepsLinksApartThatNoJointConnects) {
   const scenario::Scenario arm = folding("[0, 2]");
   ExcitationGoal goal{.duration_s = 5, .reach = 1.5, .floor = {}};
