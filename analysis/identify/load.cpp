@@ -79,8 +79,8 @@ Load load_of(const Precision& precision, const VectorXd& values, const Parameter
   load.frame = frame;
   load.mass = x[0];
   load.mass_half_width = precision.half_width[first];
-  // Centre and inertia are quotients and sums with the mass.
-  const bool mass_shown = std::isfinite(load.mass_half_width);
+  // The centre is a quotient, and the inertia about it a sum, with the mass.
+  const bool mass_shown = load.mass > load.mass_half_width;
   for (Index i = 0; i < 3; ++i) {
     const bool shown = mass_shown && std::isfinite(precision.half_width[first + 1 + i]);
     load.centre[i] = shown ? x[1 + i] / m : 0;
