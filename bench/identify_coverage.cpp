@@ -1,18 +1,23 @@
 // Measures how often the 95 % intervals of `identify` hold the true values of random arms, and how
 // often a right model is called wrong. docs/identification.md has the numbers.
 //
-//   identify_coverage KIND ARMS [FIRST]   KIND: exact, aligned, noise, late (tables), log,
+//   identify_coverage KIND ARMS [FIRST [tools]]   KIND: exact, aligned, noise, late (tables), log,
 //   noisy_log
+//
+// With `tools` each arm is an iiwa 7 with a tool, whose mass, centre of mass and inertia are
+// unknown.
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
+#include <memory>
 #include <random>
 #include <string>
 #include <string_view>
@@ -75,26 +80,87 @@ struct Tally {
   std::vector<double> errors;
 };
 
+/// Draws a tool of 0.3 to 2.5 kg with the inertia of a box.
+robot::MassProperties drawn_tool(std::mt19937& random) {
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  robot::MassProperties tool;
+  tool.mass = between(0.3, 2.5);
+  tool.p_Bcm << between(-0.08, 0.08), between(-0.08, 0.08), between(0.02, 0.15);
+  const Eigen::Array3d square(between(0.002, 0.02), between(0.002, 0.02), between(0.002, 0.02));
+  const Eigen::Vector3d moments = tool.mass / 12 * (square.sum() - square);
+  const Eigen::Matrix3d R =
+      Eigen::Quaterniond(between(-1, 1), between(-1, 1), between(-1, 1), between(-1, 1))
+          .normalized()
+          .toRotationMatrix();
+  tool.I_Bcm = R * moments.asDiagonal() * R.transpose();
+  return tool;
+}
+
 struct Campaign {
   Data data;
-  std::map<Kind, Tally> kinds;
+  bool tools;
+  std::map<std::string, Tally> kinds;
   int arms = 0, called_wrong = 0;
+
+  /// Counts an interval.
+  /// @param name of the kind and of the number
+  void count(const std::string& kind, const std::string& name, double error, double half_width,
+             double truth) {
+    Tally& tally = kinds[kind];
+    tally.held += error <= half_width ? 1 : 0;
+    ++tally.of;
+    tally.errors.push_back(error / std::abs(truth));
+    if (error > half_width && std::getenv("MISSES") != nullptr) {
+      fmt::print("  {} off by {:.3g} of it, {:.2g} half widths\n", name, error / std::abs(truth),
+                 error / half_width);
+    }
+  }
+
+  void add_tool(const robot::MassProperties& tool, const Load& load, const std::string& arm) {
+    count("tool's mass", arm + "mass", std::abs(load.mass - tool.mass), load.mass_half_width,
+          tool.mass);
+    const Eigen::Matrix3d& I = tool.I_Bcm;
+    const Load::Six inertia = {I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2)};
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      if (!std::isfinite(load.centre_half_width[i])) continue;
+      count("centre", arm + "centre " + "xyz"[i], std::abs(load.centre[i] - tool.p_Bcm[i]),
+            load.centre_half_width[i], tool.p_Bcm.norm());
+    }
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      if (!std::isfinite(load.inertia_half_width[i])) continue;
+      count("inertia", arm + "inertia", std::abs(load.inertia[i] - inertia[i]),
+            load.inertia_half_width[i], I.trace());
+    }
+  }
 
   void add(unsigned seed) {
     std::mt19937 random(seed + 77000);
     const bool is_log = data == Data::log || data == Data::noisy_log;
-    const char* const robot = seed % 3 != 2 ? "practical_rigid" : "iiwa_point_to_point";
-    const std::string bits = std::to_string((is_log ? 14 : 16) + 2 * (seed % 4 % 3));
+    const char* const robot = seed % 3 != 2 && !tools ? "practical_rigid" : "iiwa_point_to_point";
+    const std::string bits = std::to_string(is_log ? 14 + 2 * (seed % 4) : 16 + 2 * (seed % 4 % 3));
     scenario::Scenario believed = identify::scenario(robot, bits, 15);
     if (data == Data::noisy_log) {
       believed.plant.encoder.noise_std_rad = 5e-5 * static_cast<double>(seed % 5);
     }
     const Parameters parameters(believed, all);
-    const Eigen::VectorXd truth = draw_truth(believed, parameters, random);
-    const scenario::Scenario plant = hidden(believed, truth);
+    Eigen::VectorXd truth = draw_truth(believed, parameters, random);
+    robot::MassProperties tool;
+    if (tools) {
+      truth[truth.size() - 1] = 0;  // the payload's mass
+      believed.plant.payload.link = believed.model->bodies.back().link;
+      tool = drawn_tool(random);
+    }
+    scenario::Scenario plant = hidden(believed, truth);
+    if (tools) {
+      plant.model = std::make_shared<robot::Model>(
+          robot::with_payload(*plant.model, tool, believed.plant.payload.link));
+    }
     Recording run =
         data == Data::exact ? exact_table(believed, plant, seed) : record(believed, plant);
     std::vector<Kind> unknown = all;
+    if (tools) unknown.back() = Kind::load;
     if (!is_log) {
       if (data != Data::exact) run = table_of(run, data, random);
       unknown.push_back(Kind::delay);
@@ -102,18 +168,14 @@ struct Campaign {
     const Identified found = identify::identify({run}, unknown, {}, ignore);
     ++arms;
     for (const Identified::Check& each : found.checks) called_wrong += each.misfit.found;
-    for (Eigen::Index i = 0; i < truth.size(); ++i) {
+    const std::string arm = fmt::format("arm {} {} {} bits: ", seed, robot, bits);
+    const Eigen::Index own = truth.size() - (tools ? 1 : 0);
+    for (Eigen::Index i = 0; i < own; ++i) {
       const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
-      const double error = std::abs(each.value - truth[i]);
-      Tally& tally = kinds[each.entry.kind];
-      tally.held += error <= each.half_width ? 1 : 0;
-      ++tally.of;
-      tally.errors.push_back(error / truth[i]);
-      if (error > each.half_width && std::getenv("MISSES") != nullptr) {
-        fmt::print("  arm {} {} {} bits: {} off by {:.3g} of it, {:.2g} half widths\n", seed, robot,
-                   bits, each.entry.name, error / truth[i], error / each.half_width);
-      }
+      count(std::string(kind_names[static_cast<std::size_t>(each.entry.kind)]),
+            arm + each.entry.name, std::abs(each.value - truth[i]), each.half_width, truth[i]);
     }
+    if (tools) add_tool(tool, *found.load, arm);
   }
 
   void print() {
@@ -121,8 +183,7 @@ struct Campaign {
     fmt::print("{} arms:", arms);
     for (auto& [kind, tally] : kinds) {
       std::ranges::nth_element(tally.errors, tally.errors.begin() + std::ssize(tally.errors) / 2);
-      fmt::print(" {} {} of {} (median error {:.2g} %);",
-                 kind_names[static_cast<std::size_t>(kind)], tally.held, tally.of,
+      fmt::print(" {} {} of {} (median error {:.2g} %);", kind, tally.held, tally.of,
                  100 * tally.errors[tally.errors.size() / 2]);
       held += tally.held;
       of += tally.of;
@@ -141,10 +202,11 @@ int main(int argc, char** argv) {
   const auto* const found =
       argc > 2 ? std::ranges::find(names, std::string_view(argv[1])) : names.end();
   if (found == names.end()) {
-    fmt::print(stderr, "usage: identify_coverage {} ARMS [FIRST]\n", fmt::join(names, "|"));
+    fmt::print(stderr, "usage: identify_coverage {} ARMS [FIRST [tools]]\n", fmt::join(names, "|"));
     return 2;
   }
-  Campaign campaign{static_cast<Data>(found - names.begin()), {}, 0, 0};
+  const bool tools = argc > 4 && std::string_view(argv[4]) == "tools";
+  Campaign campaign{static_cast<Data>(found - names.begin()), tools, {}, 0, 0};
   const int first = argc > 3 ? std::atoi(argv[3]) : 0;
   for (int arm = first; arm < first + std::atoi(argv[2]); ++arm) {
     campaign.add(static_cast<unsigned>(arm));

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <optional>
 #include <random>
+#include <stdexcept>
 #include <utility>
 
 #include "base/failure.h"
@@ -25,17 +26,26 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Motions drawn for all joints; then the best one with one joint at a time drawn anew, since a
-// motion that shows one joint well is kept for it.
-constexpr int draws = 20, redraws = 60;
-constexpr int harmonics = 6;  // sines of a joint; two may have the same frequency
-// Frequencies are multiples of the base. The highest is a fifteenth of the cutoff of the
-// regression's low-pass (least_squares.cpp).
-constexpr double base_hz = 0.1, highest_hz = 1;
-constexpr double most_fall = 2;    ///< largest exponent with which amplitudes fall with frequency
-constexpr double row_s = 0.2;      ///< between waypoints, a fifth of the fastest period
-constexpr double ramp_s = 2;       ///< of the envelope at each end
-constexpr double sample_s = 0.01;  ///< step at which regression and limits are evaluated
+// Motions drawn for all joints; then changes of one joint's series in the best of them.
+constexpr int draws = 20, changes = 1500;
+constexpr int most_draws = 100;  ///< if none of the first is allowed
+/// Sines and cosines of a joint, at multiples of the base frequency. The highest is a fifteenth of
+/// the cutoff of the regression's low-pass (least_squares.cpp).
+constexpr int harmonics = 10;
+constexpr double base_hz = 0.1;
+constexpr double most_fall = 2;  ///< largest exponent with which amplitudes fall with frequency
+// A change of a joint's series is normal, with this size relative to the series at first. It grows
+// with a success and decreases with a failure, within these bounds.
+constexpr double first_size = 0.3, growth = 1.6, decrease = 0.95, least_size = 0.02, most_size = 1;
+constexpr double least_deflection = 0.1;  ///< of the largest deflection that a joint may take
+/// Weight of the logarithm of the condition number for each determined parameter, with links
+/// unknown: a smaller condition costs a little information on each of many parameters.
+constexpr double condition_weight = 6;
+constexpr double row_s = 0.2;  ///< between waypoints, a fifth of the fastest period
+constexpr double ramp_s = 2;   ///< of the envelope at each end
+// Steps at which regression and limits are evaluated: of the motions that are compared, and of the
+// one that is chosen.
+constexpr double coarse_s = 0.05, fine_s = 0.01;
 // Shares of the joints' ranges, and of speed and torque limits, that a motion takes. The rest is
 // for following errors and for friction that is not known yet. Speed where the URDF has no limit
 // [rad/s].
@@ -62,30 +72,56 @@ VectorXd room(const scenario::Scenario& scenario, double reach) {
   return result;
 }
 
-/// Draws offsets from the start, one row per waypoint. Each row begins and ends with zero.
-MatrixXd draw(std::mt19937& random, const VectorXd& start, const VectorXd& most,
-              Eigen::Index rows) {
+/// Fourier series of the joints.
+struct Series {
+  MatrixXd coefficient;  ///< sine and cosine of each harmonic in turn, a column of norm 1 per joint
+  VectorXd share;        ///< part of the largest deflection that each joint takes
+};
+
+/// Draws a joint's coefficients.
+VectorXd drawn_coefficients(std::mt19937& random) {
   std::uniform_real_distribution<double> part(0, 1);
-  MatrixXd result = MatrixXd::Zero(rows, start.size());
+  // Low frequencies excite gravity and friction, high frequencies inertia.
+  const double fall = most_fall * part(random);
+  VectorXd result(2 * harmonics);
+  for (int h = 0; h < harmonics; ++h) {
+    const double amplitude = part(random) / std::pow(h + 1, fall),
+                 phase = 2 * std::numbers::pi * part(random);
+    result[2 * h] = amplitude * std::cos(phase);
+    result[2 * h + 1] = amplitude * std::sin(phase);
+  }
+  return result.normalized();
+}
+
+/// Changes joint j.
+void change(Series& series, Eigen::Index j, double size, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  auto column = series.coefficient.col(j);
+  for (double& each : column) each += size * normal(random) / std::sqrt(2.0 * harmonics);
+  column.normalize();
+  constexpr double of_share = 0.3;  // relative to the change of the coefficients
+  series.share[j] = std::clamp(series.share[j] * std::exp(of_share * size * normal(random)),
+                               least_deflection, 1.0);
+}
+
+/// Returns the series with an envelope: offsets from the start, a row per waypoint. Each joint
+/// begins and ends with zero.
+MatrixXd offsets(const Series& series, const VectorXd& most, Eigen::Index rows) {
   const double end = static_cast<double>(rows - 1) * row_s;
-  for (Eigen::Index j = 0; j < start.size(); ++j) {
-    // Low frequencies excite gravity and friction, high frequencies inertia.
-    const double fall = most_fall * part(random);
+  MatrixXd waves(rows, 2 * harmonics);
+  for (Eigen::Index k = 0; k < rows; ++k) {
+    const double t = static_cast<double>(k) * row_s;
+    const double x = std::clamp(std::min(t, end - t) / ramp_s, 0.0, 1.0);
     for (int h = 0; h < harmonics; ++h) {
-      const double hz = base_hz * std::round(std::pow(highest_hz / base_hz, part(random)));
-      const double phase = 2 * std::numbers::pi * part(random),
-                   amplitude = part(random) / std::pow(hz, fall);
-      for (Eigen::Index k = 0; k < rows; ++k) {
-        const double t = static_cast<double>(k) * row_s;
-        result(k, j) += amplitude * std::sin(2 * std::numbers::pi * hz * t + phase);
-      }
+      const double angle = 2 * std::numbers::pi * base_hz * (h + 1) * t;
+      waves(k, 2 * h) = x * x * (3 - 2 * x) * std::sin(angle);
+      waves(k, 2 * h + 1) = x * x * (3 - 2 * x) * std::cos(angle);
     }
-    for (Eigen::Index k = 0; k < rows; ++k) {
-      const double t = static_cast<double>(k) * row_s;
-      const double x = std::clamp(std::min(t, end - t) / ramp_s, 0.0, 1.0);
-      result(k, j) *= x * x * (3 - 2 * x);
-    }
-    result.col(j) *= most[j] / std::max(1e-12, result.col(j).cwiseAbs().maxCoeff());
+  }
+  MatrixXd result = waves * series.coefficient;
+  for (Eigen::Index j = 0; j < result.cols(); ++j) {
+    const double largest = std::max(1e-12, result.col(j).cwiseAbs().maxCoeff());
+    result.col(j) *= series.share[j] * most[j] / largest;
   }
   return result;
 }
@@ -127,7 +163,8 @@ struct Motion {
   VectorXd holding;  ///< torque at rest at the start
 };
 
-Motion motion_of(const scenario::Scenario& scenario) {
+/// Evaluates a motion at every `sample_s`.
+Motion motion_of(const scenario::Scenario& scenario, double sample_s) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   const auto rows = static_cast<Eigen::Index>(scenario.loop.duration_s / sample_s);
   const Eigen::Index n = scenario.num_joints;
@@ -199,39 +236,53 @@ class Information {
     for (Eigen::Index row = 0; row < rows.rows(); ++row) {
       rows.row(row) *= of.used(row, fast) ? 1 / noise[of.joint[row]] : 0;
     }
-    normal_ = rows.transpose() * rows / rows_alike(of);
-    MatrixXd sized = size.asDiagonal() * normal_ * size.asDiagonal();
+    const MatrixXd normal = rows.transpose() * rows / rows_alike(of);
+    MatrixXd sized = size.asDiagonal() * normal * size.asDiagonal();
     sized.diagonal().array() += 1;
     log_determinant_ = numerics::symmetric_eigenvalues(sized).array().log().sum();
+
+    constexpr double zero = 1e-9;  // share of the largest eigenvalue, as in `precision`
+    VectorXd norm = normal.diagonal().cwiseSqrt();
+    norm = norm.cwiseMax(1e-10 * norm.maxCoeff());
+    unit_ = norm.cwiseInverse();
+    auto [values, vectors] =
+        numerics::symmetric_eigen(unit_.asDiagonal() * normal * unit_.asDiagonal());
+    null_ = (values.array() < zero * values.maxCoeff()).count();
+    values_ = std::move(values);
+    vectors_ = std::move(vectors);
   }
 
-  [[nodiscard]] double log_determinant() const { return log_determinant_; }
+  /// Returns a motion's value for the search: the logarithm of the determinant. With links unknown,
+  /// a term favours a small condition number.
+  [[nodiscard]] double value(bool links) const {
+    const double rank = static_cast<double>(values_.size() - null_);
+    return log_determinant_ - (links ? condition_weight * rank * std::log(condition()) : 0);
+  }
 
   /// Sets the condition and the predicted widths.
   void predict(const Parameters& parameters, Excitation& to) const {
-    constexpr double zero = 1e-9;  // share of the largest eigenvalue, as in `precision`
-    VectorXd norm = normal_.diagonal().cwiseSqrt();
-    norm = norm.cwiseMax(1e-10 * norm.maxCoeff());
-    const VectorXd unit = norm.cwiseInverse();
-    const auto [all, V] =
-        numerics::symmetric_eigen(unit.asDiagonal() * normal_ * unit.asDiagonal());
-    const Eigen::Index null = (all.array() < zero * all.maxCoeff()).count();
-    const VectorXd value = all.tail(all.size() - null);
-    const MatrixXd vectors = V.rightCols(value.size());
-    to.condition = std::sqrt(value.maxCoeff() / value.minCoeff());
-    for (Eigen::Index i = 0; i < norm.size(); ++i) {
+    const Eigen::Index rank = values_.size() - null_;
+    to.condition = condition();
+    for (Eigen::Index i = 0; i < unit_.size(); ++i) {
       const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
       if (entry.kind == Kind::inertia) continue;
-      const bool alone = V.row(i).head(null).squaredNorm() < 1e-6;
+      const bool alone = vectors_.row(i).head(null_).squaredNorm() < 1e-6;
       const double deviation =
-          unit[i] * std::sqrt(vectors.row(i).cwiseAbs2().dot(value.cwiseInverse()));
+          unit_[i] *
+          std::sqrt(vectors_.row(i).tail(rank).cwiseAbs2().dot(values_.tail(rank).cwiseInverse()));
       to.widths.push_back({entry.name, entry.unit,
                            alone ? 1.96 * deviation : std::numeric_limits<double>::infinity()});
     }
   }
 
  private:
-  MatrixXd normal_;
+  [[nodiscard]] double condition() const { return std::sqrt(values_.maxCoeff() / values_[null_]); }
+
+  // Eigenvalues and eigenvectors of the normal matrix of columns scaled by `unit_`. The first
+  // `null_` eigenvalues count as zero.
+  VectorXd unit_, values_;
+  MatrixXd vectors_;
+  Eigen::Index null_ = 0;
   double log_determinant_ = 0;
 };
 
@@ -244,46 +295,131 @@ class Designer {
         parameters_(parameters),
         goal_(goal),
         most_(room(scenario, goal.reach)),
-        rows_(static_cast<Eigen::Index>(std::round(goal.duration_s / row_s)) + 1) {}
-
-  /// Returns a motion that is drawn at random: an offset from the start per waypoint.
-  [[nodiscard]] MatrixXd drawn(std::mt19937& random) const {
-    return draw(random, scenario_.plant.initial.position_rad, most_, rows_);
+        rows_(static_cast<Eigen::Index>(std::round(goal.duration_s / row_s)) + 1) {
+    if (goal.shapes.empty()) return;
+    try {
+      links_.emplace(scenario, goal.shapes);
+    } catch (const std::invalid_argument& problem) {
+      throw scenario.complaint("robot.urdf", "{}", problem.what());
+    }
+    const auto start = links_->nearest(scenario.plant.initial.position_rad);
+    if (!start || start->distance >= goal.clearance) return;
+    throw scenario.complaint("plant.initial.position_rad",
+                             "links {} and {} are {:.3g} m from each other at the start; begin "
+                             "elsewhere, or give a smaller --clearance than {:g}",
+                             start->a, start->b, start->distance, goal.clearance);
   }
 
-  /// Takes a motion if it has more information than the best one so far.
-  void consider(MatrixXd offset) {
+  /// Searches for the motion of the largest value.
+  /// @return false if no motion keeps the limits
+  bool search(const Report& report) {
+    std::mt19937 random(1);
+    const Eigen::Index n = scenario_.num_joints;
+    VectorXd size = VectorXd::Constant(n, first_size);
+    for (int i = 0; i < draws + changes; ++i) {
+      if (!found_ && i == most_draws) return false;
+      if (i % 100 == 0) report(fmt::format("motion {} of {}", i + 1, draws + changes));
+      const Eigen::Index j = i % n;
+      Series next = best_;
+      if (i < draws || !found_) {
+        next = {MatrixXd(2 * harmonics, n), VectorXd::Ones(n)};
+        for (Eigen::Index each = 0; each < n; ++each) {
+          next.coefficient.col(each) = drawn_coefficients(random);
+        }
+        consider(next);
+      } else {
+        change(next, j, size[j], random);
+        size[j] = std::clamp((consider(next) ? growth : decrease) * size[j], least_size, most_size);
+      }
+    }
+    return found_;
+  }
+
+  /// Returns the best motion, if it keeps the limits at every 10 ms as well.
+  [[nodiscard]] std::optional<Excitation> best() {
+    const std::optional<Shrunk> kept = within_limits(best_, fine_s);
+    if (!kept) return {};
+    const auto& [offset, motion] = *kept;
     const VectorXd& start = scenario_.plant.initial.position_rad;
-    Motion motion = motion_of(moving(offset));
-    constexpr int most_passes = 8;  // a motion that is still too fast is dropped
-    for (int pass = 0; pass < most_passes; ++pass) {
-      const VectorXd factor = shrink(scenario_, motion);
-      if (factor.minCoeff() >= 1) break;
-      offset = offset * (0.99 * factor).cwiseMin(1).asDiagonal();
-      motion = motion_of(moving(offset));
-    }
-    if ((shrink(scenario_, motion).array() < 1).any()) return;
-    if (goal_.floor && lowest(motion) < *goal_.floor) {
-      below_floor_ = true;
-      return;
-    }
-    if (noise_.size() == 0) noise_ = noise_of(motion);
-    motion.recording.tau.rowwise() = motion.torque.transpose();
-    const Information found(regression(motion.recording, parameters_), parameters_, noise_);
-    if (best_ && found.log_determinant() <= most_found_) return;
-    most_found_ = found.log_determinant();
-    offset_ = offset;
-    best_ = Excitation{
-        overrides_of(offset, start, scenario_.loop.period_s), {},           0,
-        offset.cwiseAbs().colwise().maxCoeff().transpose(),   motion.speed, motion.torque};
-    found.predict(parameters_, *best_);
+    Excitation result{overrides_of(offset, start, scenario_.loop.period_s),
+                      {},
+                      0,
+                      offset.cwiseAbs().colwise().maxCoeff().transpose(),
+                      motion.speed,
+                      motion.torque,
+                      nearest(motion),
+                      {}};
+    if (links_) result.not_compared = links_->meeting();
+    information(motion).predict(parameters_, result);
+    return result;
   }
 
-  [[nodiscard]] const std::optional<Excitation>& best() const { return best_; }
-  [[nodiscard]] const MatrixXd& offset() const { return offset_; }
-  [[nodiscard]] bool below_floor() const { return below_floor_; }
+  /// Throws the reason why the last motion was not allowed.
+  [[noreturn]] void refuse() const {
+    if (below_floor_) {
+      throw scenario_.complaint("plant.initial.position_rad",
+                                "no motion keeps the links' origins above {:g} m; begin higher, or "
+                                "give a smaller --reach",
+                                *goal_.floor);
+    }
+    if (too_near_) {
+      throw scenario_.complaint("plant.initial.position_rad",
+                                "no motion keeps links {} and {} {:g} m from each other ({:.3g} m "
+                                "in the last one); give a smaller --reach or --clearance",
+                                too_near_->a, too_near_->b, goal_.clearance, too_near_->distance);
+    }
+    throw scenario_.complaint(
+        "plant.drive.torque_limit_Nm",
+        "holding the arm at its start takes four fifths of it or more; begin nearer to upright or "
+        "hanging");
+  }
 
  private:
+  /// A motion that keeps the limits.
+  struct Shrunk {
+    MatrixXd offset;  ///< from the start, a row per waypoint
+    Motion motion;
+  };
+
+  /// Returns the motion made smaller until it keeps the limits; nothing if that does not suffice.
+  std::optional<Shrunk> within_limits(const Series& series, double sample_s) {
+    MatrixXd offset = offsets(series, most_, rows_);
+    constexpr int most_passes = 12;
+    for (int pass = 0; pass < most_passes; ++pass) {
+      Motion motion = motion_of(moving(offset), sample_s);
+      const VectorXd factor = shrink(scenario_, motion);
+      if (factor.minCoeff() < 1) {
+        offset = offset * (0.99 * factor).cwiseMin(1).asDiagonal();
+        continue;
+      }
+      below_floor_ = goal_.floor && lowest(motion) < *goal_.floor;
+      too_near_ = nearest(motion);
+      if (too_near_ && too_near_->distance >= goal_.clearance) too_near_.reset();
+      if (!below_floor_ && !too_near_) return Shrunk{std::move(offset), std::move(motion)};
+      offset *= 0.8;
+    }
+    return {};
+  }
+
+  /// Takes a motion if it has a larger value than the best one so far.
+  /// @return whether it is taken
+  bool consider(const Series& series) {
+    const std::optional<Shrunk> kept = within_limits(series, coarse_s);
+    if (!kept) return false;
+    const double value = information(kept->motion).value(parameters_.first(Kind::inertia) >= 0);
+    if (found_ && value <= most_value_) return false;
+    most_value_ = value;
+    best_ = series;
+    found_ = true;
+    return true;
+  }
+
+  Information information(Motion motion) {
+    if (noise_.size() == 0) noise_ = noise_of(motion);
+    motion.recording.tau.rowwise() = motion.torque.transpose();
+    return {regression(motion.recording, parameters_), parameters_, noise_};
+  }
+
   /// Returns the scenario with this motion as its reference.
   [[nodiscard]] scenario::Scenario moving(const MatrixXd& offset) const {
     scenario::Scenario result = scenario_;
@@ -303,8 +439,7 @@ class Designer {
     double least = std::numeric_limits<double>::infinity();
     const robot::Model& model = *scenario_.model;
     const Eigen::Vector3d up = -model.gravity.normalized();
-    constexpr Eigen::Index every = 5;  // 50 ms
-    for (Eigen::Index k = 0; k < motion.recording.q.rows(); k += every) {
+    for (Eigen::Index k = 0; k < motion.recording.q.rows(); ++k) {
       const Vector q = motion.recording.q.row(k).transpose();
       for (const auto& [name, frame] : model.frames) {
         if (frame.body >= 0) least = std::min(least, up.dot(robot::frame_pose(model, frame, q).p));
@@ -313,15 +448,27 @@ class Designer {
     return least;
   }
 
+  /// Returns the links that come nearest to each other; nothing without shapes.
+  [[nodiscard]] std::optional<Separation::Pair> nearest(const Motion& motion) const {
+    std::optional<Separation::Pair> result;
+    if (!links_) return result;
+    for (Eigen::Index k = 0; k < motion.recording.q.rows(); ++k) {
+      const auto at = links_->nearest(motion.recording.q.row(k).transpose());
+      if (at && (!result || at->distance < result->distance)) result = at;
+    }
+    return result;
+  }
+
   const scenario::Scenario& scenario_;
   const Parameters& parameters_;
   const ExcitationGoal& goal_;
+  std::optional<Separation> links_;
   VectorXd most_, noise_;
   Eigen::Index rows_;
-  MatrixXd offset_;
-  std::optional<Excitation> best_;
-  double most_found_ = 0;
-  bool below_floor_ = false;
+  Series best_;
+  double most_value_ = 0;
+  bool found_ = false, below_floor_ = false;
+  std::optional<Separation::Pair> too_near_;
 };
 
 }  // namespace
@@ -331,29 +478,10 @@ Excitation excite(const scenario::Scenario& scenario, const std::vector<Kind>& u
   if (scenario.robot.flexible) throw scenario.complaint("robot.joints", "flexible; needed: rigid");
   const Parameters parameters(scenario, unknown);
   Designer designer(scenario, parameters, goal);
-  std::mt19937 random(1);
-  for (int i = 0; i < draws + redraws; ++i) {
-    if (i % 10 == 0) report(fmt::format("motion {} of {}", i + 1, draws + redraws));
-    MatrixXd offset = designer.drawn(random);
-    if (i >= draws && designer.best()) {
-      const Eigen::Index joint = i % scenario.num_joints;
-      const VectorXd anew = offset.col(joint);
-      offset = designer.offset();
-      offset.col(joint) = anew;
-    }
-    designer.consider(std::move(offset));
+  if (designer.search(report)) {
+    if (std::optional<Excitation> best = designer.best()) return *std::move(best);
   }
-  if (designer.best()) return *designer.best();
-  if (designer.below_floor()) {
-    throw scenario.complaint("plant.initial.position_rad",
-                             "no motion keeps the links' origins above {:g} m; begin higher, or "
-                             "give a smaller --reach",
-                             *goal.floor);
-  }
-  throw scenario.complaint(
-      "plant.drive.torque_limit_Nm",
-      "holding the arm at its start takes four fifths of it or more; begin nearer to upright or "
-      "hanging");
+  designer.refuse();
 }
 
 }  // namespace tachless::identify

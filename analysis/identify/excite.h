@@ -6,6 +6,7 @@
 
 #include "identify/output_error.h"
 #include "identify/parameters.h"
+#include "identify/separation.h"
 #include "scenario/scenario.h"
 
 namespace tachless::identify {
@@ -26,6 +27,8 @@ struct Excitation {
   Vector reach;   ///< largest deflection of each joint from the start [rad; m]
   Vector speed;   ///< largest speed of each joint [rad/s; m/s]
   Vector torque;  ///< largest torque of each joint, with the scenario's parameters [N m; N]
+  std::optional<Separation::Pair> nearest;     ///< links that come nearest to each other
+  std::vector<Separation::Pair> not_compared;  ///< links whose shapes meet at the start
 };
 
 /// Goals of an excitation.
@@ -34,6 +37,11 @@ struct ExcitationGoal {
   double reach = 0.5;  ///< largest deflection from the start [rad; m]
   /// Height above the origin of the URDF's root link above which every link's origin stays [m].
   std::optional<double> floor;
+  /// Least distance of links that no joint connects [m]. It concerns the links whose shapes are
+  /// primitives of `shapes` (separation.h).
+  double clearance = 0.02;
+  /// Text of the robot's URDF with its shapes; empty: distances do not count.
+  std::string shapes = {};
 };
 
 /// Torque noise of the prediction, as a share of each joint's torque limit. For a joint without a
@@ -44,10 +52,12 @@ inline constexpr double noise_share = 0.01;
 /// initial posture. It stays within nine tenths of the joints' ranges and four fifths of their
 /// torque limits. It stays within four fifths of their speed limits (1 rad/s, 1 m/s where the URDF
 /// has none). The function maximises the determinant of the information on the unknowns
-/// (D-optimality). It first draws motions at random. It then draws one joint of the best motion
-/// anew at a time. It does not consider obstacles other than a floor.
-/// @throw base::Failure(bad_usage) for flexible joints, for a joint that begins at its limit, and
-/// when none of the motions stays within the torque limits and above the floor
+/// (D-optimality). If links are unknown, a small condition number counts too. The function first
+/// draws Fourier series at random. It then changes the series of one joint of the best motion at a
+/// time. It considers a floor and distances between links, and no other obstacles.
+/// @throw base::Failure(bad_usage) for flexible joints, for a joint that begins at its limit, for
+/// links that are nearer to each other at the start than the clearance, for shapes that are not
+/// readable, and when no motion keeps the torque limits, the floor and the clearance
 Excitation excite(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
                   const ExcitationGoal& goal, const Report& report);
 

@@ -77,6 +77,24 @@ VectorXd largest_left(const std::vector<Regression>& of, const VectorXd& values)
   return result;
 }
 
+/// Returns the rms of the torque that the intervals of all parameters together leave open in the
+/// motions, over the peak of each joint. Large changes of single parameters may cancel in it.
+VectorXd open_torque(const std::vector<Regression>& of, const LeastSquares& answer) {
+  constexpr double normal = 1.96;  // quantile of a 95 % interval
+  VectorXd result = VectorXd::Zero(of.front().peak.size());
+  for (const Regression& each : of) {
+    const VectorXd open = normal * (each.columns * answer.moves).rowwise().norm();
+    VectorXd sum = VectorXd::Zero(result.size()), count = sum;
+    for (Eigen::Index row = 0; row < open.size(); ++row) {
+      sum[each.joint[row]] += open[row] * open[row];
+      count[each.joint[row]] += 1;
+    }
+    const VectorXd rms = sum.cwiseQuotient(count.cwiseMax(1)).cwiseSqrt();
+    result = result.cwiseMax(rms.cwiseQuotient(each.peak.cwiseMax(1e-300)));
+  }
+  return result;
+}
+
 /// Returns what a motion must have to determine a parameter.
 std::string advice_on(const Identified::Parameter& of, const std::string& joint) {
   if (of.entry.joint >= 0 && of.doubt.starts_with("the joint")) {
@@ -243,6 +261,7 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
 /// Adds the parameters, with what is in doubt about them and what would help.
 void set_parameters(const Answer& answer, const Parameters& parameters, Identified& to) {
   const VectorXd left = largest_left(answer.regressions, answer.values);
+  const VectorXd open = open_torque(answer.regressions, answer);
   const std::vector<bool> bounded = at_bound(parameters, answer.values);
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
@@ -260,6 +279,12 @@ void set_parameters(const Answer& answer, const Parameters& parameters, Identifi
                        : "the joint hardly moves, or it has no part in any torque";
     } else if (entry.kind != Kind::inertia && (entry.kind != Kind::load || entry.component == 0)) {
       each.doubt = doubt_about(each, i, answer.recordings, answer.regressions, left);
+      // With links unknown, motions of an arm leave many parameters in sums, or nearly so. The sums
+      // may predict the joint's torque all the same.
+      each.in_sum = !to.links.empty() && entry.kind != Kind::load && entry.joint >= 0 &&
+                    each.doubt.starts_with("its interval") &&
+                    open[entry.joint] < std::max(most_open, left[entry.joint]);
+      if (each.in_sum) each.doubt += "; its sums with the links' numbers are determined";
     }
     if (!each.doubt.empty() && !each.in_sum) {
       const auto& names = answer.recordings.front().scenario.model->joint_names;
@@ -273,7 +298,13 @@ void set_parameters(const Answer& answer, const Parameters& parameters, Identifi
 
 /// Returns why tables do not fit the robot, or "" if they do.
 std::string why_no_fit(const Answer& answer) {
-  const VectorXd left = torque_left(answer.regressions, answer.values);
+  // A recording of a joint at rest has a small peak, and friction at rest is not modelled.
+  VectorXd left = VectorXd::Zero(answer.regressions.front().peak.size()), peak = left;
+  for (const Regression& each : answer.regressions) {
+    left = left.cwiseMax(each.residual(answer.values));
+    peak = peak.cwiseMax(each.peak);
+  }
+  left = left.cwiseQuotient(peak.cwiseMax(1e-300));
   const std::string remedy = remedy_of(answer.recordings.front(), left);
   if (left.maxCoeff() < no_fit && remedy.empty()) return "";
   return fmt::format(

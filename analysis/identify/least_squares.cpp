@@ -53,8 +53,8 @@ void low_pass(Eigen::Ref<VectorXd> x, double h, double hz) {
   }
 }
 
-/// Returns a model for each number of each body, with all else massless. The model of a first
-/// moment has a mass of 1 kg at 1 m.
+/// Returns a model for each number of each body, with all else massless. Bodies after that one are
+/// left out. The model of a first moment has a mass of 1 kg at 1 m.
 std::vector<robot::Model> unit_models(const robot::Model& bare) {
   robot::Model empty = bare;
   empty.rotor_inertia = Vector::Zero(bare.num_joints);
@@ -64,8 +64,9 @@ std::vector<robot::Model> unit_models(const robot::Model& bare) {
     for (Eigen::Index c = 0; c < Inertial::SizeAtCompileTime; ++c) {
       Inertial unit = Inertial::Unit(c);
       if (c >= 1 && c <= 3) unit[0] = 1;
-      robot::MassProperties& of = all.emplace_back(empty).bodies[body];
-      of = mass_properties(unit);
+      robot::Model& model = all.emplace_back(empty);
+      model.bodies.resize(body + 1);
+      static_cast<robot::MassProperties&>(model.bodies[body]) = mass_properties(unit);
     }
   }
   return all;
@@ -157,16 +158,18 @@ void set_reversing(Regression& regression, Eigen::Index j) {
 /// Selects the rows at every few instants and leaves out both ends.
 /// @param columns one matrix per parameter
 /// @param torque one row per tick
+/// @param unsure deviations of the torque that are possible
 /// @param whole scale of the torques, filtered once less than `applied`
 /// @param at_rest_before the motion begins and ends without a jump of the filtered velocity, so
 /// that `share` covers both ends
 Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
-                   const MatrixXd& whole, const MatrixXd& applied, const MatrixXd& speed, double h,
-                   bool at_rest_before) {
+                   const MatrixXd& unsure, const MatrixXd& whole, const MatrixXd& applied,
+                   const MatrixXd& speed, double h, bool at_rest_before) {
   const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
   const auto edge = static_cast<Eigen::Index>(settle_s / h);
   const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
   Regression result{MatrixXd(instants * n, std::ssize(columns)),
+                    VectorXd(instants * n),
                     VectorXd(instants * n),
                     VectorXd(instants * n),
                     VectorXd(instants * n),
@@ -195,6 +198,7 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
         result.columns(row, static_cast<Eigen::Index>(i)) = columns[i](k, j);
       }
       result.torque[row] = torque(k, j);
+      result.unsure[row] = unsure(k, j);
       result.applied[row] = applied(k, j);
       result.time_s[row] = static_cast<double>(k) * h;
       result.joint[row] = static_cast<int>(j);
@@ -330,7 +334,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const MatrixXd whole = left;
   const Eigen::Index delay = parameters.first(Kind::delay);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
-  MatrixXd speed = MatrixXd::Zero(ticks, n);
+  MatrixXd speed = MatrixXd::Zero(ticks, n), unsure = MatrixXd::Zero(ticks, n);
   const plant::DriveSpec& drive = models.drive;
   const bool loaded = parameters.first(Kind::load_friction) >= 0 || !drive.load_friction.isZero(0);
   const bool more_friction = loaded || !drive.friction_rise_Nm.isZero(0);
@@ -353,6 +357,12 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
     const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
     if (delay >= 0) left.row(k) += had * per_tick;
+    if (!recording.controlled) {
+      // The mean of two held torques is the motion's torque and a twelfth of its second difference.
+      // The middle between that and the torque of an instant is taken.
+      unsure.row(k) = (whole.row(k + 1) - 2 * whole.row(k) + whole.row(k - 1)) / 24;
+      left.row(k) -= unsure.row(k);
+    }
     speed.row(k) = v.transpose();
     if (p > 0)
       set_columns(recording, parameters, models, {at, v, a, own, gravity, per_tick}, k, columns);
@@ -360,9 +370,10 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);
   left = smoothed(std::move(left), h);
+  unsure = smoothed(std::move(unsure), h);
   for (MatrixXd& column : columns) column = smoothed(std::move(column), h);
 
-  return thinned(columns, left, whole, smoothed(whole, h), smoothed(std::move(speed), h), h,
+  return thinned(columns, left, unsure, whole, smoothed(whole, h), smoothed(std::move(speed), h), h,
                  recording.controlled);
 }
 
@@ -374,7 +385,7 @@ constexpr int blocks = 20;  ///< of time, for the covariance
 /// All rows, each multiplied by its joint's weight.
 struct Weighted {
   MatrixXd columns;
-  VectorXd torque;
+  VectorXd torque, unsure;
 };
 
 /// Rows that are not used have weight 0.
@@ -382,12 +393,13 @@ Weighted weighted(const std::vector<Regression>& regressions, const VectorXd& we
                   const std::vector<RowUse>& used) {
   Eigen::Index size = 0, row = 0;
   for (const Regression& each : regressions) size += each.torque.size();
-  Weighted all{MatrixXd(size, regressions.front().columns.cols()), VectorXd(size)};
+  Weighted all{MatrixXd(size, regressions.front().columns.cols()), VectorXd(size), VectorXd(size)};
   for (const Regression& each : regressions) {
     for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
       const double w = each.used(i, used) ? weight[each.joint[i]] : 0;
       all.columns.row(row) = w * each.columns.row(i);
       all.torque[row] = w * each.torque[i];
+      all.unsure[row] = w * each.unsure[i];
     }
   }
   return all;
@@ -440,31 +452,6 @@ Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& 
   return {std::move(result), std::move(moves)};
 }
 
-/// Computes which parameters are determined, alone or in sums, and how well.
-void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& result) {
-  VectorXd norm = rows.columns.colwise().norm().transpose();
-  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
-  static_cast<Precision&>(result) =
-      precision(rows.columns, norm, rows.torque - rows.columns * result.values,
-                at_bound(parameters, result.values));
-  result.sums.resize(static_cast<std::size_t>(norm.size()));
-  for (Eigen::Index i = 0; i < norm.size(); ++i) {
-    if (result.free(i, i) < 1e-6) continue;
-    result.half_width[i] = std::numeric_limits<double>::infinity();
-    std::string& with = result.sums[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j < norm.size(); ++j) {
-      if (j == i || std::abs(result.free(i, j)) < 0.2 * result.free(i, i)) continue;
-      const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
-      with += (with.empty() ? "" : ", ") + entry.name;
-    }
-    if (with.empty()) with = "nothing";
-  }
-}
-
-}  // namespace
-
-namespace {
-
 /// The normal matrix of scaled columns, split into what is determined and what is not.
 struct Determined {
   MatrixXd scaled;   ///< J with columns of norm 1
@@ -481,6 +468,12 @@ struct Determined {
     value = all.tail(all.size() - null);
     vectors = V.rightCols(all.size() - null);
     free = V.leftCols(null) * V.leftCols(null).transpose();
+  }
+
+  /// Returns the least-squares solution, zero in what is not determined.
+  [[nodiscard]] VectorXd solution(const VectorXd& y, const VectorXd& norm) const {
+    const VectorXd parts = (vectors.transpose() * (scaled.transpose() * y)).cwiseQuotient(value);
+    return (vectors * parts).cwiseQuotient(norm);
   }
 
   /// Returns the residual after least squares on the columns.
@@ -513,9 +506,12 @@ std::vector<bool> at_bound(const Parameters& parameters, const VectorXd& values)
 Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual,
                     const std::vector<bool>& at_bound) {
   const Determined all(J, norm);
-  Precision result{VectorXd(J.cols()), all.value.size(),
-                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()), all.free,
-                   MatrixXd::Zero(J.cols(), blocks)};
+  Precision result{VectorXd(J.cols()),
+                   all.value.size(),
+                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()),
+                   all.free,
+                   MatrixXd::Zero(J.cols(), blocks),
+                   {}};
   const auto widths = [&](const Determined& of, const VectorXd& left, const MatrixXd& rows) {
     return half_widths(of.scaled * of.vectors, left, rows);
   };
@@ -541,10 +537,57 @@ double Precision::half_width_of(const VectorXd& combination) const {
   double most = 1.96;
   for (Eigen::Index i = 0; i < combination.size(); ++i) {
     const double moved = moves.row(i).norm();
-    if (combination[i] != 0 && moved > 0) most = std::max(most, half_width[i] / moved);
+    const double own = unsure.size() > 0 ? half_width[i] - std::abs(unsure[i]) : half_width[i];
+    if (combination[i] != 0 && moved > 0) most = std::max(most, own / moved);
   }
-  return most * (combination.transpose() * moves).norm();
+  const double by_unsure = unsure.size() > 0 ? std::abs(combination.dot(unsure)) : 0;
+  return most * (combination.transpose() * moves).norm() + by_unsure;
 }
+
+namespace {
+
+/// Returns the half width of a 95 % interval for a parameter that is known up to +-`by` if the
+/// interval without that is `width` (G. Imbens, C. Manski, Confidence intervals for partially
+/// identified parameters, Econometrica 72(6), 2004). For a large `by` the error is to one side. The
+/// quantile then goes from 1.96 to 1.645, here by a fit to within 1 %.
+double widened(double width, double by) {
+  if (!(width > 0) || by == 0) return width + by;
+  constexpr double one_sided = 1.645 / 1.96;
+  const double deviations = 2 * by * 1.96 / width;
+  return by + width * (one_sided + (1 - one_sided) * std::exp(-2 * deviations));
+}
+
+/// Computes which parameters are determined, alone or in sums, and how well.
+void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& result) {
+  VectorXd norm = rows.columns.colwise().norm().transpose();
+  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
+  static_cast<Precision&>(result) =
+      precision(rows.columns, norm, rows.torque - rows.columns * result.values,
+                at_bound(parameters, result.values));
+  const std::vector<Eigen::Index> free = inside(norm.size(), at_bound(parameters, result.values));
+  result.unsure = VectorXd::Zero(norm.size());
+  if (!free.empty()) {
+    result.unsure(free) =
+        Determined(rows.columns(Eigen::all, free), norm(free)).solution(rows.unsure, norm(free));
+  }
+  for (Eigen::Index i = 0; i < norm.size(); ++i) {
+    result.half_width[i] = widened(result.half_width[i], std::abs(result.unsure[i]));
+  }
+  result.sums.resize(static_cast<std::size_t>(norm.size()));
+  for (Eigen::Index i = 0; i < norm.size(); ++i) {
+    if (result.free(i, i) < 1e-6) continue;
+    result.half_width[i] = std::numeric_limits<double>::infinity();
+    std::string& with = result.sums[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j < norm.size(); ++j) {
+      if (j == i || std::abs(result.free(i, j)) < 0.2 * result.free(i, i)) continue;
+      const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
+      with += (with.empty() ? "" : ", ") + entry.name;
+    }
+    if (with.empty()) with = "nothing";
+  }
+}
+
+}  // namespace
 
 LeastSquares least_squares(const std::vector<Regression>& regressions, const Parameters& parameters,
                            const robot::Model& model, const std::vector<RowUse>& rows_of_joints) {

@@ -19,6 +19,9 @@ enum class RowUse { fast, one_way, all };
 struct Regression {
   Eigen::MatrixXd columns;  ///< torque per parameter
   Eigen::VectorXd torque;   ///< torque beyond that of the robot with all unknowns zero [N m; N]
+  /// Largest deviation of `torque` because a table does not tell whether its torques are those of
+  /// instants or means over two rows [N m; N]; zero for the recording of a loop.
+  Eigen::VectorXd unsure;
   Eigen::VectorXd applied;  ///< whole torque [N m; N]
   Eigen::VectorXd time_s;   ///< time of the row from the recording's start
   Eigen::VectorXi joint;    ///< joint of the row
@@ -64,6 +67,8 @@ struct Precision {
   Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
   /// Changes of the parameters when each block of time is left out, a column per block.
   Eigen::MatrixXd moves;
+  /// Changes of the parameters by `Regression::unsure`, which `half_width` contains; empty: none.
+  Eigen::VectorXd unsure;
 
   /// Returns the half width of a combination of the parameters. Its degrees of freedom are the
   /// fewest of the parameters in it.

@@ -79,8 +79,10 @@ Load load_of(const Precision& precision, const VectorXd& values, const Parameter
   load.frame = frame;
   load.mass = x[0];
   load.mass_half_width = precision.half_width[first];
+  // The centre is a quotient, and the inertia about it a sum, with the mass.
+  const bool mass_shown = load.mass > load.mass_half_width;
   for (Index i = 0; i < 3; ++i) {
-    const bool shown = std::isfinite(precision.half_width[first + 1 + i]);
+    const bool shown = mass_shown && std::isfinite(precision.half_width[first + 1 + i]);
     load.centre[i] = shown ? x[1 + i] / m : 0;
     VectorXd change = VectorXd::Zero(size);
     change[first] = -load.centre[i] / m;
@@ -101,7 +103,7 @@ Load load_of(const Precision& precision, const VectorXd& values, const Parameter
       const double own = (k == row ? c[column] : 0) + (k == column ? c[row] : 0);
       change[first + 1 + k] = own - (row == column ? 2 * c[k] : 0);
     }
-    load.inertia_half_width[i] = std::isfinite(precision.half_width[first + at])
+    load.inertia_half_width[i] = mass_shown && std::isfinite(precision.half_width[first + at])
                                      ? precision.half_width_of(change)
                                      : std::numeric_limits<double>::infinity();
   }

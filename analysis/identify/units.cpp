@@ -33,6 +33,7 @@ constexpr double sure = 10;  ///< standard deviations of white noise that a fact
 struct Dependence {
   double factor = 0, deviation = 0;  ///< of the URDF's torque
   double explained = 0;              ///< share of the variance
+  double by_urdf = 0;                ///< share that only the URDF's torque explains
 };
 
 /// The motion of a table with positions in one unit.
@@ -75,7 +76,7 @@ class Motion {
     const double left = (tau - J * x).squaredNorm(),
                  all = (tau.array() - tau.mean()).square().sum();
     return {x[0] / norm[0], std::sqrt(left / static_cast<double>(rows) * inverse(0, 0)) / norm[0],
-            1 - left / std::max(1e-300, all)};
+            1 - left / std::max(1e-300, all), x[0] * x[0] / inverse(0, 0) / std::max(1e-300, all)};
   }
 
  private:
@@ -133,6 +134,8 @@ std::vector<Index> best_order(const Motion& motion, const MatrixXd& torques) {
 /// Returns the scale that a torque needs: 1, -1, or a unit's or gear's factor.
 double torque_scale(const Dependence& of, bool only_sign) {
   if (std::abs(of.factor) < sure * of.deviation) return 1;
+  // Another URDF's links may turn the sign of a joint that gravity hardly loads.
+  if (only_sign && of.by_urdf < clearly) return 1;
   const double sign = of.factor < 0 ? -1 : 1, size = std::abs(of.factor);
   if (only_sign || (size > least_factor && size < most_factor)) return sign;
   const double power = std::pow(10, std::round(std::log10(size)));

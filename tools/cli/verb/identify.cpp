@@ -27,6 +27,7 @@
 #include "logger/log_file.h"
 #include "numerics/decompositions.h"
 #include "robot/dynamics.h"
+#include "scenario/description.h"
 #include "scenario/drive_loop.h"
 #include "scenario/scenario.h"
 #include "scenario/yaml_tree.h"
@@ -92,6 +93,11 @@ struct Excite {
         ->check(CLI::Range(0.02, 3.0));
     command.add_option("--floor", goal.floor,
                        "Least height of the links' origins above the base's origin [m]");
+    command
+        .add_option("--clearance", goal.clearance,
+                    "Least distance of links that no joint connects, by the primitive shapes of "
+                    "the URDF [m]; default: 0.02")
+        ->check(CLI::Range(0.0, 1.0));
     command.add_option("--write", output, "The scenario with this motion, as a file")->required();
     command.add_flag("--force", force, "Replace that file if it exists");
     add_quiet(command, quiet);
@@ -100,11 +106,16 @@ struct Excite {
   [[nodiscard]] ExitCode run() const {
     require_scenario_writable(output, force);
     const scenario::Scenario scenario = scenario::load_scenario(input, overrides);
+    identify::ExcitationGoal wanted = goal;
+    wanted.shapes = scenario::read_description(
+                        fs::path(scenario.source).parent_path() / scenario.robot.urdf_path,
+                        scenario.robot.xacro)
+                        .urdf;
     Screen screen(quiet);
     const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
     std::vector<std::string> sought = unknown;
     if (all) sought.emplace_back("inertia");
-    const identify::Excitation found = identify::excite(scenario, kinds(sought), goal, show);
+    const identify::Excitation found = identify::excite(scenario, kinds(sought), wanted, show);
     std::vector<std::string> changes = overrides;
     changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
     changes.push_back("name=" + scenario_name(output));
@@ -134,6 +145,14 @@ struct Excite {
       text += std::isfinite(half_width)
                   ? fmt::format("  {:<24} +- {:.2g} {}\n", name, half_width, unit)
                   : fmt::format("  {:<24} only in sums with others\n", name);
+    }
+    if (const auto& pair = found.nearest) {
+      text += fmt::format("  the nearest links that no joint connects: {} and {}, {:.3g} m\n",
+                          pair->a, pair->b, pair->distance);
+    }
+    for (const auto& pair : found.not_compared) {
+      text += fmt::format("  not kept apart, since their shapes meet at the start: {} and {}\n",
+                          pair.a, pair.b);
     }
     return text;
   }
