@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <map>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -35,15 +36,12 @@ class Response {
     response_ = {A, inverse.asDiagonal() * open.B, open.C * scale.asDiagonal()};
   }
 
-  [[nodiscard]] MatrixXcd at(double w) const {
-    return -response_.at(std::polar(1.0, w * period_s_));
-  }
-  [[nodiscard]] VectorXcd eigenvalues(double w) const { return numerics::eigenvalues(at(w)); }
+  [[nodiscard]] const VectorXcd& eigenvalues(double w) const { return at(w).eigenvalues; }
   [[nodiscard]] double modulus(double w) const {
     return (eigenvalues(w).array() + 1).abs().minCoeff();
   }
   [[nodiscard]] double smallest_singular_value(double w) const {
-    MatrixXcd one_plus = at(w);
+    MatrixXcd one_plus = at(w).L;
     one_plus.diagonal().array() += 1;
     return numerics::smallest_singular_value(one_plus);
   }
@@ -52,9 +50,24 @@ class Response {
   }
 
  private:
+  struct Value {
+    MatrixXcd L;
+    VectorXcd eigenvalues;
+  };
+  /// Returns L at w. Three searches look at the same grid, so that each value is computed once.
+  [[nodiscard]] const Value& at(double w) const {
+    const auto [found, is_new] = known_.try_emplace(w);
+    if (is_new) {
+      found->second.L = -response_.at(std::polar(1.0, w * period_s_));
+      found->second.eigenvalues = numerics::eigenvalues(found->second.L);
+    }
+    return found->second;
+  }
+
   double period_s_;
   FrequencyResponse response_;
   VectorXcd poles_, peaks_;  ///< of the closed loop; poles of L
+  mutable std::map<double, Value> known_;
 };
 
 /// Returns states of the loop (plant, memory, torques under way) that begin in `displaced`. The

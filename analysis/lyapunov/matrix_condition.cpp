@@ -19,14 +19,19 @@ using Eigen::VectorXd;
 /// rho is certified strictly below the value at which Mm turns singular.
 constexpr double strictly_below = 1 - 1e-9;
 
+/// Returns the symmetric square root of a symmetric matrix without negative eigenvalues.
+MatrixXd square_root(const MatrixXd& A) {
+  const auto [values, vectors] = numerics::symmetric_eigen(A);
+  return vectors * values.cwiseMax(0).cwiseSqrt().asDiagonal() * vectors.transpose();
+}
+
 /// Returns the square root R of sum A_j^2, symmetric A_j: -R <= sum x_j A_j <= R for |x| <= 1. This
 /// follows from the operator Cauchy-Schwarz inequality, because the square root is operator
 /// monotone.
 MatrixXd root_of_squares(const std::vector<MatrixXd>& A) {
   MatrixXd sum = MatrixXd::Zero(A[0].rows(), A[0].cols());
   for (const MatrixXd& a : A) sum.noalias() += a * a;
-  const auto [values, vectors] = numerics::symmetric_eigen(sum);
-  return vectors * values.cwiseMax(0).cwiseSqrt().asDiagonal() * vectors.transpose();
+  return square_root(sum);
 }
 
 /// The same after a congruence by the diagonal matrix `scale`, undone afterwards.
@@ -36,10 +41,11 @@ MatrixXd root_of_squares_scaled(std::vector<MatrixXd> A, const VectorXd& scale) 
   return scale.asDiagonal() * root_of_squares(A) * scale.asDiagonal();
 }
 
-/// The congruence L^-1 A L^-T.
-MatrixXd whitened(const Eigen::LLT<MatrixXd>& llt, const MatrixXd& A) {
-  const MatrixXd left = llt.matrixL().solve(A);
-  return symmetric_part(llt.matrixL().solve(left.transpose()));
+/// Returns L^-1 A L^-T. The lower triangle of `L` alone is read.
+MatrixXd whitened(const MatrixXd& L, const MatrixXd& A) {
+  const auto lower = L.triangularView<Eigen::Lower>();
+  const MatrixXd left = lower.solve(A);
+  return symmetric_part(lower.solve(left.transpose()));
 }
 
 /// Bounds on the parts of matrices that may be missing between two postures.
@@ -112,25 +118,74 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   return result;
 }
 
+/// Returns the numbers of the error coordinates (e, nu, edot), the rotors' before the links'. C
+/// acts on the links alone.
+std::vector<Index> links_last(Index num_errors, Index num_links) {
+  std::vector<Index> order;
+  const auto append = [&](Index from, Index to) {
+    for (Index part = 0; part < 3; ++part) {
+      for (Index i = from; i < to; ++i) order.push_back(part * num_errors + i);
+    }
+  };
+  append(num_links, num_errors);
+  append(0, num_links);
+  return order;
+}
+
+/// Returns the square root of sum A_j^2, A_j = L^-1 D_j L^-T, with D_j the links' rows and columns
+/// of `decrease_of_coriolis` of C_j. D_j is U E' + E U', where E has the last n columns of the
+/// identity. L is lower triangular, so that L^-1 E is 0 but for its last n rows. A_j is therefore 0
+/// but for its last n rows and columns.
+MatrixXd root_of_coriolis(const MatrixXd& L, const Weights& weights,
+                          const std::vector<MatrixXd>& C) {
+  const Index n = C[0].rows(), count = static_cast<Index>(C.size());
+  MatrixXd U(3 * n, n * count);
+  for (Index j = 0; j < count; ++j) {
+    const MatrixXd& Cd = C[static_cast<std::size_t>(j)];
+    const MatrixXd W = Cd.transpose() - Cd;
+    U.middleCols(j * n, n) << -0.5 * (weights.eps_1.asDiagonal() * W),
+        0.5 * (weights.eps_2.asDiagonal() * W), 0.5 * symmetric_part(Cd);
+  }
+  L.triangularView<Eigen::Lower>().solveInPlace(U);
+  const auto last = L.bottomRightCorner(n, n).triangularView<Eigen::Lower>();
+  // A_j has T in its last columns and T' in its last rows, and S in the corner.
+  MatrixXd T(2 * n, n * count), S(n, n * count), corner = MatrixXd::Zero(n, n);
+  for (Index j = 0; j < count; ++j) {
+    const MatrixXd columns = last.solve(U.middleCols(j * n, n).transpose()).transpose();
+    T.middleCols(j * n, n) = columns.topRows(2 * n);
+    S.middleCols(j * n, n) = columns.bottomRows(n) + columns.bottomRows(n).transpose();
+    corner.noalias() += T.middleCols(j * n, n).transpose() * T.middleCols(j * n, n);
+  }
+  MatrixXd sum(3 * n, 3 * n);
+  sum.topLeftCorner(2 * n, 2 * n).noalias() = T * T.transpose();
+  sum.topRightCorner(2 * n, n).noalias() = T * S.transpose();
+  sum.bottomLeftCorner(n, 2 * n) = sum.topRightCorner(2 * n, n).transpose();
+  sum.bottomRightCorner(n, n) = corner + S * S.transpose();
+  return square_root(sum);
+}
+
 /// Returns a matrix that is positive definite only if Mm at delta = 0 is, for every v_ref of the
 /// condition. Returns nothing when the congruence fails; Mm is then not positive definite.
 std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
                                     const Weights& weights, const numerics::Inertia& inertia,
                                     const Slack& slack) {
-  const MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
+  MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
   if (condition.B_d == 0) return at_rest;
   if (system.v_ref.size() > 0) {  // known
     const MatrixXd Cd = combined(inertia.C, system.v_ref)[0];
     return at_rest + decrease_of_coriolis(system, weights, Cd);
   }
-  const Eigen::LLT<MatrixXd> llt(at_rest);
+  // With at_rest = L L' in this order, the congruence of a matrix of the links alone needs only the
+  // links' corner of L.
+  const std::vector<Index> order = links_last(system.num_errors(), system.num_links());
+  const Eigen::LLT<MatrixXd> llt(at_rest(order, order));
   if (llt.info() != Eigen::Success) return {};
-  std::vector<MatrixXd> scaled;
-  for (const MatrixXd& C : combined(inertia.C, condition.v_scale)) {
-    scaled.push_back(whitened(llt, decrease_of_coriolis(system, weights, C)));
-  }
-  const MatrixXd L = llt.matrixL();
-  return at_rest - condition.B_d * (L * root_of_squares(scaled) * L.transpose());
+  const Index n = system.num_links();
+  const MatrixXd L = llt.matrixLLT().bottomRightCorner(3 * n, 3 * n).triangularView<Eigen::Lower>();
+  const MatrixXd root = root_of_coriolis(L, weights.of(n), combined(inertia.C, condition.v_scale));
+  const std::vector<Index> links(order.end() - 3 * n, order.end());
+  at_rest(links, links) -= condition.B_d * (L * root * L.transpose());
+  return at_rest;
 }
 
 /// How many states that bind are given: the eigenvalues near the least one.
@@ -163,14 +218,17 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
   return strictly_below / std::max(largest, 1e-300);
 }
 
+bool is_positive(const MatrixXd& A) { return A.llt().info() == Eigen::Success; }
+
+/// Returns the rate at a posture, or infinity where it is above `enough`.
+/// @param states receives the states that bind it, if it is given
 double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const numerics::Inertia& inertia, const Slack& slack,
+               double rho, const numerics::Inertia& inertia, const Slack& slack, double enough,
                MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   // P of the posture, enlarged by its change up to the next posture.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
-  const Eigen::LLT<MatrixXd> positive(P);
-  if (positive.info() != Eigen::Success) return -infinity;
+  if (!is_positive(P)) return -infinity;
   P.diagonal().array() += slack.of_lyapunov(weights);
   const Eigen::LLT<MatrixXd> half_P(P / 2);
   auto F = decrease_at(condition, system, weights, inertia, slack);
@@ -190,7 +248,8 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
     const MatrixXd half = root.matrixU().solve(root_of_squares(of_delta));
     F->block(2 * N, 2 * N, n, n) -= rho * (root.matrixU().solve(half.transpose()) + slack.delta);
   }
-  const MatrixXd scaled = whitened(half_P, *F);
+  if (certified && std::isfinite(enough) && is_positive(*F - enough / 2 * P)) return infinity;
+  const MatrixXd scaled = whitened(half_P.matrixLLT(), *F);
   if (states != nullptr) {
     *states = half_P.matrixU().solve(numerics::symmetric_eigen(scaled).vectors.leftCols(few));
   }
@@ -217,39 +276,42 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
   const MatrixXd in_L = delta_scale(system, weights)
                             .triangularView<Eigen::Lower>()
                             .solve(G.leftCols(system.num_links()).transpose());
-
-  const auto inverse_S = [&](const numerics::Inertia& inertia) -> std::optional<MatrixXd> {
+  const auto factor_of_S = [&](const numerics::Inertia& inertia) {
     const MatrixXd M = system.inertia(inertia.M + slack.M);
-    const Eigen::LLT<MatrixXd> llt(K - G * M * G.transpose());
-    if (llt.info() != Eigen::Success) return {};
-    return llt.solve(MatrixXd::Identity(2 * N, 2 * N));
+    return Eigen::LLT<MatrixXd>(K - G * M * G.transpose());
   };
-  const auto largest_over_postures = [&](const auto& f) {
-    const auto negative = [&](const numerics::Inertia& inertia) { return -f(inertia); };
+  const auto largest_over_postures = [&](const auto& negative) {
     return -condition.postures.smallest(negative, condition.refine).value;
   };
   Shape result;
-  result.w = largest_over_postures([&](const numerics::Inertia& inertia) {
-    const auto S = inverse_S(inertia);
-    return S ? numerics::largest_eigenvalue(in_L * *S * in_L.transpose()) : infinity;
+  result.w = largest_over_postures([&](const numerics::Inertia& inertia, double /*enough*/) {
+    const auto S = factor_of_S(inertia);
+    if (S.info() != Eigen::Success) return -infinity;
+    const MatrixXd half = S.matrixL().solve(in_L.transpose());
+    return -numerics::largest_eigenvalue(half.transpose() * half);
   });
   if (std::isinf(result.w)) return {};
-  result.alpha_2 =
-      largest_over_postures([&](const numerics::Inertia& inertia) {
-        return numerics::largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2;
-      }) +
-      slack.of_lyapunov(weights) / 2;
+  result.alpha_2 = largest_over_postures([&](const numerics::Inertia& inertia, double enough) {
+    const MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
+    const MatrixXd above = -2 * enough * MatrixXd::Identity(P.rows(), P.cols()) - P;
+    if (std::isfinite(enough) && is_positive(above)) return infinity;
+    return -numerics::largest_eigenvalue(P) / 2;
+  });
+  result.alpha_2 += slack.of_lyapunov(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
   result.feedback = VectorXd::Zero(N);
-  MatrixXd g(N, 2 * N);
-  g << system.kp, system.kd;
+  MatrixXd rows = MatrixXd::Zero(2 * N, 2 * N);  // columns: the position errors, and each g
+  rows.topLeftCorner(N, N).setIdentity();
+  rows.topRightCorner(N, N) = system.kp;
+  rows.bottomRightCorner(N, N) = system.kd;
   for (const numerics::Inertia& inertia : condition.postures.inertia) {
-    const auto S = inverse_S(inertia);
-    if (!S) return {};
+    const auto S = factor_of_S(inertia);
+    if (S.info() != Eigen::Success) return {};
+    const VectorXd size = S.matrixL().solve(rows).colwise().squaredNorm();
     result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
-    result.inverse_S = result.inverse_S.cwiseMax(S->diagonal().head(N));
-    result.feedback = result.feedback.cwiseMax((g * *S * g.transpose()).diagonal());
+    result.inverse_S = result.inverse_S.cwiseMax(size.head(N));
+    result.feedback = result.feedback.cwiseMax(size.tail(N));
   }
   return result;
 }
@@ -267,7 +329,7 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   for (const ErrorSystem& system : systems) {
     const Slack slack = slack_of(*this, system, weights);
     const numerics::Extreme of_system = postures.smallest(
-        [&](const numerics::Inertia& inertia) {
+        [&](const numerics::Inertia& inertia, double /*enough*/) {
           return rho_at(*this, system, weights, inertia, slack);
         },
         refine);
@@ -302,7 +364,7 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
 double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
                            const numerics::Inertia& inertia, MatrixXd& states) const {
   const Slack slack = slack_of(*this, system, weights);
-  return goal == Goal::rate ? rate_at(*this, system, weights, 0, inertia, slack, &states)
+  return goal == Goal::rate ? rate_at(*this, system, weights, 0, inertia, slack, infinity, &states)
                             : rho_at(*this, system, weights, inertia, slack, &states);
 }
 
@@ -311,8 +373,8 @@ numerics::Extreme MatrixCondition::slowest(const Weights& weights, double rho) c
   for (const ErrorSystem& system : systems) {
     const Slack slack = slack_of(*this, system, weights);
     const numerics::Extreme of_system = postures.smallest(
-        [&](const numerics::Inertia& inertia) {
-          return rate_at(*this, system, weights, rho, inertia, slack);
+        [&](const numerics::Inertia& inertia, double enough) {
+          return rate_at(*this, system, weights, rho, inertia, slack, enough);
         },
         refine);
     if (of_system.value < least.value) least = of_system;

@@ -77,15 +77,7 @@ class ErrorLoop {
   /// @param from as of `best_weights`
   std::optional<CertifiedRegion> best(Goal goal, std::optional<Weights> from = {}) {
     if (loop_.weights) return certified(*loop_.weights);
-    // Without `refine` and bounds a condition costs little: the weights that the search finds are
-    // certified over the fine postures.
-    MatrixCondition coarse = condition({}, postures({.circle_points = 24, .samples = 12}));
-    for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
-      coarse.systems.push_back(loop_.systems[i]);
-    }
-    MatrixCondition middle = condition(
-        loop_.systems,
-        proved() ? fine().postures : postures({.circle_points = 90, .samples = samples(128)}));
+    MatrixCondition coarse = coarse_condition(), middle = middle_condition(proved());
     constexpr int rounds = 4;  // the posture that forbids what was found joins the search
     for (int k = 0; k < rounds; ++k) {
       const auto found = best_weights(coarse, middle, goal, from);
@@ -101,27 +93,57 @@ class ErrorLoop {
 
   /// Returns the region with the largest errors at rest (their product): of every posture or, where
   /// postures are sampled, of a tube about the reference. A wider tube allows smaller errors. The
-  /// best width is where both are equal; it is found by halving in logarithms.
+  /// best width is where both are equal; it is found by halving in logarithms. The width is first
+  /// found by the few postures of the search. The region is then certified over many postures, in
+  /// this tube and in those to which the certified regions lead.
   /// @param known a region of every posture, if any is known: the result is not less
   std::optional<CertifiedRegion> largest(const std::optional<CertifiedRegion>& known) {
     auto result = best(Goal::level);
     if (proved() || circle_.size() > most_joints_of_certified_run) return result;
-    const auto value = [](const std::optional<CertifiedRegion>& c) {
-      return c ? c->region.e_at_rest.array().log().sum() : -infinity;
-    };
-    if (value(known) > value(result)) result = known;
-    auto found = result;
-    // The width is found to 5 %. The errors at rest are then within about 5 % of the largest ones.
-    constexpr double first_width = 0.3, agrees = 0.05;  // [rad; m]; of the width's logarithm
+    if (errors_at_rest(known) > errors_at_rest(result)) result = known;
+    constexpr double first_width = 0.3;  // [rad; m]
     constexpr int rounds = 6;
-    VectorXd tube = VectorXd::Constant(circle_.size(), first_width);
-    for (int round = 0; round < rounds; ++round) {
+    const VectorXd first = result ? VectorXd(errors_of(*result).cwiseMin(circle_))
+                                  : VectorXd::Constant(circle_.size(), first_width);
+    std::optional<Weights> from = result ? std::optional(result->weights) : std::nullopt;
+    const auto tried = fitted([&] { return searched(from); }, from, first, rounds, result);
+    if (tried && tried->tube.size() > 0) {
+      const auto certify = [&] { return best(Goal::level, from); };
+      result = fitted(certify, from, tried->tube, rounds, result);
+    }
+    look_within(result ? result->tube : VectorXd());
+    return result;
+  }
+
+ private:
+  /// Returns the sum of the logarithms of the errors at rest, by which regions are compared.
+  static double errors_at_rest(const std::optional<CertifiedRegion>& c) {
+    return c ? c->region.e_at_rest.array().log().sum() : -infinity;
+  }
+  /// Returns how far the links' errors reach in the region.
+  [[nodiscard]] VectorXd errors_of(const CertifiedRegion& c) const {
+    return c.region.e_reached.head(circle_.size());
+  }
+
+  /// Looks for the tube that is as wide as its region, from `tube` on. Returns the largest region
+  /// of `result` and those that `look` returned.
+  /// @param from receives that region's weights, from which the next search begins
+  template <class Look>
+  std::optional<CertifiedRegion> fitted(const Look& look, std::optional<Weights>& from,
+                                        VectorXd tube, int rounds,
+                                        std::optional<CertifiedRegion> result) {
+    // The width is found to 5 %. The errors at rest are then within about 5 % of the largest ones.
+    constexpr double agrees = 0.05;  // of the width's logarithm
+    for (int round = 0; round < rounds && tube != circle_; ++round) {
+      look_within(tube);
+      const std::optional<CertifiedRegion> found = look();
+      if (errors_at_rest(found) > errors_at_rest(result)) result = found;
+      from = result ? std::optional(result->weights) : std::nullopt;
       if (found) {
-        const double beyond = found->tube.size() > 0 ? found->beyond_tube : 1;
-        if (found->tube.size() > 0 && std::abs(std::log(beyond)) < agrees) break;
-        const VectorXd next =
-            found->region.e_reached.head(tube.size()) * (std::max(1.0, beyond) / std::sqrt(beyond));
-        tube = next.cwiseMin(circle_);
+        const double beyond = found->beyond_tube;
+        if (std::abs(std::log(beyond)) < agrees) break;
+        tube = errors_of(*found) * (std::max(1.0, beyond) / std::sqrt(beyond));
+        tube = tube.cwiseMin(circle_).eval();
       } else if (!result) {
         tube /= 3;
       } else if (result->tube.size() > 0) {
@@ -129,18 +151,13 @@ class ErrorLoop {
       } else {
         break;
       }
-      if (tube == circle_) break;
-      look_within(tube);
-      found = best(Goal::level, result ? std::optional(result->weights) : std::nullopt);
-      if (value(found) > value(result)) result = found;
     }
-    look_within(result ? result->tube : VectorXd());
     return result;
   }
 
- private:
   /// From here on only postures so near the reference; empty: all.
   void look_within(const VectorXd& tube) {
+    if (tube.size() == tube_.size() && tube == tube_) return;
     tube_ = tube;
     fine_.reset();
     centres_.clear();
@@ -168,53 +185,91 @@ class ErrorLoop {
     return range;
   }
 
+  /// The conditions of a search at the present tube. A condition costs little without `refine` and
+  /// bounds.
+  [[nodiscard]] MatrixCondition coarse_condition() const {
+    MatrixCondition coarse = condition({}, postures({.circle_points = 24, .samples = 12}));
+    for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
+      coarse.systems.push_back(loop_.systems[i]);
+    }
+    return coarse;
+  }
+  [[nodiscard]] MatrixCondition middle_condition(bool bounded) {
+    return condition(loop_.systems, bounded
+                                        ? fine().postures
+                                        : postures({.circle_points = 90, .samples = samples(128)}));
+  }
+
+  /// Returns the region of the largest level over the few postures of the search. It is not
+  /// certified. Precondition: postures are sampled.
+  std::optional<CertifiedRegion> searched(const std::optional<Weights>& from) {
+    const MatrixCondition middle = middle_condition(false);
+    if (loop_.weights) {
+      const auto region = middle.region(*loop_.weights);
+      return region ? within_bounds(*loop_.weights, *region) : std::nullopt;
+    }
+    const auto found = best_weights(coarse_condition(), middle, Goal::level, from);
+    return found ? within_bounds(found->weights, found->region) : std::nullopt;
+  }
+
   std::optional<CertifiedRegion> certified(const Weights& weights) {
-    auto region = fine().region(weights);
+    const auto region = fine().region(weights);
     if (!region) return {};
     // The search for the slowest posture may find one at which V grows that the region's missed.
     const double rate = fine().rate(weights, 0);
     if (!(rate > 0)) return {};
-    // The level from which no prismatic joint reaches the end of its range.
-    const bool endless = !std::isfinite(region->level) && range_.array().isFinite().any();
-    if (endless) region = of_1_J(*region, weights);
-    const VectorXd reached = region->e_reached.head(range_.size());
+    auto found = within_bounds(weights, *region);
+    if (!found) return {};
+    CertifiedRegion& result = *found;
+    // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
+    result.rate = loop_.weights ? 0 : rate;
+    const double room = result.region.level - result.V0;
+    if (loop_.weights) {
+      result.unknown_torque =
+          (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt().cwiseMin(loop_.d_max);
+      // 1/2 z' Ki^-1 z with |z| <= d_max + |d| <= 2 d_max, whatever happened before
+      const double most = 2 * loop_.d_max.cwiseAbs2().cwiseQuotient(loop_.ki).sum();
+      if (std::isfinite(most)) result.integral_share = most / result.region.level;
+    }
+    // From V0 on, |delta| stays below sqrt(2 w V).
+    if (result.holds_initial_state()) {
+      const double delta = std::sqrt(2 * region->w * result.V0);
+      result.rate_from_start = loop_.weights ? 0 : delta == 0 ? rate : fine().rate(weights, delta);
+    }
+    result.torque = torque(result);
+    if (friction_.any() && std::isfinite(result.region.level)) {
+      result.friction_error = ultimate(result);
+    }
+    return result;
+  }
+
+  /// Returns the part of a region in which no prismatic joint reaches the end of its range, no
+  /// error the tube's end, and the law's feedback is linear; and V at the start. Returns nothing
+  /// where a prismatic joint's reference is at the end of its range.
+  [[nodiscard]] std::optional<CertifiedRegion> within_bounds(const Weights& weights,
+                                                             Region region) const {
+    const bool endless = !std::isfinite(region.level) && range_.array().isFinite().any();
+    if (endless) region = of_1_J(region, weights);
+    const VectorXd reached = region.e_reached.head(range_.size());
     double beyond_range = 0;
     for (Eigen::Index i = 0; i < range_.size(); ++i) {
       if (!std::isfinite(range_[i])) continue;
       if (!(range_[i] > 0)) return {};
       beyond_range = std::max(beyond_range, reached[i] / range_[i]);
     }
-    if (endless || beyond_range >= 1) region = scaled(*region, (1 - 1e-9) / beyond_range);
+    if (endless || beyond_range >= 1) region = scaled(region, (1 - 1e-9) / beyond_range);
     CertifiedRegion result;
     result.starts_in_tube =
         (loop_.initial.head(range_.size()).array().abs() <= range_.array()).all();
     result.tube = tube_;
     for (Eigen::Index i = 0; i < tube_.size(); ++i) {
       if (tube_[i] == circle_[i]) continue;
-      result.beyond_tube = std::max(result.beyond_tube, region->e_reached[i] / tube_[i]);
+      result.beyond_tube = std::max(result.beyond_tube, region.e_reached[i] / tube_[i]);
       result.starts_in_tube &= std::abs(loop_.initial[i]) <= tube_[i];
     }
-    // The level from which no error reaches the tube's end.
-    if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
-    region = of_linear_feedback(*region, weights);
-    // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
-    static_cast<Certified&>(result) = {weights, *region, loop_.weights ? 0 : rate};
+    if (result.beyond_tube >= 1) region = scaled(region, (1 - 1e-9) / result.beyond_tube);
+    static_cast<Certified&>(result) = {weights, of_linear_feedback(region, weights), 0};
     result.V0 = V0(weights);
-    const double room = region->level - result.V0;
-    if (loop_.weights) {
-      result.unknown_torque =
-          (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt().cwiseMin(loop_.d_max);
-      // 1/2 z' Ki^-1 z with |z| <= d_max + |d| <= 2 d_max, whatever happened before
-      const double most = 2 * loop_.d_max.cwiseAbs2().cwiseQuotient(loop_.ki).sum();
-      if (std::isfinite(most)) result.integral_share = most / region->level;
-    }
-    // From V0 on, |delta| stays below sqrt(2 w V).
-    if (result.holds_initial_state()) {
-      result.rate_from_start =
-          loop_.weights ? 0 : fine().rate(weights, std::sqrt(2 * region->w * result.V0));
-    }
-    result.torque = torque(result);
-    if (friction_.any() && std::isfinite(region->level)) result.friction_error = ultimate(result);
     return result;
   }
 
@@ -474,10 +529,10 @@ std::optional<StabilityCertificate> stability_certificate(const scenario::Scenar
       if (result.own_weights) result.fastest = std::exchange(result.largest, {});
     }
     if (result.largest && result.largest->tube.size() > 0) {
-      const auto near = loop.best(Goal::rate, result.largest->weights);
+      auto near = loop.best(Goal::rate, result.largest->weights);
+      if (!near || near->rate < result.largest->rate) near = result.largest;
       const bool start = result.start.certified;  // by the fastest one so far
-      if (near && (!start || (holds_start(near) && near->rate > result.fastest->rate)))
-        result.fastest = near;
+      if (!start || (holds_start(near) && near->rate > result.fastest->rate)) result.fastest = near;
     }
     if (result.proved || !result.start.certified) {
       add(result.start, result.fastest);

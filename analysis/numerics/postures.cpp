@@ -277,12 +277,29 @@ bool Postures::contains(const Vector& posture) const {
   });
 }
 
-Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool refine) const {
-  const std::vector<double> value =
-      base::parallel_map(q.size(), [&](std::size_t i) { return f(inertia[i]); });
+Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& f,
+                           bool refine) const {
+  constexpr double none = std::numeric_limits<double>::infinity();
+  constexpr std::size_t starts = 3, first = 32;
+  // After the first postures and each doubling of their number, a value is of use only if it is
+  // among the least ones so far.
+  std::vector<double> value, least;
+  double enough = none;
+  while (value.size() < q.size()) {
+    const std::size_t begin = value.size();
+    const std::size_t count = std::min(std::max(begin, first), q.size() - begin);
+    for (const double each :
+         base::parallel_map(count, [&](std::size_t i) { return f(inertia[begin + i], enough); })) {
+      value.push_back(each);
+    }
+    least = value;
+    if (least.size() < starts) continue;
+    std::ranges::nth_element(least, least.begin() + (starts - 1));
+    enough = least[starts - 1];
+  }
   return smallest_of([&](const Vector& at) { return contains(at); },
-                     [&](const Vector& at) { return f(inertia_at(model, at)); }, q, value, 3,
-                     refine && kind == Kind::sampled ? 300 : 0);
+                     [&](const Vector& at) { return f(inertia_at(model, at), none); }, q, value,
+                     starts, refine && kind == Kind::sampled ? 300 : 0);
 }
 
 }  // namespace tachless::numerics

@@ -73,9 +73,11 @@ struct Postures {
   /// Adds a posture that a search has to respect. Nothing is proved about it.
   void add(const Vector& posture);
 
-  /// Returns the smallest f over the set. With `refine`, the three smallest values of a sampled set
-  /// are refined locally.
-  [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
+  /// Returns the smallest f(inertia, enough) over the set. With `refine`, the three smallest values
+  /// of a sampled set are refined locally. f may return infinity where its value is above `enough`,
+  /// which saves work: the value there does not matter.
+  [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&, double enough)>& f,
+                                 bool refine) const;
 
   robot::Model model;
   std::vector<Vector> centres;

@@ -212,6 +212,53 @@ TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
   EXPECT_GT(largest->region.e_at_rest[1], 44);
 }
 
+/// The rate at a posture by whole matrices: the root of the sum of squares after the congruence of
+/// Mm at rest, in the order (e, nu, edot).
+double rate_by_whole_matrices(const ErrorSystem& system, const Weights& weights,
+                              const numerics::Inertia& at, double B_d) {
+  const Eigen::Index n = system.num_links();
+  const VectorXd none = VectorXd::Zero(n);
+  const Eigen::MatrixXd at_rest = decrease_matrix(system, weights, at, none, none);
+  const Eigen::MatrixXd L = at_rest.llt().matrixL(), inverse = numerics::inverse(L);
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(L.rows(), L.cols());
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const Eigen::MatrixXd D =
+        decrease_matrix(system, weights, at, VectorXd::Unit(n, j), none) - at_rest;
+    const Eigen::MatrixXd A = inverse * D * inverse.transpose();
+    sum += A * A;
+  }
+  const auto [values, vectors] = numerics::symmetric_eigen(sum);
+  const Eigen::MatrixXd root =
+      vectors * values.cwiseMax(0).cwiseSqrt().asDiagonal() * vectors.transpose();
+  return generalized_eigen(at_rest - B_d * L * root * L.transpose(),
+                           lyapunov_matrix(system, weights, at.M) / 2)
+      .values.minCoeff();
+}
+
+TEST(MatrixOfThreeJoints, RateIsThatOfWholeMatrices) {
+  const robot::Model model = robot::model_from_urdf(robot::testing::chain_urdf(3, 1), "chain");
+  const VectorXd one = VectorXd::Ones(3);
+  const FilterGains gains{2000 * one, 200 * one, 100 * one, 100 * one};
+  const ErrorSystem rigid{gains.kp.asDiagonal(), gains.kd.asDiagonal(), gains.a, gains.b, {}};
+  const ErrorSystem flexible = flexible_error_system(5000 * one, 0.5 * one, gains, gains);
+  numerics::PostureOptions options;
+  options.samples = 100;
+  const numerics::Postures postures(model, options);
+  ASSERT_EQ(postures.kind, numerics::Postures::Kind::sampled);
+  const Weights weights{0.3, 0.03};
+  const double B_d = 1;
+  for (const ErrorSystem& system : {rigid, flexible}) {
+    double least = infinity;
+    for (const numerics::Inertia& at : postures.inertia) {
+      least = std::min(least, rate_by_whole_matrices(system, weights, at, B_d));
+    }
+    ASSERT_GT(least, 0);
+    const MatrixCondition condition{{system}, postures, B_d, false};
+    // Rounding: Mm at rest has condition numbers up to 1e6.
+    EXPECT_NEAR(condition.rate(weights, 0), least, 1e-8 * least);
+  }
+}
+
 class MatrixOfSevenJoints : public ::testing::Test {
  protected:
   const robot::Model model = robot::testing::iiwa7();

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <limits>
+
 #include "robot/dynamics.h"
 #include "tests/core/robot/robots.h"
 
@@ -51,6 +54,28 @@ TEST(PosturesOfTwoJoints, AreNotProvedWhereTheSumsDoNotReach) {
   const Postures uneven(with_mimic("0.3141592"));  // no multiple of 1/d for any d <= 8
   EXPECT_EQ(uneven.kind, Postures::Kind::sampled);
   EXPECT_FALSE(uneven.proved);
+}
+
+TEST(SampledPostures, SmallestDoesNotNeedValuesThatAreAboveEnough) {
+  PostureOptions options;
+  options.samples = 500;
+  const Postures postures(with_mimic("0.3141592"), options);
+  ASSERT_EQ(postures.kind, Postures::Kind::sampled);
+  const auto f = [](const Inertia& at) { return at.M(0, 0) + at.C[1].sum(); };
+  std::atomic<int> left_out = 0;
+  for (const bool refine : {false, true}) {
+    const Extreme all =
+        postures.smallest([&](const Inertia& at, double /*enough*/) { return f(at); }, refine);
+    const auto only_small = [&](const Inertia& at, double enough) {
+      if (f(at) <= enough) return f(at);
+      ++left_out;
+      return std::numeric_limits<double>::infinity();
+    };
+    const Extreme some = postures.smallest(only_small, refine);
+    EXPECT_EQ(some.value, all.value);
+    EXPECT_EQ(some.q, all.q);
+  }
+  EXPECT_GT(left_out, 500);  // of two times 500
 }
 
 }  // namespace
