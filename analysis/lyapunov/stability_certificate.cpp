@@ -134,10 +134,15 @@ class ErrorLoop {
                                         std::optional<CertifiedRegion> result) {
     // The width is found to 5 %. The errors at rest are then within about 5 % of the largest ones.
     constexpr double agrees = 0.05;  // of the width's logarithm
+    constexpr int most_in_vain = 2;  // regions in a row that are no larger
+    int in_vain = 0;
     for (int round = 0; round < rounds && tube != circle_; ++round) {
       look_within(tube);
       const std::optional<CertifiedRegion> found = look();
-      if (errors_at_rest(found) > errors_at_rest(result)) result = found;
+      const bool larger = errors_at_rest(found) > errors_at_rest(result);
+      if (larger) result = found;
+      if (found) in_vain = larger ? 0 : in_vain + 1;
+      if (in_vain == most_in_vain) break;
       from = result ? std::optional(result->weights) : std::nullopt;
       if (found) {
         const double beyond = found->beyond_tube;

@@ -119,7 +119,7 @@ TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
       EXPECT_THAT(page.output, HasSubstr(law.at(fact).get<std::string>())) << law.at("name");
     }
     const auto conditions = law.at("conditions").get<std::string>();
-    for (const std::string_view each : base::split(conditions, ';')) {  // a line each
+    for (const std::string_view each : tachless::base::split(conditions, ';')) {  // a line each
       EXPECT_THAT(page.output, HasSubstr(fmt::format(" {}", each))) << law.at("name");
       EXPECT_THAT(each, Not(HasSubstr("\n")));
     }
