@@ -1,7 +1,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -314,8 +313,6 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   }
   // The key is read last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
-  // While the run lasts, `supervise` takes the signals. Later ones leave no file half written.
-  const std::atomic<bool>& interrupted = base::catch_interruptions();
   base::survive_broken_pipes();
   Screen screen(common.quiet);
   std::deque<OnTheBus> robots;
@@ -331,7 +328,6 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
-  if (interrupted) return ExitCode::interrupted;
   if (page) page->show();
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
@@ -347,10 +343,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     const std::string culprit = ends[i].because_of ? robots[*ends[i].because_of].options.robot : "";
     conclude(robots[i], ends[i], culprit, wall_s, conclusions);
   }
-  const ExitCode code = conclusions.finish();
-  if (!interrupted) return code;
-  base::log_info("interrupted when the run had ended; its results are whole");
-  return ExitCode::interrupted;
+  return conclusions.finish();
 }
 
 }  // namespace tachless::cli

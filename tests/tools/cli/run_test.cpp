@@ -334,16 +334,6 @@ TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
   }
 }
 
-TEST_F(Run, WritesItsResultsToTheEndWhenItIsInterruptedMeanwhile) {
-  start({"--duration", "0.2", "--quiet"});
-  wait_until("the first result", [&] { return fs::exists(out() / "summary.json"); });
-  stop(SIGINT);
-  const int code = finish();
-  // The signal may come when all is written.
-  EXPECT_EQ(code, errors().find("its results are whole") == std::string::npos ? 0 : 130);
-  EXPECT_TRUE(fs::exists(out() / "report.html"));
-}
-
 TEST_F(Run, EndsWithCode2WhenItsLogWasRemovedOrReplaced) {
   const std::vector<std::pair<std::string, void (*)(const fs::path&)>> acts = {
       {"was removed", [](const fs::path& log) { fs::remove(log); }},
