@@ -183,9 +183,11 @@ TEST_F(MitArm, SendsTheDrivesTheirSetPointsAndGains) {
 
 /// The trials of commission do so. A brake with a hundredth of gravity would sag by radians.
 TEST_F(MitArm, CarriesAllOfGravityInARunThatStatesAShareOfIt) {
-  EmulatedDrives drives(scenario({"robot.gravity_m_per_s2=9.81"}), {});
+  const scenario::Scenario arm = scenario({"robot.gravity_m_per_s2=9.81"});
+  const scenario::Scenario trial = scenario({"robot.gravity_m_per_s2=0.0981"});
+  EmulatedDrives drives(arm, {});
   const std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
-  MitDriver driver(scenario({"robot.gravity_m_per_s2=0.0981"}));
+  MitDriver driver(trial);
   const Vector before = driver.read().q;
   driver.start();
   driver.stop();

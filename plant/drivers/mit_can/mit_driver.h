@@ -94,6 +94,7 @@ struct Settings {
 class MitDriver final : public plant::DriveLoopDriver {
  public:
   /// Opens the bus, sets mode and watchdog of each drive and reads back what can be read.
+  /// @param scenario outlives the driver
   /// @throw base::Failure(bad_usage) naming the motor, or the key of plant.driver
   explicit MitDriver(const scenario::Scenario& scenario);
   MitDriver(const MitDriver&) = delete;
