@@ -60,15 +60,11 @@ Vector drive_torque(const scenario::Scenario& scenario, const robot::Model& mode
   const plant::DriveSpec& joints = scenario.plant.drive;
   const auto& drive = scenario.robot.flexible;
   const robot::JetVector links = controller::law::feedforward_torque(model, r);
-  Vector torque = robot::value(links) + joints.viscous_friction_Nms_per_rad.cwiseProduct(r.v_ref) +
-                  joints.coulomb_friction_Nm.cwiseProduct(r.v_ref.cwiseSign());
+  Vector torque = robot::value(links) + joints.viscous_friction_Nms_per_rad.cwiseProduct(r.v_ref);
   const Vector gravity =
       joints.load_friction.isZero(0) ? Vector(0 * torque) : robot::gravity_torque(model, r.q_ref);
   for (Eigen::Index i = 0; i < torque.size(); ++i) {
-    const robot::JointFriction friction = joints.friction_of(i);
-    const double loaded = friction.load * std::abs(gravity[i]), v = r.v_ref[i];
-    torque[i] += (v == 0 ? 0 : std::copysign(loaded, v)) +
-                 robot::friction_rise(v, friction.rise, friction.rise_velocity);
+    torque[i] += joints.friction_of(i).kinetic(r.v_ref[i], gravity[i]);
   }
   if (!drive) return torque;
   const Vector thetadot = r.v_ref + robot::first_derivative(links).cwiseQuotient(drive->stiffness);

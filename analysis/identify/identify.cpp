@@ -83,13 +83,7 @@ VectorXd open_torque(const std::vector<Regression>& of, const LeastSquares& answ
   constexpr double normal = 1.96;  // quantile of a 95 % interval
   VectorXd result = VectorXd::Zero(of.front().peak.size());
   for (const Regression& each : of) {
-    const VectorXd open = normal * (each.columns * answer.moves).rowwise().norm();
-    VectorXd sum = VectorXd::Zero(result.size()), count = sum;
-    for (Eigen::Index row = 0; row < open.size(); ++row) {
-      sum[each.joint[row]] += open[row] * open[row];
-      count[each.joint[row]] += 1;
-    }
-    const VectorXd rms = sum.cwiseQuotient(count.cwiseMax(1)).cwiseSqrt();
+    const VectorXd rms = each.rms(normal * (each.columns * answer.moves).rowwise().norm());
     result = result.cwiseMax(rms.cwiseQuotient(each.peak.cwiseMax(1e-300)));
   }
   return result;

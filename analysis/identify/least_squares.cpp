@@ -303,11 +303,14 @@ MatrixXd low_passed(MatrixXd columns, double h, double hz) {
 }
 
 VectorXd Regression::residual(const VectorXd& values, const std::vector<RowUse>& rows) const {
-  const VectorXd left = torque - columns * values;
+  return rms(torque - columns * values, rows);
+}
+
+VectorXd Regression::rms(const VectorXd& x, const std::vector<RowUse>& rows) const {
   VectorXd sum = VectorXd::Zero(peak.size()), count = VectorXd::Constant(peak.size(), 1e-300);
-  for (Eigen::Index row = 0; row < left.size(); ++row) {
+  for (Eigen::Index row = 0; row < x.size(); ++row) {
     if (!rows.empty() && !used(row, rows)) continue;
-    sum[joint[row]] += left[row] * left[row];
+    sum[joint[row]] += x[row] * x[row];
     count[joint[row]] += 1;
   }
   return sum.cwiseQuotient(count).cwiseSqrt();
@@ -337,7 +340,6 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   MatrixXd speed = MatrixXd::Zero(ticks, n), unsure = MatrixXd::Zero(ticks, n);
   const plant::DriveSpec& drive = models.drive;
   const bool loaded = parameters.first(Kind::load_friction) >= 0 || !drive.load_friction.isZero(0);
-  const bool more_friction = loaded || !drive.friction_rise_Nm.isZero(0);
   // Ticks of delay that the torques have already.
   const double had = recording.controlled ? recording.scenario.loop.command_delay : recording.moved;
   for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
@@ -347,11 +349,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     Vector friction = models.drive.viscous_friction_Nms_per_rad.cwiseProduct(v);
     const Vector gravity = loaded ? robot::gravity_torque(models.bare, at) : Vector(0 * at);
     for (Eigen::Index j = 0; j < n; ++j) {
-      friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
-      if (!more_friction) continue;
-      const robot::JointFriction law = models.drive.friction_of(j);
-      friction[j] += law.load * std::abs(gravity[j]) * sign(v[j]) +
-                     robot::friction_rise(v[j], law.rise, law.rise_velocity);
+      friction[j] += models.drive.friction_of(j).kinetic(v[j], gravity[j]);
     }
     left.row(k) -= (own + friction).transpose();
     // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
@@ -561,10 +559,10 @@ double widened(double width, double by) {
 void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& result) {
   VectorXd norm = rows.columns.colwise().norm().transpose();
   norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
+  const std::vector<bool> bounded = at_bound(parameters, result.values);
   static_cast<Precision&>(result) =
-      precision(rows.columns, norm, rows.torque - rows.columns * result.values,
-                at_bound(parameters, result.values));
-  const std::vector<Eigen::Index> free = inside(norm.size(), at_bound(parameters, result.values));
+      precision(rows.columns, norm, rows.torque - rows.columns * result.values, bounded);
+  const std::vector<Eigen::Index> free = inside(norm.size(), bounded);
   result.unsure = VectorXd::Zero(norm.size());
   if (!free.empty()) {
     result.unsure(free) =

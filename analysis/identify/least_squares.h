@@ -39,6 +39,10 @@ struct Regression {
   /// @param rows of each joint that count; empty: all do
   [[nodiscard]] Eigen::VectorXd residual(const Eigen::VectorXd& values,
                                          const std::vector<RowUse>& rows = {}) const;
+  /// Returns the rms of `x`, one number per row, over the rows of each joint.
+  /// @param rows of each joint that count; empty: all do
+  [[nodiscard]] Eigen::VectorXd rms(const Eigen::VectorXd& x,
+                                    const std::vector<RowUse>& rows = {}) const;
   /// Returns whether a row is one of those of its joint.
   [[nodiscard]] bool used(Eigen::Index row, const std::vector<RowUse>& rows) const {
     const auto at = static_cast<std::size_t>(row);

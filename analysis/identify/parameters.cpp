@@ -68,6 +68,20 @@ robot::MassProperties mass_properties(const Inertial& value) {
   return body;
 }
 
+namespace {
+
+/// Sets a further term of friction in the drives.
+void set_term(plant::DriveSpec& drive, const Parameters::Entry& entry, double value) {
+  if (entry.kind == Kind::load_friction) {
+    drive.load_friction[entry.joint] = value;
+  } else {
+    drive.friction_rise_Nm[entry.joint] = value;
+    drive.friction_rise_velocity_rad_per_s[entry.joint] = entry.velocity;
+  }
+}
+
+}  // namespace
+
 Parameters::Parameters(const scenario::Scenario& scenario, const std::vector<Kind>& unknown,
                        bool controlled, const std::vector<FrictionTerm>& terms)
     : controlled_(controlled) {
@@ -141,11 +155,8 @@ scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
         drive.coulomb_friction_Nm[entry.joint] = value;
         break;
       case Kind::rise:
-        drive.friction_rise_Nm[entry.joint] = value;
-        drive.friction_rise_velocity_rad_per_s[entry.joint] = entry.velocity;
-        break;
       case Kind::load_friction:
-        drive.load_friction[entry.joint] = value;
+        set_term(drive, entry, value);
         break;
       case Kind::payload:
         changed.plant.payload.mass_kg = value;
@@ -216,10 +227,7 @@ void Parameters::add_terms_to(std::vector<std::string>& overrides,
   };
   for (Eigen::Index i = 0; i < size(); ++i) {
     const Entry& entry = entries_[static_cast<std::size_t>(i)];
-    if (entry.kind == Kind::load_friction) drive.load_friction[entry.joint] = values[i];
-    if (entry.kind != Kind::rise) continue;
-    drive.friction_rise_Nm[entry.joint] = values[i];
-    drive.friction_rise_velocity_rad_per_s[entry.joint] = entry.velocity;
+    if (is_term(entry.kind)) set_term(drive, entry, values[i]);
   }
   if (first(Kind::rise) >= 0) {
     add("plant.drive.friction_rise_Nm", drive.friction_rise_Nm);

@@ -9,8 +9,8 @@ namespace {
 
 /// Returns whether a joint connects two bodies, or they are one.
 bool are_neighbours(const robot::Model& model, int a, int b) {
-  const auto parent = [&](int of) {
-    return of < 0 ? -2 : model.bodies[static_cast<std::size_t>(of)].parent;
+  const auto parent = [&](int body) {
+    return body < 0 ? -2 : model.bodies[static_cast<std::size_t>(body)].parent;
   };
   return a == b || parent(a) == b || parent(b) == a;
 }

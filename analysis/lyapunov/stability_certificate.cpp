@@ -102,14 +102,13 @@ class ErrorLoop {
     if (proved() || circle_.size() > most_joints_of_certified_run) return result;
     if (errors_at_rest(known) > errors_at_rest(result)) result = known;
     constexpr double first_width = 0.3;  // [rad; m]
-    constexpr int rounds = 6;
     const VectorXd first = result ? VectorXd(errors_of(*result).cwiseMin(circle_))
                                   : VectorXd::Constant(circle_.size(), first_width);
     std::optional<Weights> from = result ? std::optional(result->weights) : std::nullopt;
-    const auto tried = fitted([&] { return searched(from); }, from, first, rounds, result);
+    const auto tried = fitted([&] { return searched(from); }, from, first, result);
     if (tried && tried->tube.size() > 0) {
       const auto certify = [&] { return best(Goal::level, from); };
-      result = fitted(certify, from, tried->tube, rounds, result);
+      result = fitted(certify, from, tried->tube, result);
     }
     look_within(result ? result->tube : VectorXd());
     return result;
@@ -130,8 +129,8 @@ class ErrorLoop {
   /// @param from receives that region's weights, from which the next search begins
   template <class Look>
   std::optional<CertifiedRegion> fitted(const Look& look, std::optional<Weights>& from,
-                                        VectorXd tube, int rounds,
-                                        std::optional<CertifiedRegion> result) {
+                                        VectorXd tube, std::optional<CertifiedRegion> result) {
+    constexpr int rounds = 6;
     // The width is found to 5 %. The errors at rest are then within about 5 % of the largest ones.
     constexpr double agrees = 0.05;  // of the width's logarithm
     constexpr int most_in_vain = 2;  // regions in a row that are no larger

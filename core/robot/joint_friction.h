@@ -31,6 +31,12 @@ struct JointFriction {
   }
   /// Returns the largest friction at rest.
   [[nodiscard]] double holding(double gravity) const { return held + load * std::abs(gravity); }
+  /// Returns the friction at v without the fall from static friction, far above vs; 0 at v = 0.
+  [[nodiscard]] double kinetic(double v, double gravity) const {
+    if (v == 0) return 0;
+    const double dry = std::copysign(coulomb + load * std::abs(gravity), v);
+    return rise == 0 ? dry : dry + friction_rise(v, rise, rise_velocity);
+  }
   /// Returns the friction of a joint that moves at v.
   /// @param direction sign of the velocity, also where v is zero at the moment
   [[nodiscard]] double sliding(double v, int direction, double gravity) const {

@@ -3,10 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <sstream>
+#include <cmath>
 #include <stdexcept>
 
-#include "base/text.h"
 #include "robot/urdf_xml.h"
 #include "robot/xml.h"
 
@@ -20,18 +19,10 @@ Eigen::VectorXd numbers_of(const XmlElement& element, const char* attribute, Eig
                            bool optional) {
   const char* text = element.Attribute(attribute);
   if (text == nullptr && optional) return Eigen::VectorXd::Zero(size);
-  std::istringstream words(text == nullptr ? "" : text);
-  Eigen::VectorXd result(size);
-  Eigen::Index count = 0;
-  for (std::string word; words >> word; ++count) {
-    const std::optional<double> number = base::number_in(word);
-    if (!number || count == size) {
-      count = -1;
-      break;
-    }
-    result[count] = *number;
+  const auto numbers = finite_numbers(text == nullptr ? "" : text);
+  if (numbers && std::ssize(*numbers) == size) {
+    return Eigen::Map<const Eigen::VectorXd>(numbers->data(), size);
   }
-  if (count == size) return result;
   throw std::invalid_argument(fmt::format("line {}: {} of <{}> is \"{}\"; needed: {} number{}",
                                           element.GetLineNum(), attribute, name_of(element),
                                           text == nullptr ? "" : text, size, size > 1 ? "s" : ""));
@@ -89,9 +80,9 @@ std::vector<Capsule> link_capsules(const std::string& urdf) {
   std::vector<Capsule> result;
   const auto* link = document.RootElement()->FirstChildElement("link");
   for (; link != nullptr; link = link->NextSiblingElement("link")) {
-    std::vector<Capsule> of = capsules_of(*link, "collision");
-    if (of.empty()) of = capsules_of(*link, "visual");
-    result.insert(result.end(), of.begin(), of.end());
+    std::vector<Capsule> own = capsules_of(*link, "collision");
+    if (own.empty()) own = capsules_of(*link, "visual");
+    result.insert(result.end(), own.begin(), own.end());
   }
   return result;
 }
@@ -99,11 +90,11 @@ std::vector<Capsule> link_capsules(const std::string& urdf) {
 double distance(const Capsule& a, const Capsule& b) {
   // The least distance of two segments is a convex problem. Either both nearest points are inside,
   // or one of them is an end.
-  const auto to_segment = [](const Vector3d& p, const Capsule& of) {
-    const Vector3d along = of.to - of.from;
+  const auto to_segment = [](const Vector3d& p, const Capsule& capsule) {
+    const Vector3d along = capsule.to - capsule.from;
     const double length = along.squaredNorm();
-    const double at = length > 0 ? std::clamp((p - of.from).dot(along) / length, 0.0, 1.0) : 0;
-    return (p - of.from - at * along).norm();
+    const double at = length > 0 ? std::clamp((p - capsule.from).dot(along) / length, 0.0, 1.0) : 0;
+    return (p - capsule.from - at * along).norm();
   };
   double least = std::min(
       {to_segment(a.from, b), to_segment(a.to, b), to_segment(b.from, a), to_segment(b.to, a)});

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <optional>
 #include <set>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -328,15 +327,8 @@ class Reader {
            name_of(element), name, element.Attribute(name), allowed);
   }
 
-  /// Returns the finite number that `word` is, with a sign or without; nothing for another text.
-  static std::optional<double> finite(std::string_view word) {
-    if (word.starts_with('+') && !word.starts_with("+-")) word.remove_prefix(1);
-    const std::optional<double> value = base::number_in(word);
-    if (value && !std::isfinite(*value)) return {};
-    return value;
-  }
   double number(const XmlElement& element, const char* name) const {
-    const std::optional<double> value = finite(trimmed(attribute(element, name)));
+    const std::optional<double> value = finite_number(trimmed(attribute(element, name)));
     if (!value) refuse_value(element, name, "a finite number");
     return *value;
   }
@@ -345,14 +337,7 @@ class Reader {
   }
   /// The numbers of an attribute that is there; none where one of them is no finite number.
   static std::vector<double> numbers(const XmlElement& element, const char* name) {
-    std::vector<double> found;
-    std::istringstream words(element.Attribute(name));
-    for (std::string word; words >> word;) {
-      const std::optional<double> value = finite(word);
-      if (!value) return {};
-      found.push_back(*value);
-    }
-    return found;
+    return finite_numbers(element.Attribute(name)).value_or(std::vector<double>());
   }
   Eigen::Vector3d vector(const XmlElement* element, const char* name,
                          const Eigen::Vector3d& otherwise = Eigen::Vector3d::Zero()) const {

@@ -3,10 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <sstream>
 #include <string_view>
 #include <tuple>
 
 #include "base/file_text.h"
+#include "base/text.h"
 
 namespace tachless::robot {
 namespace {
@@ -100,6 +103,24 @@ std::string parse_xml(const std::string& text, XmlDocument& document) {
     return "not XML text (UTF-8); give a robot's XML";
   return fmt::format("line {}: malformed XML: {}; correct the file's XML", document.ErrorLineNum(),
                      unreadable(error));
+}
+
+std::optional<double> finite_number(std::string_view word) {
+  if (word.starts_with('+') && !word.starts_with("+-")) word.remove_prefix(1);
+  const std::optional<double> value = base::number_in(word);
+  if (value && !std::isfinite(*value)) return {};
+  return value;
+}
+
+std::optional<std::vector<double>> finite_numbers(const std::string& text) {
+  std::vector<double> found;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    const std::optional<double> value = finite_number(word);
+    if (!value) return {};
+    found.push_back(*value);
+  }
+  return found;
 }
 
 void add_inertia(XmlElement& inertial, const Eigen::Matrix3d& inertia) {

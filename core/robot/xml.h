@@ -3,7 +3,10 @@
 #include <tinyxml2.h>
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 /// XML by TinyXML-2: reading with refusals, elements with attributes to write, and their text.
 namespace tachless::robot {
@@ -19,6 +22,13 @@ std::string parse_xml(const std::string& text, XmlDocument& document);
 
 /// Returns the name of an element.
 inline std::string name_of(const XmlElement& element) { return element.Name(); }
+
+/// Returns the finite number that `word` is, with a sign or without; nothing for another text.
+std::optional<double> finite_number(std::string_view word);
+
+/// Returns the finite numbers of a text, which white space separates; nothing if it has another
+/// word.
+std::optional<std::vector<double>> finite_numbers(const std::string& text);
 
 /// Gives an element the attribute `name`.
 inline void set(XmlElement& element, const char* name, const std::string& value) {
