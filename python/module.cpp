@@ -149,13 +149,13 @@ struct Run {
     bool any = false;
   };
 
-  Run(const scenario::Scenario& of, const messages::LawInfo& by)
-      : scenario(of.name),
-        law(of.controller.law_text()),
-        text(of.text),
-        period_s(of.loop.period_s),
-        joints(of.model->joint_names) {
-    for (logger::Quantity& quantity : logger::quantities_of(of, by)) {
+  Run(const scenario::Scenario& described, const messages::LawInfo& by)
+      : scenario(described.name),
+        law(described.controller.law_text()),
+        text(described.text),
+        period_s(described.loop.period_s),
+        joints(described.model->joint_names) {
+    for (logger::Quantity& quantity : logger::quantities_of(described, by)) {
       columns.push_back({std::move(quantity), {}, false});
     }
   }

@@ -360,8 +360,8 @@ FrictionTorques friction_torques(const scenario::Scenario& scenario, const Vecto
   const VectorXd D = forward.given() ? VectorXd(forward.viscous) : zero;
   const VectorXd missing = VectorXd(drive.viscous_friction_Nms_per_rad) - D;
   FrictionTorques result{missing.cwiseAbs().cwiseProduct(v_ref), zero};
-  const auto add = [&](const Vector& of, const auto& size) {
-    if (of.size() > 0) result.on_y += size(VectorXd(of));
+  const auto add = [&](const Vector& term, const auto& size) {
+    if (term.size() > 0) result.on_y += size(VectorXd(term));
   };
   add(drive.friction_rise_Nm, [](const VectorXd& rise) { return VectorXd(-rise.cwiseMin(0)); });
   add(forward.rise, [](const VectorXd& rise) { return VectorXd(rise.cwiseAbs()); });

@@ -61,16 +61,9 @@ struct Slack {
   }
 };
 
-/// C(q, L x) = sum x_j of these.
+/// Returns the matrices A_j with C(q, L x) = sum_j x_j A_j. An empty L stands for the identity.
 std::vector<MatrixXd> combined(const std::vector<MatrixXd>& C, const MatrixXd& L) {
-  if (L.size() == 0) return C;
-  std::vector<MatrixXd> all;
-  for (Index j = 0; j < L.cols(); ++j) {
-    MatrixXd sum = MatrixXd::Zero(L.rows(), L.rows());
-    for (Index i = 0; i < L.rows(); ++i) sum += L(i, j) * C[static_cast<std::size_t>(i)];
-    all.push_back(std::move(sum));
-  }
-  return all;
+  return L.size() == 0 ? C : numerics::coriolis_along(C, L);
 }
 
 /// sym C(q, delta) in the same way, |L^-1 delta| = |x|.

@@ -34,17 +34,6 @@ MatrixXd bound_of(const std::vector<MatrixXd>& all, const MatrixXd& L) {
          L.transpose();
 }
 
-/// C(q, S x) = sum x_j of these.
-std::vector<MatrixXd> combined(const std::vector<MatrixXd>& C, const MatrixXd& S) {
-  std::vector<MatrixXd> all;
-  for (Index j = 0; j < S.cols(); ++j) {
-    MatrixXd sum = MatrixXd::Zero(S.rows(), S.rows());
-    for (Index i = 0; i < S.rows(); ++i) sum += S(i, j) * C[static_cast<std::size_t>(i)];
-    all.push_back(std::move(sum));
-  }
-  return all;
-}
-
 /// Mm of a loop and given weights over the postures.
 class Proof {
  public:
@@ -101,8 +90,9 @@ class Proof {
       const double curvature = postures_.chord_factor * h.order * h.order;
       std::vector<MatrixXd> of_v, of_delta;
       for (const numerics::Inertia* part : {&h.cosine, &h.sine}) {
-        for (const MatrixXd& C : combined(part->C, loop_.v_scale)) of_v.push_back(of_coriolis(C));
-        for (const MatrixXd& C : combined(part->C, of_delta_)) {
+        for (const MatrixXd& C : numerics::coriolis_along(part->C, loop_.v_scale))
+          of_v.push_back(of_coriolis(C));
+        for (const MatrixXd& C : numerics::coriolis_along(part->C, of_delta_)) {
           of_delta.push_back(symmetric_part(C));
         }
       }
@@ -163,7 +153,8 @@ class Proof {
     const Eigen::LLT<MatrixXd> llt(at_rest);
     if (llt.info() != Eigen::Success) return {};
     std::vector<MatrixXd> of_v;
-    for (const MatrixXd& C : combined(inertia.C, loop_.v_scale)) of_v.push_back(of_coriolis(C));
+    for (const MatrixXd& C : numerics::coriolis_along(inertia.C, loop_.v_scale))
+      of_v.push_back(of_coriolis(C));
     if (of_v.empty()) return at_rest;
     MatrixXd least = at_rest - bound_of(of_v, llt.matrixL());
     if (Eigen::LLT<MatrixXd>(least).info() != Eigen::Success) return {};
@@ -176,7 +167,7 @@ class Proof {
     const MatrixXd H =
         Eigen::LLT<MatrixXd>(Eigen::LLT<MatrixXd>(Mm).solve(E).bottomRows(n_)).matrixL();
     MatrixXd sum = MatrixXd::Zero(n_, n_);
-    for (const MatrixXd& C : combined(inertia.C, of_delta_)) {
+    for (const MatrixXd& C : numerics::coriolis_along(inertia.C, of_delta_)) {
       const MatrixXd scaled = H.transpose() * symmetric_part(C) * H;
       sum += scaled * scaled;
     }

@@ -121,11 +121,11 @@ VectorXd ascended(const Ellipsoid& set, VectorXd z, double s, std::uint64_t seed
 /// Returns the largest radius up to `s` at which no growth is found along these directions, nor by
 /// ascents from the worst of them. Returns 0 where ascents find growth again and again.
 double searched_radius(const Ellipsoid& set, double s, const std::vector<VectorXd>& along) {
-  const auto least = [&](const auto& of, std::size_t number) {
+  const auto least = [&](const auto& radius, std::size_t number) {
     constexpr std::size_t batch = 64;
     for (std::size_t begin = 0; begin < number; begin += batch) {
       for (const double each : parallel_map(std::min(batch, number - begin),
-                                            [&](std::size_t i) { return of(begin + i); })) {
+                                            [&](std::size_t i) { return radius(begin + i); })) {
         s = std::min(s, each);
       }
     }

@@ -268,8 +268,8 @@ std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondit
     if (!region) return from_weights(*from, {});
     return from_weights(*from, Certified{*from, *region, fine.rate(*from, 0)});
   }
-  const auto from_grid = [&](Goal of) {
-    return improved(coarse, fine, of, start(coarse, WeightSearch(coarse, of)), {});
+  const auto from_grid = [&](Goal wanted) {
+    return improved(coarse, fine, wanted, start(coarse, WeightSearch(coarse, wanted)), {});
   };
   auto best = from_grid(goal);
   if (best || goal == Goal::rate) return best;

@@ -198,6 +198,17 @@ Inertia inertia_at(const robot::Model& model, const Vector& q) {
   return result;
 }
 
+std::vector<Eigen::MatrixXd> coriolis_along(const std::vector<Eigen::MatrixXd>& C,
+                                            const Eigen::MatrixXd& S) {
+  std::vector<Eigen::MatrixXd> all;
+  for (Eigen::Index j = 0; j < S.cols(); ++j) {
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(S.rows(), S.rows());
+    for (Eigen::Index i = 0; i < S.rows(); ++i) sum += S(i, j) * C[static_cast<std::size_t>(i)];
+    all.push_back(std::move(sum));
+  }
+  return all;
+}
+
 Vector spread_posture(const robot::Model& model, int k) {
   const int n = model.num_joints;
   double ratio = 2;  // the root of x^(n+1) = x + 1; the golden ratio for n = 1

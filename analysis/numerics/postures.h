@@ -31,6 +31,10 @@ struct Inertia {
 /// Returns M and C of the robot at `q`.
 Inertia inertia_at(const robot::Model& model, const Vector& q);
 
+/// Returns the matrices A_j with C(q, S x) = sum_j x_j A_j. The columns of S are directions of v.
+std::vector<Eigen::MatrixXd> coriolis_along(const std::vector<Eigen::MatrixXd>& C,
+                                            const Eigen::MatrixXd& S);
+
 /// An extreme over the postures.
 struct Extreme {
   double value = 0;  ///< the best value found

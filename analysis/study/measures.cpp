@@ -116,7 +116,7 @@ std::optional<Measures> measure(const scenario::Scenario& scenario,
   }
   if (!whole) return {};
   const std::int64_t ticks = measures.ticks = tracking.num_ticks();
-  const auto share = [ticks](double of) { return of / static_cast<double>(ticks); };
+  const auto share = [ticks](double number) { return number / static_cast<double>(ticks); };
   std::ranges::transform(saturated, std::back_inserter(judged_by.saturated_share), share);
   measures.verdict = judge(tracking, judged_by);
   if (stopped) {

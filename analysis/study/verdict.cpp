@@ -135,12 +135,12 @@ struct Joint {
         noise(std::max(counts * resolution, least)),
         smallest_swing(std::max(swing_counts * resolution, realtime ? small : least)),
         friction(friction_Nm),
-        in{of(error, 0), of(error, 1), of(error, 2), of(error, 3)},
+        in{in_quarter(error, 0), in_quarter(error, 1), in_quarter(error, 2), in_quarter(error, 3)},
         last(in[3]),
-        position(of(q, 3)),
+        position(in_quarter(q, 3)),
         fast(turns(error, 3 * quarter, end, 0.99 * last.extent() / 2)) {}
 
-  [[nodiscard]] Span of(const std::vector<Point>& points, int i) const {
+  [[nodiscard]] Span in_quarter(const std::vector<Point>& points, int i) const {
     return span(points, i * quarter, (i + 1) * quarter);
   }
   [[nodiscard]] double by_noise() const { return deviations * deviation; }
@@ -214,7 +214,7 @@ struct Joint {
     if (within(small_share) || last.peak() <= growth * first_half + by_noise()) return false;
     if (repeats(context.period_s) || (context.unsettled() && last.peak() <= scale)) return false;
     const double asked_before = span(q_ref, 0, 2 * quarter).extent();
-    return last.peak() > scale || of(q_ref, 3).extent() <= asked_before;
+    return last.peak() > scale || in_quarter(q_ref, 3).extent() <= asked_before;
   }
   [[nodiscard]] bool swings() const {
     constexpr double kept = 0.8;  // a decay by less takes more than a run to be seen
@@ -227,7 +227,7 @@ struct Joint {
     const double way = sum_of_steps(q_ref, 3 * quarter, end, [](double, double up) { return up; });
     const double speed = at_rest * way / quarter;
     const auto slow = [&](double time, double up) { return up <= speed * time ? time : 0; };
-    return position.extent() <= hardly * of(q_ref, 3).extent() &&
+    return position.extent() <= hardly * in_quarter(q_ref, 3).extent() &&
            sum_of_steps(q, 3 * quarter, end, slow) >= rests_for * quarter;
   }
   /// Returns true if the error still falls nearly as fast as in the quarter before, or if the loop
@@ -385,7 +385,7 @@ Context context_of(const std::vector<Joint>& joints, const Yardsticks& yardstick
   result.rests = !result.disturbed;
   double rests_from = 0;
   for (const Joint& joint : joints) {
-    result.rests = result.rests && joint.of(joint.q_ref, 3).extent() == 0;
+    result.rests = result.rests && joint.in_quarter(joint.q_ref, 3).extent() == 0;
     rests_from = std::max(rests_from, rests_from_s(joint.q_ref));
   }
   result.rested_s = end - rests_from;

@@ -125,10 +125,10 @@ struct LoggerStatistics {
 
 /// Statistics of a program: the common counters, and in `own` the counters of its role.
 struct Statistics {
-  explicit Statistics(messages::Role of = messages::Role::plant) : role(of) {
-    if (of == messages::Role::reference) own.emplace<ReferenceStatistics>();
-    if (of == messages::Role::controller) own.emplace<ControllerStatistics>();
-    if (of == messages::Role::logger) own.emplace<LoggerStatistics>();
+  explicit Statistics(messages::Role own_role = messages::Role::plant) : role(own_role) {
+    if (role == messages::Role::reference) own.emplace<ReferenceStatistics>();
+    if (role == messages::Role::controller) own.emplace<ControllerStatistics>();
+    if (role == messages::Role::logger) own.emplace<LoggerStatistics>();
   }
 
   messages::Role role;

@@ -64,8 +64,8 @@ class Regularity {
 
 /// All that is known of one run.
 struct LiveRun::Run {
-  explicit Run(logger::RunDescription of)
-      : described(std::move(of)), disturbed(logger::has_disturbance(described.scenario)) {
+  explicit Run(logger::RunDescription description)
+      : described(std::move(description)), disturbed(logger::has_disturbance(described.scenario)) {
     const auto declared = messages::parse_signals(described.info.signals);
     for (const auto& [name, unit] : *declared) {
       signals.emplace_back(name);

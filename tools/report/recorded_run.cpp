@@ -174,8 +174,8 @@ void add_lyapunov(RecordedRun& run, const controller::LyapunovFunction& lyapunov
 
 }  // namespace
 
-RecordedRun::RecordedRun(logger::RunDescription of)
-    : RunDescription(std::move(of)),
+RecordedRun::RecordedRun(logger::RunDescription run)
+    : RunDescription(std::move(run)),
       label(scenario.name),
       joints(robot::joint_labels(*scenario.model)),
       tracking(layout.num_joints),

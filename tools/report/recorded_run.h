@@ -80,15 +80,15 @@ struct RecordedRun : logger::RunDescription {
   nlohmann::json outcome;
 
   /// Makes a run of which nothing has been read.
-  explicit RecordedRun(logger::RunDescription of);
+  explicit RecordedRun(logger::RunDescription run);
 
   /// Returns an entry of `outcome`; null if it is not there.
   [[nodiscard]] nlohmann::json outcome_of(const char* key) const {
     return outcome.is_object() ? outcome.value(key, nlohmann::json()) : nlohmann::json();
   }
-  /// Returns the share of `of` in the ticks of which the log has anything.
-  [[nodiscard]] double share_of(const Stretches& of) const {
-    return static_cast<double>(of.count) / static_cast<double>(summary.ticks);
+  /// Returns the share of `stretches` in the ticks of which the log has anything.
+  [[nodiscard]] double share_of(const Stretches& stretches) const {
+    return static_cast<double>(stretches.count) / static_cast<double>(summary.ticks);
   }
   /// Returns the time at which the last tick of the log ends.
   [[nodiscard]] double end_s() const {

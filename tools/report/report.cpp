@@ -303,10 +303,10 @@ Libraries read_libraries(const std::filesystem::path& root) {
   return libraries;
 }
 
-std::string live_page(const logger::RunDescription& of, const Visuals& visuals,
+std::string live_page(const logger::RunDescription& described, const Visuals& visuals,
                       const Libraries& libraries) {
   std::vector<RecordedRun> runs;
-  RecordedRun& run = runs.emplace_back(of);
+  RecordedRun& run = runs.emplace_back(described);
   run.visuals = visuals;
   // One tick with nonzero values, so every chart has its curves. The page receives their points
   // later.

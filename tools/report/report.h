@@ -31,7 +31,7 @@ void write_report(const std::vector<RecordedRun>& runs, const std::filesystem::p
 
 /// Returns the page of a run in progress: the charts and the robot of a report, without points.
 /// page.js reads the points from `events`, in the form of live::LiveRun.
-std::string live_page(const logger::RunDescription& of, const Visuals& visuals = {},
+std::string live_page(const logger::RunDescription& described, const Visuals& visuals = {},
                       const Libraries& libraries = read_libraries());
 
 /// Returns the page: facts and results as tables, the sections with their charts, each run's

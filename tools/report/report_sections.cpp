@@ -57,7 +57,7 @@ struct Joint {
   std::size_t number;
   std::string length, effort;  ///< units of the first run that has the joint
 
-  Joint(const Overlay& of, std::size_t i) : all(of), number(i) {
+  Joint(const Overlay& overlay, std::size_t i) : all(overlay), number(i) {
     for (const RecordedRun& run : all.runs) {
       const auto own = all.joint_of(run, number);
       if (own && length.empty()) length = run.joints.length[*own];

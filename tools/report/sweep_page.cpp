@@ -262,7 +262,7 @@ Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
   const auto [first, last] = std::ranges::minmax(plan.axes[0].values);
   for (const std::size_t measure : measures) {
     const Ordinate ordinate(rows, measure, plan.laws.size());
-    const study::MeasureColumn& of = study::measure_columns()[measure];
+    const study::MeasureColumn& shown = study::measure_columns()[measure];
     for (const std::vector<double>& column : columns) {
       Chart& chart = figure.charts.emplace_back();
       chart.over_time = false;
@@ -270,7 +270,7 @@ Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
       if (measure == measures.front()) chart.heading = title_of(plan, column);
       chart.x_label = words(plan.axes[0].name());
       if (column == columns.front()) {
-        chart.y_label = words(std::string(of.name), study::unit_of(of, joints_of(plan)));
+        chart.y_label = words(std::string(shown.name), study::unit_of(shown, joints_of(plan)));
       }
       if (first < last) chart.x_range = {{first, last}};
       chart.y_range = {{ordinate.low, ordinate.high}};
