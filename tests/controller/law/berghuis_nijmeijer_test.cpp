@@ -5,7 +5,7 @@
 #include "tests/controller/law/closed_loop.h"
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::berghuis_nijmeijer_test {
 namespace {
 
 const BerghuisNijmeijer::Gains gains{vector(20, 20), vector(300, 60), 400};
@@ -76,4 +76,4 @@ TEST(BerghuisNijmeijer, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::berghuis_nijmeijer_test

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::computed_torque_test {
 namespace {
 
 ComputedTorque law_at(double period_s) {
@@ -54,4 +54,4 @@ TEST(ComputedTorque, ApproachesItsContinuousLoopAtFirstOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::computed_torque_test

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::difference_of_error_test {
 namespace {
 
 DifferenceOfError law_at(double period_s, int samples) {
@@ -36,4 +36,4 @@ TEST(DifferenceOfError, HasNoLagOnTheReference) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::difference_of_error_test

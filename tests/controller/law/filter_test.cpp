@@ -11,7 +11,7 @@
 
 #include "tests/controller/law/velocity_error.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::filter_test {
 namespace {
 
 constexpr double eps = std::numeric_limits<double>::epsilon();
@@ -194,4 +194,4 @@ TEST(Filter, OfAPositionHasTheVelocityErrorThatCountsAndLagGive) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::filter_test

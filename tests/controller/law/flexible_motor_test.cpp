@@ -5,7 +5,7 @@
 #include "controller/law/rivals/kelly_flexible.h"
 #include "tests/core/robot/robots.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::flexible_motor_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -83,4 +83,4 @@ TEST(FlexibleMotor, IsKellysLawAtAConstantReference) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::flexible_motor_test

@@ -8,7 +8,7 @@
 #include "messages/measurements.h"
 #include "tests/core/robot/robots.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::flexible_position_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -322,4 +322,4 @@ TEST(FlexiblePosition, RestsWhereTheSpringsCarryGravity) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::flexible_position_test

@@ -14,7 +14,7 @@
 #include "controller/law/loria_ortega_rigid.h"
 #include "tests/controller/law/two_link.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::golden_test {
 namespace {
 
 using Row = std::vector<double>;
@@ -169,4 +169,4 @@ INSTANTIATE_TEST_SUITE_P(
                          Discretisation::first_order_hold, 1e-5, true, 0, 1e-8}));
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::golden_test

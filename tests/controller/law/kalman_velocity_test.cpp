@@ -6,7 +6,7 @@
 #include "tests/controller/law/first_order.h"
 #include "tests/controller/law/velocity_error.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::kalman_velocity_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -171,4 +171,4 @@ TEST(KalmanVelocity, StartsAtTheReferencesVelocity) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::kalman_velocity_test

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/closed_loop.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::kelly_flexible_test {
 namespace {
 
 KellyFlexible law_at(double h) {
@@ -82,4 +82,4 @@ TEST(KellyFlexible, ConvergesAndApproachesItsContinuousLoopAtFirstOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::kelly_flexible_test

@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::kelly_regulation_test {
 namespace {
 
 TEST(KellyRegulation, IsGravityLessProportionalAndFilteredError) {
@@ -57,4 +57,4 @@ TEST(KellyRegulation, ApproachesItsContinuousLoopAtFirstOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::kelly_regulation_test

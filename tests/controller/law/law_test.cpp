@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::law_test {
 namespace {
 
 struct Observer {
@@ -65,4 +65,4 @@ TEST(Memory, ShowsEveryVectorInItsOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::law_test

@@ -14,7 +14,7 @@
 #include "controller/law/loria_ortega_integral.h"
 #include "tests/core/robot/robots.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::law_ticks_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -106,4 +106,4 @@ TYPED_TEST(LawTicks, GiveTheRecordedTorques) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::law_ticks_test

@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/closed_loop.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::linear_adrc_test {
 namespace {
 
 LinearAdrc law_at(double period_s, Vector limit = {}) {
@@ -71,4 +71,4 @@ TEST(LinearAdrc, TellsItsObserverWhatASaturatedDriveGives) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::linear_adrc_test

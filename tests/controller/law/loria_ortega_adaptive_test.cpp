@@ -4,7 +4,7 @@
 #include "tests/controller/law/first_order.h"
 #include "tests/core/robot/robots.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_adaptive_test {
 namespace {
 
 AdaptiveGains example() {
@@ -185,4 +185,4 @@ TEST(LoriaOrtegaAdaptive, FindsAMassAndFrictionsThatTheMotionExcites) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_adaptive_test

@@ -11,7 +11,7 @@
 #include "tests/core/robot/robots.h"
 #include "tests/support/sanitizer.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_bounded_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -287,4 +287,4 @@ TEST(LoriaOrtegaBounded, NeedsSomeOfTheLimitForItsFeedback) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_bounded_test

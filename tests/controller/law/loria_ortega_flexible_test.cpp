@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_flexible_test {
 namespace {
 
 using Long = long double;
@@ -197,4 +197,4 @@ TEST(LoriaOrtegaFlexible, AtRestOnItsGoalItBalancesGravity) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_flexible_test

@@ -9,7 +9,7 @@
 #include "tests/controller/law/first_order.h"
 #include "tests/support/sanitizer.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_integral_test {
 namespace {
 
 const IntegralGains gains{vector(4000, 1500),
@@ -209,4 +209,4 @@ TEST(LoriaOrtegaIntegral, TakesGainsThatFollowTheReferenceAndRefusesNone) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_integral_test

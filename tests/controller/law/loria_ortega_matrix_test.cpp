@@ -5,7 +5,7 @@
 #include "controller/law/loria_ortega_rigid.h"
 #include "tests/controller/law/two_link.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_matrix_test {
 namespace {
 
 TEST(LoriaOrtegaMatrix, IsThePapersLawInOtherCoordinatesOfTheErrors) {
@@ -36,4 +36,4 @@ TEST(LoriaOrtegaMatrix, IsThePapersLawInOtherCoordinatesOfTheErrors) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_matrix_test

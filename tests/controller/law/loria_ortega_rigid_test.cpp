@@ -7,7 +7,7 @@
 #include "controller/law/rivals/kelly_regulation.h"
 #include "tests/controller/law/two_link.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_rigid_test {
 namespace {
 
 constexpr double eps = std::numeric_limits<double>::epsilon();
@@ -135,4 +135,4 @@ TEST(FeedforwardAhead, IsTheTaylorExpansionOfASmoothReference) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_rigid_test

@@ -2,7 +2,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::loria_ortega_scheduled_test {
 namespace {
 
 const ScheduledGains gains{12, 0.8, 150, 200};
@@ -34,4 +34,4 @@ TEST(LoriaOrtegaScheduled, IsTheContinuousLawAsThePeriodShrinks) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::loria_ortega_scheduled_test

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/closed_loop.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::motor_pd_feedforward_test {
 namespace {
 
 const MotorPdFeedforward::Gains gains{vector(4000, 1000), vector(80, 40)};
@@ -128,4 +128,4 @@ TEST(MotorPdFeedforward, TakesNothingFromTheLinks) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::motor_pd_feedforward_test

@@ -5,7 +5,7 @@
 #include "tests/controller/law/closed_loop.h"
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::nicosia_tomei_test {
 namespace {
 
 const NicosiaTomei::Gains gains{vector(4000, 1000), vector(400, 60), 300, vector(4e5, 4e4)};
@@ -164,4 +164,4 @@ TEST(NicosiaTomei, ObserverIsToldTheTorqueThatActs) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::nicosia_tomei_test

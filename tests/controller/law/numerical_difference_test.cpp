@@ -5,7 +5,7 @@
 #include "tests/controller/law/first_order.h"
 #include "tests/controller/law/velocity_error.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::numerical_difference_test {
 namespace {
 
 NumericalDifference law_at(double period_s, int samples) {
@@ -64,4 +64,4 @@ TEST(NumericalDifference, HasTheVelocityErrorThatCountsAndLagGive) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::numerical_difference_test

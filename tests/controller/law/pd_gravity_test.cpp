@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::pd_gravity_test {
 namespace {
 
 const Sine rest{{0, 0}};
@@ -56,4 +56,4 @@ TEST(PdGravity, ApproachesItsContinuousLoopAtFirstOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::pd_gravity_test

@@ -5,7 +5,7 @@
 #include "tests/controller/law/first_order.h"
 #include "tests/controller/law/velocity_error.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::robust_differentiator_test {
 namespace {
 
 LevantDifferentiator::Gains gains(double L) {
@@ -107,4 +107,4 @@ TEST(RobustDifferentiator, HasAVelocityErrorBetweenTheKalmanFiltersOnThePapersRe
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::robust_differentiator_test

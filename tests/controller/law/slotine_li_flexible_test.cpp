@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/closed_loop.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::slotine_li_flexible_test {
 namespace {
 
 using Long = long double;
@@ -141,4 +141,4 @@ TEST(SlotineLiFlexible, IsTunedToPolesOfTheBandwidthAndDamping) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::slotine_li_flexible_test

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::slotine_li_test {
 namespace {
 
 TEST(SlotineLi, LeavesAPassiveErrorEquation) {
@@ -48,4 +48,4 @@ TEST(SlotineLi, ApproachesItsContinuousLoopAtFirstOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::slotine_li_test

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::wen_bayard_test {
 namespace {
 
 TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
@@ -42,4 +42,4 @@ TEST(WenBayard, ApproachesItsContinuousLoopAtFirstOrder) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::wen_bayard_test

@@ -7,7 +7,7 @@
 #include "tests/controller/law/closed_loop.h"
 #include "tests/controller/law/first_order.h"
 
-namespace tachless::controller::law {
+namespace tachless::controller::law::zhang_dawson_test {
 namespace {
 
 const ZhangDawson::Gains gains{vector(150, 150)};
@@ -122,4 +122,4 @@ TEST(ZhangDawson, HasNoFiniteTorqueWhereItIsNotDefined) {
 }
 
 }  // namespace
-}  // namespace tachless::controller::law
+}  // namespace tachless::controller::law::zhang_dawson_test
