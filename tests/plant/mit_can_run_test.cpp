@@ -167,10 +167,10 @@ TEST_F(MitCanRun, RunsOverACanInterfaceOfTheKernel) {
   }
   for (const char* fd : {"true", "false"}) {
     SCOPED_TRACE(fd);
-    EXPECT_EQ(run({std::string("plant.driver.fd=") + fd, "loop.period_s=0.0025",
-                   "loop.duration_s=1"},
-                  "vcan0"),
-              0)
+    EXPECT_EQ(
+        run({std::string("plant.driver.fd=") + fd, "loop.period_s=0.0025", "loop.duration_s=1"},
+            "vcan0"),
+        0)
         << errors_;
     EXPECT_GT(lost_, 0);
     std::filesystem::remove_all(out());
@@ -195,9 +195,9 @@ TEST_F(MitCanRun, IsCommissionedOverTheBus) {
       "controller.gains={kp: [63, 2.3], kd: [0.6, 0.02], a: [58, 50], b: 1000}"};
   EmulatedDrives drives(scenario::load_scenario(arm, settings), {});
   const std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
-  std::vector<std::string> words = {
-      "commission", arm,     "--plant",     TACHLESS_BINARY_DIR "/bin/tachless-mit-can",
-      "--out",      out().string()};
+  std::vector<std::string> words = {"commission", arm,
+                                    "--plant",    TACHLESS_BINARY_DIR "/bin/tachless-mit-can",
+                                    "--out",      out().string()};
   for (const std::string& each : settings) words.insert(words.end(), {"--set", each});
   Program program("tachless", words, directory_.path());
   const int code = program.wait();
@@ -205,11 +205,10 @@ TEST_F(MitCanRun, IsCommissionedOverTheBus) {
     GTEST_SKIP() << program.errors();
   }
   EXPECT_EQ(code, 0) << program.errors();
-  EXPECT_THAT(program.output(),
-              AllOf(HasSubstr("The arm does not add gravity."),
-                    HasSubstr("Delay from reading to torque in ticks: 2"),
-                    HasSubstr("joint 1 (joint4)  as stated"),
-                    HasSubstr("joint 2 (joint6)  as stated")));
+  EXPECT_THAT(program.output(), AllOf(HasSubstr("The arm does not add gravity."),
+                                      HasSubstr("Delay from reading to torque in ticks: 2"),
+                                      HasSubstr("joint 1 (joint4)  as stated"),
+                                      HasSubstr("joint 2 (joint6)  as stated")));
   EXPECT_EQ(drives.watchdogs(), 0);
 }
 

@@ -224,10 +224,10 @@ TEST_F(MitArm, CarriesAllOfGravityInARunThatStatesAShareOfIt) {
 /// Drives that are disabled in motion would let the arm swing on: the emulated arm stays where it
 /// is then, which is 10 to 15 mrad from where it was when it was stopped.
 TEST_F(MitArm, IsDisabledOnceItRestsWhereItWasStopped) {
-  const scenario::Scenario s = scenario::load_scenario(
-      TACHLESS_SOURCE_DIR "/examples/mit_can/arm.yaml",
-      {"plant.driver.bus=unix:" + (directory_.path() / "bus").string(),
-       "plant.driver.watchdog_s=5", "loop.max_missed=1000"});
+  const scenario::Scenario s =
+      scenario::load_scenario(TACHLESS_SOURCE_DIR "/examples/mit_can/arm.yaml",
+                              {"plant.driver.bus=unix:" + (directory_.path() / "bus").string(),
+                               "plant.driver.watchdog_s=5", "loop.max_missed=1000"});
   EmulatedDrives drives(s, {});
   Vector stopped;
   {

@@ -27,10 +27,10 @@ using base::Failure;
 // A frame may be lost: what is set up before the motion is asked for so often.
 constexpr int attempts = 5;
 constexpr auto longest_answer = 100ms;
+// The joints rest when two looks in a row see no more than a count of 16 bits over 25 rad.
 constexpr auto brake_period = 2ms;
-constexpr int looked_at_rest = 2, most_looks = 10;  ///< at how far the joints move, in a row and in all
-constexpr int look_periods = 50;                    ///< of the brake in a look
-constexpr double resting = 6e-4;  ///< motion in a look [rad]: a count of 16 bits over 25 rad is 4e-4
+constexpr int look_periods = 50, most_looks = 10;
+constexpr double resting = 6e-4;          ///< [rad]
 constexpr double count_tolerance = 1e-3;  ///< of a range, relative: it is a float in the drive
 
 template <class... Args>
@@ -220,7 +220,7 @@ void MitDriver::start() {
 }
 
 void MitDriver::settle() {
-  for (int look = 0, still = 0; look < most_looks && still < looked_at_rest; ++look) {
+  for (int look = 0, still = 0; look < most_looks && still < 2; ++look) {
     const Vector before = told_position();
     for (int period = 0; period < look_periods; ++period) {
       const auto next = Clock::now() + brake_period;

@@ -213,7 +213,7 @@ TEST(Commission, NamesTheFaultsOfAdverseArmsAndIsSafe) {
   }
   std::cout << tally.text() << "\n";
   EXPECT_THAT(tally.wrong, testing::IsEmpty());
-  // 29 of 35 of 60 arms. Not named: joints that gravity loads lightly and whose torque is reversed,
+  // 28 of 35 of 60 arms. Not named: joints that gravity loads lightly and whose torque is reversed,
   // and springs that a fall hides.
   EXPECT_GE(tally.named, 0.7 * tally.to_name);
   EXPECT_LT(tally.fastest, 0.12);
@@ -258,9 +258,9 @@ TEST(Commission, DeterminesAnArmWithCoarseEncodersAtAFastAndASlowRate) {
   }
 }
 
-/// Torques of 12 bits over 54, 28 and 10 N m have no zero: half a step moves a light joint by 5 mrad
-/// in 0.2 s. Their driver adds what a step leaves over in the next ticks. Without that, joints that
-/// drift are not determined, and nothing wrong is said.
+/// Torques of 12 bits over 54, 28 and 10 N m have no zero: half a step moves a light joint by 5
+/// mrad in 0.2 s. Their driver adds what a step leaves over in the next ticks. Without that, joints
+/// that drift are not determined, and nothing wrong is said.
 TEST(Commission, DeterminesAnArmWithCoarseTorquesWhoseMeanIsRight) {
   const Vector ranges{{54, 54, 28, 28, 10, 10, 10}};
   for (const bool carries : {true, false}) {

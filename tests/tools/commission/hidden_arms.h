@@ -78,7 +78,7 @@ class FaultyArm final : public EmulatedArm {
   DriveFaults faults_;
   Vector first_, last_;
   Vector rest_ = Vector::Zero(first_.size());  ///< torque that the last step left over
-  std::deque<Vector> sent_;  ///< torques that do not act yet
+  std::deque<Vector> sent_;                    ///< torques that do not act yet
 
  public:
   /// Largest deflection from the start [rad; m], and largest speed.
