@@ -240,6 +240,10 @@ TEST_F(MitArm, IsDisabledOnceItRestsWhereItWasStopped) {
       stopped = driver.read().q;
     }
     driver.stop();
+    for (int k = 0; k < 30; ++k) {
+      driver.rest(0);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
   }
   EXPECT_FALSE(drives.any_enabled());
   EXPECT_LT((drives.positions() - stopped).cwiseAbs().maxCoeff(), 3e-3);
