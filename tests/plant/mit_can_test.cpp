@@ -95,6 +95,29 @@ TEST(MitFrames, GiveBackSetpointsAndAnswersWithinACount) {
   EXPECT_EQ(fault_text(Family::robstride, 0b100), "too hot");
 }
 
+/// A Damiao's torque has 12 bits and no zero, and so has its velocity, which kd turns into torque.
+TEST(MitFrames, HaveNoMeanErrorOfTheirCounts) {
+  constexpr int frames = 1000;
+  for (const Drive& drive : {dm8009, rs04}) {
+    for (const Setpoint& set : {Setpoint{.tau = 0}, Setpoint{.tau = 1.2345},
+                                Setpoint{.q = 0.1234, .kp = 100, .kd = 5, .tau = -1}}) {
+      double rest = 0, sum = 0;
+      for (int k = 0; k < frames; ++k) {
+        const Setpoint sent = *setpoint_in(drive, command(drive, set, rest));
+        sum += sent.tau + sent.kp * (sent.q - set.q) + sent.kd * (sent.v - set.v);
+      }
+      const double count = 2 * drive.ranges.tau / 4095;
+      EXPECT_NEAR(sum / frames, set.tau, count / frames);
+    }
+  }
+}
+
+TEST(MitFrames, KeepNoRestOfATorqueBeyondTheRange) {
+  double rest = 0;
+  for (int k = 0; k < 100; ++k) command(dm8009, {.tau = 80}, rest);
+  EXPECT_NEAR(setpoint_in(dm8009, command(dm8009, {.tau = 20}, rest))->tau, 20, 0.03);
+}
+
 /// Two motors on an emulated bus.
 class MitArm : public testing::Test {
  protected:
@@ -196,6 +219,34 @@ TEST_F(MitArm, CarriesAllOfGravityInARunThatStatesAShareOfIt) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   EXPECT_LT((driver.read().q - before).cwiseAbs().maxCoeff(), 0.01);
+}
+
+/// Drives that are disabled in motion would let the arm swing on: the emulated arm stays where it
+/// is then, which is 10 to 15 mrad from where it was when it was stopped.
+TEST_F(MitArm, IsDisabledOnceItRestsWhereItWasStopped) {
+  const scenario::Scenario s =
+      scenario::load_scenario(TACHLESS_SOURCE_DIR "/examples/mit_can/arm.yaml",
+                              {"plant.driver.bus=unix:" + (directory_.path() / "bus").string(),
+                               "plant.driver.watchdog_s=5", "loop.max_missed=1000"});
+  EmulatedDrives drives(s, {});
+  Vector stopped;
+  {
+    const std::jthread serving([&](const std::stop_token& ends) { drives.serve(ends); });
+    MitDriver driver(s);
+    driver.start();
+    for (int k = 0; k < 15; ++k) {
+      driver.hold(Vector::Zero(7), 0);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      stopped = driver.read().q;
+    }
+    driver.stop();
+    for (int k = 0; k < 30; ++k) {
+      driver.rest(0);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+  EXPECT_FALSE(drives.any_enabled());
+  EXPECT_LT((drives.positions() - stopped).cwiseAbs().maxCoeff(), 3e-3);
 }
 
 TEST_F(MitArm, RefusesGainsBeyondTheFrames) {

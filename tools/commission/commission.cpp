@@ -60,7 +60,7 @@ constexpr double looked_at = 2.2;  ///< pulses at the end of a trial that tell t
 constexpr int most_tries = 24, most_unclear = 4;
 /// Distances from where the first pulse began, beyond which a joint, and any joint, is not asked
 /// [rad; m].
-constexpr double most_strayed = 0.01, most_sagged = 0.03;
+constexpr double most_strayed = 0.01, most_sagged = 0.024;
 constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
 /// Explained share of a motion that is an answer, and the share of the work that has its sign.
 constexpr double answer_share = 0.5, work_share = 0.5;
@@ -359,8 +359,10 @@ class Procedure {
   static bool is_against(const Answer& answer, double count) {
     const bool rubs = answer.work < -work_share && answer.fits > against_share &&
                       answer.explained > against_share;
+    // A drift is explained by a constant torque. The pulses have to be seen beside it.
+    const bool is_alone = answer.alone > alone_share && answer.own > share_counts * count;
     return answer.response < 0 && answer.work < 0 && answer.moved > answer_counts * count &&
-           (answer.alone > alone_share || rubs);
+           (is_alone || rubs);
   }
 
   /// Returns the sign of an answer, 0: not determined.

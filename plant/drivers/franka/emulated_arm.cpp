@@ -127,6 +127,7 @@ bool EmulatedArm::is_awaiting() const {
 
 void EmulatedArm::begin_tick(Time now) {
   ++state_.id;
+  acting_ = state_.tau_J_d;
   if (state_.mode == Mode::move && told_) {
     begin_incidents();
     if (state_.mode == Mode::move) take_command_of_tick();
@@ -204,7 +205,7 @@ void EmulatedArm::take_command_of_tick() {
 }
 
 void EmulatedArm::move() {
-  const Vector given = Eigen::Map<const Eigen::VectorXd>(state_.tau_J_d.data(), num_joints);
+  const Vector given = Eigen::Map<const Eigen::VectorXd>(acting_.data(), num_joints);
   for (int i = 0; i < steps_a_tick; ++i) {
     const Vector friction = v_.unaryExpr([](double v) { return base::tanh(friction_slope * v); });
     const Vector tau = given + external_ - trouble_.friction_Nm * friction;
@@ -246,7 +247,7 @@ void EmulatedArm::send_state() {
     const auto i = static_cast<Eigen::Index>(j);
     state_.q[j] = q_[i];
     state_.dq[j] = v_[i];
-    state_.tau_J[j] = state_.tau_J_d[j] + gravity[i];
+    state_.tau_J[j] = acting_[j] + gravity[i];
     state_.external[j] = external_[i];
   }
   const auto came = std::ranges::count(window_, true);

@@ -65,11 +65,11 @@ enum class Pace {
 
 /// A Franka arm and its control, for one client at a time of the Franka Control Interface on
 /// 127.0.0.1. The arm is the scenario's without gravity and friction, which its control adds,
-/// integrated at 10 kHz. It keeps the arm's rules. Torques change by at most 1 N m in a tick. More
-/// than 20 lost commands in a row are a reflex. A position beyond the URDF's range is a reflex,
-/// too. The same holds for a speed beyond its limit, which decreases toward the ends of the range.
-/// It also holds for a torque beyond the sensors' range, and for an external torque above the
-/// client's thresholds.
+/// integrated at 10 kHz. A torque that answers a state acts from the next state on. The arm keeps
+/// the rules of its maker. Torques change by at most 1 N m in a tick. More than 20 lost commands in
+/// a row are a reflex. A position beyond the URDF's range is a reflex, too. The same holds for a
+/// speed beyond its limit, which decreases toward the ends of the range. It also holds for a torque
+/// beyond the sensors' range, and for an external torque above the client's thresholds.
 class EmulatedArm {
  public:
   /// Listens on TCP port 1337.
@@ -126,6 +126,7 @@ class EmulatedArm {
   sockaddr_in client_address_{};  ///< address of the client's UDP port; port 0: not connected
   State state_;
   Joints thresholds_;
+  Joints acting_{};                 ///< torque of this tick, which the arm took a tick ago [N m]
   std::optional<Command> command_;  ///< command that answers the present state
   Time told_at_;                    ///< time at which the present state was sent
   bool told_ = false;               ///< the present state was sent while the arm moves

@@ -219,6 +219,15 @@ Frame command(const Drive& drive, const Setpoint& set) {
   return frame;
 }
 
+Frame command(const Drive& drive, Setpoint setpoint, double& rest) {
+  const Setpoint coarse = *setpoint_in(drive, command(drive, setpoint));
+  const double lost = coarse.kp * (setpoint.q - coarse.q) + coarse.kd * (setpoint.v - coarse.v);
+  setpoint.tau = std::clamp(setpoint.tau + lost, -drive.ranges.tau, drive.ranges.tau) + rest;
+  const Frame frame = command(drive, setpoint);
+  rest = setpoint.tau - setpoint_in(drive, frame)->tau;
+  return frame;
+}
+
 std::optional<Setpoint> setpoint_in(const Drive& drive, const Frame& frame) {
   const Ranges& r = drive.ranges;
   const auto& d = frame.data;

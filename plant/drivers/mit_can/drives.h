@@ -90,6 +90,11 @@ Frame disable(const Drive& drive);
 Frame clear_fault(const Drive& drive);
 /// Returns the command of one tick. Values beyond a range become its end.
 Frame command(const Drive& drive, const Setpoint& setpoint);
+/// Returns the command of one tick as above, without the mean errors of its counts: its torque
+/// makes up for the rounding of position and velocity, which the gains turn into torque, and what a
+/// count of the torque leaves over is added in the next ticks (noise shaping of first order).
+/// @param rest what the ticks before left over [N m], 0 at first; the call replaces it
+Frame command(const Drive& drive, Setpoint setpoint, double& rest);
 /// Returns a request for the position, which changes nothing. Only Damiao's answer also has
 /// `Answer::enabled` and the fault.
 Frame ask(const Drive& drive);

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <exception>
+#include <thread>
 #include <tuple>
 
 #include "base/failure.h"
@@ -26,6 +27,10 @@ using base::Failure;
 // A frame may be lost: what is set up before the motion is asked for so often.
 constexpr int attempts = 5;
 constexpr auto longest_answer = 100ms;
+// The joints rest when two looks in a row see no more than a count of 16 bits over 25 rad.
+constexpr auto brake_period = 2ms;
+constexpr int look_periods = 50, most_looks = 10;
+constexpr double resting = 6e-4;          ///< [rad]
 constexpr double count_tolerance = 1e-3;  ///< of a range, relative: it is a float in the drive
 
 template <class... Args>
@@ -116,6 +121,7 @@ void MitDriver::require_gains() const {
 
 MitDriver::~MitDriver() {
   try {
+    if (started_) settle();
     collect(0ns);
     bool enabled = true;
     for (int attempt = 0; attempt < attempts && enabled; ++attempt) {
@@ -209,7 +215,22 @@ void MitDriver::start() {
   }
   started_ = true;
   for (const Motor& motor : motors_) require_sound(motor);
+  settle();
   send_brake();
+}
+
+void MitDriver::settle() {
+  for (int look = 0, still = 0; look < most_looks && still < 2; ++look) {
+    const Vector before = told_position();
+    for (int period = 0; period < look_periods; ++period) {
+      const auto next = Clock::now() + brake_period;
+      send_brake();
+      collect(brake_period);
+      std::this_thread::sleep_until(next);
+    }
+    const bool rests = (told_position() - before).cwiseAbs().maxCoeff() <= resting;
+    still = rests ? still + 1 : 0;
+  }
 }
 
 void MitDriver::require_sound(const Motor& motor) const {
@@ -271,8 +292,9 @@ void MitDriver::count_silence() {
 template <class SetpointOf>
 void MitDriver::command_each(const SetpointOf& of) {
   for (std::size_t i = 0; i < motors_.size(); ++i) {
-    motors_[i].answered = false;
-    send(command(motors_[i].drive, of(static_cast<Eigen::Index>(i))));
+    Motor& motor = motors_[i];
+    motor.answered = false;
+    send(command(motor.drive, of(static_cast<Eigen::Index>(i)), motor.torque_rest));
   }
   expecting_ = true;
 }
@@ -309,10 +331,15 @@ void MitDriver::stop() {
   }
 }
 
-void MitDriver::set_brake() {
-  const scenario::RobotSpec& robot = scenario_.robot;
+Vector MitDriver::told_position() const {
   Vector q(static_cast<Eigen::Index>(motors_.size()));
   for (Eigen::Index i = 0; i < q.size(); ++i) q[i] = motors_[static_cast<std::size_t>(i)].answer.q;
+  return q;
+}
+
+void MitDriver::set_brake() {
+  const scenario::RobotSpec& robot = scenario_.robot;
+  const Vector q = told_position();
   const Vector urdf_q = robot.joint_signs.cwiseProduct(q) + robot.joint_offsets_rad;
   const Vector gravity = robot.joint_signs.cwiseProduct(robot::gravity_torque(model_, urdf_q));
   for (Eigen::Index i = 0; i < q.size(); ++i) {

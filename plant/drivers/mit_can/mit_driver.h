@@ -121,6 +121,7 @@ class MitDriver final : public plant::DriveLoopDriver {
     std::int64_t lost = 0;
     double hottest = 0;
     Setpoint brake;
+    double torque_rest = 0;  ///< left over by the frames' counts [N m]
   };
 
   void set_up(const Motor& motor);
@@ -137,6 +138,9 @@ class MitDriver final : public plant::DriveLoopDriver {
   /// @throw base::Failure(protective_stop) after too many ticks
   void count_silence();
   void require_sound(const Motor& motor) const;
+  [[nodiscard]] Vector told_position() const;  ///< of the drives' last answers [rad]
+  /// Lets the drives' own gains hold the joints until they rest, for 0.2 s to 1 s.
+  void settle();
   void set_brake();
   void send_brake();
   /// Sends each motor its set point, `of(index)`.

@@ -29,6 +29,9 @@ struct DriveFaults {
   bool braked = false;    ///< all brakes stay closed, or all drives ignore torques
   Vector encoders = {};   ///< -1: the encoder counts against the torque; empty: none does
   double cogging_Nm = 0;  ///< amplitude, 200 periods a turn
+  /// Steps of the torque, which has none at zero [N m]; empty: the torque has no steps.
+  Vector torque_steps = {};
+  bool carries = false;  ///< what a step leaves over is added in the next tick
 };
 
 class FaultyArm final : public EmulatedArm {
@@ -43,7 +46,7 @@ class FaultyArm final : public EmulatedArm {
   }
   void hold(const Vector& tau, double until_s) override {
     last_ = tau;
-    Vector acts = tau.cwiseProduct(faults_.scale);
+    Vector acts = in_steps(tau).cwiseProduct(faults_.scale);
     if (faults_.encoders.size() > 0) acts = acts.cwiseProduct(faults_.encoders);
     acts += faults_.cogging_Nm * (200 * state().q).array().sin().matrix();
     sent_.push_back(acts);
@@ -63,9 +66,19 @@ class FaultyArm final : public EmulatedArm {
   }
 
  private:
+  Vector in_steps(const Vector& tau) {
+    if (faults_.torque_steps.size() == 0) return tau;
+    const Vector wanted = tau + rest_;
+    const Vector steps = wanted.cwiseQuotient(faults_.torque_steps);
+    Vector acts = faults_.torque_steps.array() * (steps.array().floor() + 0.5);
+    if (faults_.carries) rest_ = wanted - acts;
+    return acts;
+  }
+
   DriveFaults faults_;
   Vector first_, last_;
-  std::deque<Vector> sent_;  ///< torques that do not act yet
+  Vector rest_ = Vector::Zero(first_.size());  ///< torque that the last step left over
+  std::deque<Vector> sent_;                    ///< torques that do not act yet
 
  public:
   /// Largest deflection from the start [rad; m], and largest speed.

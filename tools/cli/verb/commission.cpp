@@ -43,7 +43,15 @@ std::optional<commission::Trial> read_trial(const fs::path& log, double period_s
       static_cast<double>(filled.missing) >
           commission::most_missed_share * static_cast<double>(filled.q.rows()))
     return {};
-  commission::Trial trial{std::move(filled.q), std::move(filled.tau)};
+  if (ticks.tick.empty()) return {};
+  // Rows are counted from tick 0, also if the first ticks have no reading.
+  const Eigen::Index late = ticks.tick.front(), rows = filled.q.rows();
+  commission::Trial trial{Eigen::MatrixXd(late + rows, filled.q.cols()),
+                          Eigen::MatrixXd(late + rows, filled.q.cols())};
+  for (const auto& [to, from] : {std::pair{&trial.q, &filled.q}, {&trial.tau, &filled.tau}}) {
+    to->topRows(late).rowwise() = from->row(0);
+    to->bottomRows(rows) = *from;
+  }
   trial.missed = ticks.missed + filled.missing;
   const logger::RunSummary& summary = run.summary();
   if (!summary.faults.empty()) trial.stopped = summary.faults.front().text;
