@@ -147,7 +147,7 @@ class Search {
     worst_ = worst_postures();
     const int most = is_short_ ? short_rounds : rounds;
     for (int round = 0; round < most && add_worst(); ++round) {
-      time_left_->enter(TimeLeft::Phase::rounds, rounds - round);
+      time_left_->enter(TimeLeft::Phase::rounds, most - round - 1);
       const FoundGains next =
           climbed(fmt::format("design: round {} of at most {}", round + 1, most), best_.theta,
                   most_steps(), tell);
@@ -158,10 +158,10 @@ class Search {
     for (int attempt = 0; attempt < most_attempts; ++attempt) {
       const bool last = attempt + 1 == most_attempts || !in_range_;
       worst_.clear();  // these moduli are of other gains
-      time_left_->enter(TimeLeft::Phase::range, 2);
+      time_left_->enter(TimeLeft::Phase::range, most_attempts - attempt - 1);
       search_range(tell, last);
       if (!last && add_worst()) {
-        time_left_->enter(TimeLeft::Phase::range, 1);
+        time_left_->enter(TimeLeft::Phase::range, most_attempts - attempt - 2);
         if (!climbed_on("design: once more with the worst postures in range", tell)) break;
         continue;
       }
@@ -649,9 +649,27 @@ bool helps(const scenario::Scenario& scenario, DesignGoal goal, const linear::On
   }
 }
 
-/// Returns what to do, as a half sentence. Gains were found with these options.
+/// Returns what to do about joints whose ranges are so wide that no gains suit one encoder count,
+/// as a half sentence; empty if there are none.
+std::string remedy_of_ranges(const scenario::Scenario& scenario) {
+  constexpr double coarsest = 0.1;  // [rad; m] encoders of arms have counts below 0.01
+  const Vector count = scenario::encoder_count(scenario, *scenario.model);
+  std::vector<std::string> wide;
+  for (std::size_t j = 0; j < scenario.model->joint_names.size(); ++j) {
+    if (!(count[static_cast<Index>(j)] > coarsest)) continue;
+    wide.push_back(scenario.model->joint_names[j] + ": 0");
+  }
+  if (wide.empty()) return "";
+  return fmt::format(
+      "one count is a step of the joint's whole range, which is too wide: correct its limits, or "
+      "hold the joint: --set 'robot.locked={{{}}}'",
+      fmt::join(wide, ", "));
+}
+
+/// Returns what to do, as a half sentence. Gains were found with the options that it names.
 std::string remedy(const scenario::Scenario& scenario, const DesignGoal& goal,
                    const linear::OnProgress& tell) {
+  if (std::string ranges = remedy_of_ranges(scenario); !ranges.empty()) return ranges;
   DesignGoal eased = goal;
   const std::string bandwidth = fmt::format("--bandwidth {:g}", eased_hz);
   if (goal.least_kp) {

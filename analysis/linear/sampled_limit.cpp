@@ -110,7 +110,7 @@ Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, co
 
 /// Finds phase and delay margin: the lag that rotates an eigenvalue of L to -1 where it crosses the
 /// unit circle. Each eigenvalue is followed by itself, so that one which leaves the circle does not
-/// hide another which enters it.
+/// hide another which enters it. Also finds bounds of the gains at which one is at -1.
 class Crossings {
  public:
   explicit Crossings(const Response& response) : response_(response) {}
@@ -119,12 +119,33 @@ class Crossings {
     margins.phase_deg = 180;
     margins.delay_s = infinity;
     VectorXcd before = response_.eigenvalues(w[0]);
+    add_gains_at_end(before);
     for (std::size_t k = 1; k < w.size(); ++k) {
       before = between(w[k - 1], before, w[k], most_halvings, margins);
     }
+    add_gains_at_end(before);
   }
+  /// No gain between these, around 1, puts an eigenvalue of the gain times L at -1, as far as the
+  /// frequencies show.
+  [[nodiscard]] double gain_above() const { return gain_above_; }
+  [[nodiscard]] double gain_below() const { return gain_below_; }
 
  private:
+  /// Adds the gain that moves `real` to -1, if there is one.
+  void add_gain(double real) {
+    constexpr double by_chords = 1.2;  // a value between two frequencies is interpolated
+    const double gain = -1 / real;
+    if (!(gain > 0)) return;
+    if (gain > 1 / by_chords) gain_above_ = std::min(gain_above_, gain / by_chords);
+    if (gain < by_chords) gain_below_ = std::max(gain_below_, gain * by_chords);
+  }
+  /// At z = 1 and z = -1 eigenvalues are real, or pairs.
+  void add_gains_at_end(const VectorXcd& eigenvalues) {
+    constexpr double nearly_real = 0.3;  // the lowest frequency is not 0
+    for (const std::complex<double>& each : eigenvalues) {
+      if (std::abs(each.imag()) < nearly_real * std::abs(each.real())) add_gain(each.real());
+    }
+  }
   /// Halvings of an interval in which an eigenvalue may cross the circle and come back.
   static constexpr int most_halvings = 4;
 
@@ -145,7 +166,7 @@ class Crossings {
   /// Adds the crossings from `low`, where the eigenvalues are `before`, to `high`. Returns those at
   /// `high`.
   VectorXcd between(double low, const VectorXcd& before, double high, int halvings,
-                    Margins& margins) const {
+                    Margins& margins) {
     const VectorXcd now = followed(high, before);
     const auto may_return = [&](Index i) {
       const double from_circle =
@@ -162,6 +183,9 @@ class Crossings {
     for (Index i = 0; i < now.size(); ++i) {
       const bool outside = std::abs(before[i]) > 1;
       if (outside != (std::abs(now[i]) > 1)) add(low, before, high, i, margins);
+      const std::complex<double> change = now[i] - before[i];
+      if ((before[i].imag() > 0) == (now[i].imag() > 0)) continue;
+      add_gain(before[i].real() - before[i].imag() * change.real() / change.imag());
     }
     return now;
   }
@@ -186,7 +210,25 @@ class Crossings {
   }
 
   const Response& response_;
+  double gain_above_ = infinity, gain_below_ = 0;
 };
+
+/// Returns the gain nearest to 1 that makes a stable loop unstable, in steps of `factor` up to
+/// `most`, and refined to 1e-7. Returns nothing where none was found.
+/// @param near gains from 1 to this one are taken as stable if the last step before it is
+template <class Stable>
+std::optional<double> unstable_gain(const Stable& stable, double factor, double most, double near) {
+  const auto is_before = [&](double gain, double end) {
+    return factor > 1 ? gain < end : gain > end;
+  };
+  double gain = 1;
+  while (is_before(gain, most) && is_before(gain * factor, near)) gain *= factor;
+  if (gain != 1 && !stable(gain)) gain = 1;
+  for (; is_before(gain, most); gain *= factor) {
+    if (!stable(gain * factor)) return edge(gain, gain * factor, 20, stable);
+  }
+  return {};
+}
 
 /// A stable period and an unstable one above it.
 struct Limit {
@@ -286,24 +328,18 @@ Margins margins(const SampledLoop& loop, double period_s) {
   const CutLoop open = cut(loop, period_s);
   const auto stable = [&](double gain) { return spectral_radius(open.closed(gain)) < 1; };
   if (!stable(1)) return result;
-  result.gain = infinity;
-  constexpr double factor = 1.1, largest_gain = 1e4, smallest_gain = 0.01;
-  for (double gain = 1; gain < largest_gain; gain *= factor) {
-    if (stable(gain * factor)) continue;
-    result.gain = edge(gain, gain * factor, 20, stable);  // to 1e-7
-    break;
-  }
-  for (double gain = 1; gain > smallest_gain; gain /= factor) {
-    if (stable(gain / factor)) continue;
-    result.least_gain = edge(gain, gain / factor, 20, stable);
-    break;
-  }
   const Response response(open, period_s);
   const std::vector<double> w = response.frequencies();
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
-  Crossings(response).find(response.frequencies(true), result);
+  Crossings crossings(response);
+  crossings.find(response.frequencies(true), result);
+  constexpr double factor = 1.1, largest_gain = 1e4, smallest_gain = 0.01;
+  result.gain =
+      unstable_gain(stable, factor, largest_gain, crossings.gain_above()).value_or(infinity);
+  result.least_gain =
+      unstable_gain(stable, 1 / factor, smallest_gain, crossings.gain_below()).value_or(0);
   return result;
 }
 

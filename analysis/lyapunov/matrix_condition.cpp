@@ -73,11 +73,6 @@ std::vector<MatrixXd> coriolis_of_delta(const numerics::Inertia& inertia, const 
   return all;
 }
 
-/// Mm with neither v_ref nor delta.
-MatrixXd decrease_at_rest(const ErrorSystem& system, const Weights& weights, const MatrixXd& M) {
-  return decrease_constant(system, weights) + decrease_of_inertia(system, weights, M);
-}
-
 Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
                const Weights& weights) {
   const numerics::Postures& postures = condition.postures;
@@ -87,8 +82,9 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   // Sizes of Mm's and M's rows, so that a bound on one does not spoil another.
   const MatrixXd& M = postures.inertia[0].M;
   const VectorXd scale_M = M.diagonal().cwiseSqrt();
-  const VectorXd scale =
-      decrease_at_rest(system, weights, M).diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
+  const MatrixXd at_rest =
+      decrease_constant(system, weights) + decrease_of_inertia(system, weights, M);
+  const VectorXd scale = at_rest.diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
   for (const numerics::Postures::Harmonic& h : postures.harmonics) {
     const double curvature = postures.chord_factor * h.order * h.order;
     std::vector<MatrixXd> of_C, of_decrease;
@@ -111,19 +107,59 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   return result;
 }
 
-/// Returns the numbers of the error coordinates (e, nu, edot), the rotors' before the links'. C
-/// acts on the links alone.
-std::vector<Index> links_last(Index num_errors, Index num_links) {
-  std::vector<Index> order;
-  const auto append = [&](Index from, Index to) {
-    for (Index part = 0; part < 3; ++part) {
-      for (Index i = from; i < to; ++i) order.push_back(part * num_errors + i);
-    }
-  };
-  append(num_links, num_errors);
-  append(0, num_links);
-  return order;
+/// Returns the numbers of the error coordinates (e, nu, edot) of the joints' errors number `from`
+/// to `to` - 1.
+std::vector<Index> coordinates(Index num_errors, Index from, Index to) {
+  std::vector<Index> all;
+  for (Index part = 0; part < 3; ++part) {
+    for (Index i = from; i < to; ++i) all.push_back(part * num_errors + i);
+  }
+  return all;
 }
+
+/// Parts of the condition that are the same at all postures. Only the links' rows and columns of Mm
+/// depend on the posture. The rotors' are eliminated once: with L L' the rotors' corner of Mm and C
+/// the links' rows of the rotors' columns, Mm is positive definite where the links' corner less C
+/// (L L')^-1 C' is.
+struct Constant {
+  Constant(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights)
+      : slack(slack_of(condition, system, weights)),
+        of_delta(delta_scale(system, weights)),
+        decrease(decrease_constant(system, weights) - slack.decrease) {
+    const Index N = system.num_errors(), n = system.num_links();
+    links = coordinates(N, 0, n);
+    rotors = coordinates(N, n, N);
+    if (rotors.empty()) return;
+    of_rotors.compute(decrease(rotors, rotors));
+    positive = of_rotors.info() == Eigen::Success;
+    if (positive) coupling = of_rotors.matrixL().solve(MatrixXd(decrease(rotors, links)));
+  }
+
+  /// Returns the links' corner of a matrix with the rotors eliminated. Precondition: `positive`.
+  [[nodiscard]] MatrixXd reduced(const MatrixXd& Mm) const {
+    MatrixXd corner = Mm(links, links);
+    if (!rotors.empty()) corner.noalias() -= coupling.transpose() * coupling;
+    return corner;
+  }
+  /// Returns the states of all coordinates for columns of the links', with the rotors where they
+  /// make the quadratic form least.
+  [[nodiscard]] MatrixXd states(const MatrixXd& of_links) const {
+    MatrixXd all(std::ssize(links) + std::ssize(rotors), of_links.cols());
+    all(links, Eigen::all) = of_links;
+    if (!rotors.empty()) {
+      all(rotors, Eigen::all) = -of_rotors.matrixU().solve(coupling * of_links);
+    }
+    return all;
+  }
+
+  Slack slack;
+  MatrixXd of_delta;  ///< as of `delta_scale`
+  MatrixXd decrease;  ///< Mm without the links' inertia, v_ref and delta, less its slack
+  std::vector<Index> links, rotors;
+  Eigen::LLT<MatrixXd> of_rotors;
+  MatrixXd coupling;     ///< L^-1 C'
+  bool positive = true;  ///< whether the rotors' corner is positive definite
+};
 
 /// Returns the square root of sum A_j^2, A_j = L^-1 D_j L^-T, with D_j the links' rows and columns
 /// of `decrease_of_coriolis` of C_j. D_j is U E' + E U', where E has the last n columns of the
@@ -161,23 +197,20 @@ MatrixXd root_of_coriolis(const MatrixXd& L, const Weights& weights,
 /// condition. Returns nothing when the congruence fails; Mm is then not positive definite.
 std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
                                     const Weights& weights, const numerics::Inertia& inertia,
-                                    const Slack& slack) {
-  MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
+                                    const Constant& constant) {
+  MatrixXd at_rest = constant.decrease + decrease_of_inertia(system, weights, inertia.M);
   if (condition.B_d == 0) return at_rest;
   if (system.v_ref.size() > 0) {  // known
     const MatrixXd Cd = combined(inertia.C, system.v_ref)[0];
     return at_rest + decrease_of_coriolis(system, weights, Cd);
   }
-  // With at_rest = L L' in this order, the congruence of a matrix of the links alone needs only the
-  // links' corner of L.
-  const std::vector<Index> order = links_last(system.num_errors(), system.num_links());
-  const Eigen::LLT<MatrixXd> llt(at_rest(order, order));
+  if (!constant.positive) return {};
+  const Eigen::LLT<MatrixXd> llt(constant.reduced(at_rest));
   if (llt.info() != Eigen::Success) return {};
-  const Index n = system.num_links();
-  const MatrixXd L = llt.matrixLLT().bottomRightCorner(3 * n, 3 * n).triangularView<Eigen::Lower>();
-  const MatrixXd root = root_of_coriolis(L, weights.of(n), combined(inertia.C, condition.v_scale));
-  const std::vector<Index> links(order.end() - 3 * n, order.end());
-  at_rest(links, links) -= condition.B_d * (L * root * L.transpose());
+  const MatrixXd L = llt.matrixL();
+  const MatrixXd root =
+      root_of_coriolis(L, weights.of(system.num_links()), combined(inertia.C, condition.v_scale));
+  at_rest(constant.links, constant.links) -= condition.B_d * (L * root * L.transpose());
   return at_rest;
 }
 
@@ -187,27 +220,28 @@ constexpr Index few = 3;
 /// Returns rho at a posture.
 /// @param states receives the states that bind rho, if it is given
 double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-              const numerics::Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
-  const Index N = system.num_errors(), n = system.num_links();
-  const auto F = decrease_at(condition, system, weights, inertia, slack);
-  if (!F) return 0;
-  const Eigen::LLT<MatrixXd> llt(*F);
+              const numerics::Inertia& inertia, const Constant& constant,
+              MatrixXd* states = nullptr) {
+  const Index n = system.num_links();
+  const auto F = decrease_at(condition, system, weights, inertia, constant);
+  if (!F || !constant.positive) return 0;
+  const Eigen::LLT<MatrixXd> llt(constant.reduced(*F));
   if (llt.info() != Eigen::Success) return 0;
   // F - rho E D E' > 0 exactly when rho lambda_max(H' D H) < 1, H H' = E' F^-1 E.
-  const MatrixXd E = MatrixXd::Identity(3 * N, 3 * N).middleCols(2 * N, n);
-  const Eigen::LLT<MatrixXd> root(llt.solve(E).middleRows(2 * N, n));
+  const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
+  const Eigen::LLT<MatrixXd> root(llt.solve(E).bottomRows(n));
   const MatrixXd H = root.matrixL();
   MatrixXd sum = MatrixXd::Zero(n, n);
-  for (const MatrixXd& C : coriolis_of_delta(inertia, delta_scale(system, weights))) {
+  for (const MatrixXd& C : coriolis_of_delta(inertia, constant.of_delta)) {
     const MatrixXd scaled = H.transpose() * C * H;
     sum.noalias() += scaled * scaled;
   }
   if (states != nullptr) {
     const MatrixXd u = numerics::symmetric_eigen(sum).vectors.rightCols(std::min(few, n));
-    *states = llt.solve(E * root.matrixU().solve(u));
+    *states = constant.states(llt.solve(E * root.matrixU().solve(u)));
   }
   const double largest = std::sqrt(std::max(0.0, numerics::largest_eigenvalue(sum))) +
-                         numerics::largest_eigenvalue(H.transpose() * slack.delta * H);
+                         numerics::largest_eigenvalue(H.transpose() * constant.slack.delta * H);
   return strictly_below / std::max(largest, 1e-300);
 }
 
@@ -216,30 +250,35 @@ bool is_positive(const MatrixXd& A) { return A.llt().info() == Eigen::Success; }
 /// Returns the rate at a posture, or infinity where it is above `enough`.
 /// @param states receives the states that bind it, if it is given
 double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const numerics::Inertia& inertia, const Slack& slack, double enough,
-               MatrixXd* states = nullptr) {
+               double rho, const numerics::Inertia& inertia, const Constant& constant,
+               double enough, MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   // P of the posture, enlarged by its change up to the next posture.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
-  if (!is_positive(P)) return -infinity;
-  P.diagonal().array() += slack.of_lyapunov(weights);
-  const Eigen::LLT<MatrixXd> half_P(P / 2);
-  auto F = decrease_at(condition, system, weights, inertia, slack);
+  Eigen::LLT<MatrixXd> half_P(P / 2);
+  if (half_P.info() != Eigen::Success) return -infinity;
+  if (const double slack = constant.slack.of_lyapunov(weights); slack > 0) {
+    P.diagonal().array() += slack;
+    half_P.compute(P / 2);
+  }
+  auto F = decrease_at(condition, system, weights, inertia, constant);
   const bool certified = F.has_value();
   // Not certified: how far from it, to guide a search.
-  if (!certified) F = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
+  if (!certified) F = constant.decrease + decrease_of_inertia(system, weights, inertia.M);
   if (certified && rho != 0) {
     // After the congruence by which rho is found: positive inside of it.
-    const Eigen::LLT<MatrixXd> llt(*F);
+    if (!constant.positive) return -infinity;
+    const Eigen::LLT<MatrixXd> llt(constant.reduced(*F));
     if (llt.info() != Eigen::Success) return -infinity;
-    const MatrixXd E = MatrixXd::Identity(3 * N, 3 * N).middleCols(2 * N, n);
-    const Eigen::LLT<MatrixXd> root(llt.solve(E).middleRows(2 * N, n));
+    const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
+    const Eigen::LLT<MatrixXd> root(llt.solve(E).bottomRows(n));
     std::vector<MatrixXd> of_delta;
-    for (const MatrixXd& C : coriolis_of_delta(inertia, delta_scale(system, weights))) {
+    for (const MatrixXd& C : coriolis_of_delta(inertia, constant.of_delta)) {
       of_delta.push_back(root.matrixU() * C * root.matrixL());
     }
     const MatrixXd half = root.matrixU().solve(root_of_squares(of_delta));
-    F->block(2 * N, 2 * N, n, n) -= rho * (root.matrixU().solve(half.transpose()) + slack.delta);
+    F->block(2 * N, 2 * N, n, n) -=
+        rho * (root.matrixU().solve(half.transpose()) + constant.slack.delta);
   }
   if (certified && std::isfinite(enough) && is_positive(*F - enough / 2 * P)) return infinity;
   const MatrixXd scaled = whitened(half_P.matrixLLT(), *F);
@@ -252,44 +291,46 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
 
 /// Extremes of V over the postures.
 struct Shape {
-  double w = 0;
   double alpha_2 = 0;  ///< V <= alpha_2 |x|^2
   VectorXd inertia;    ///< largest M_ii
   VectorXd inverse_S;  ///< largest (S^-1)_ii of the position errors
   VectorXd feedback;   ///< largest g' S^-1 g of Kp e + Kd nu = g' (e, nu), of each joint
 };
 
-/// S is antitone and its inverse convex in M, so that the extremes over a chord, enlarged by the
-/// slack, are at its ends.
+/// Returns the Cholesky factor of S at a posture. S is antitone and its inverse convex in M, so
+/// that the extremes over a chord, enlarged by the slack, are at its ends.
+Eigen::LLT<MatrixXd> factor_of_S(const ErrorSystem& system, const Weights& weights,
+                                 const MatrixXd& links_M) {
+  const MatrixXd G = delta_of(system, weights).transpose();
+  return Eigen::LLT<MatrixXd>(stiffness_of(system) - G * system.inertia(links_M) * G.transpose());
+}
+
+/// Returns the largest w over the postures; infinity where V is not positive definite.
+double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
+                 const Weights& weights, const Constant& constant) {
+  const MatrixXd G = delta_of(system, weights).topRows(system.num_links());
+  const MatrixXd in_L = constant.of_delta.triangularView<Eigen::Lower>().solve(G);
+  const auto negative = [&](const numerics::Inertia& inertia, double enough) {
+    const auto S = factor_of_S(system, weights, inertia.M + constant.slack.M);
+    if (S.info() != Eigen::Success) return -infinity;
+    const MatrixXd half = S.matrixL().solve(in_L.transpose());
+    if (-half.squaredNorm() > enough) return infinity;
+    return -numerics::largest_eigenvalue(half.transpose() * half);
+  };
+  return -condition.postures.smallest(negative, condition.refine).value;
+}
+
 std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
                               const Weights& weights, const Slack& slack) {
   const Index N = system.num_errors();
-  const MatrixXd G = delta_of(system, weights).transpose();
-  const MatrixXd K = stiffness_of(system);
-  const MatrixXd in_L = delta_scale(system, weights)
-                            .triangularView<Eigen::Lower>()
-                            .solve(G.leftCols(system.num_links()).transpose());
-  const auto factor_of_S = [&](const numerics::Inertia& inertia) {
-    const MatrixXd M = system.inertia(inertia.M + slack.M);
-    return Eigen::LLT<MatrixXd>(K - G * M * G.transpose());
-  };
-  const auto largest_over_postures = [&](const auto& negative) {
-    return -condition.postures.smallest(negative, condition.refine).value;
-  };
   Shape result;
-  result.w = largest_over_postures([&](const numerics::Inertia& inertia, double /*enough*/) {
-    const auto S = factor_of_S(inertia);
-    if (S.info() != Eigen::Success) return -infinity;
-    const MatrixXd half = S.matrixL().solve(in_L.transpose());
-    return -numerics::largest_eigenvalue(half.transpose() * half);
-  });
-  if (std::isinf(result.w)) return {};
-  result.alpha_2 = largest_over_postures([&](const numerics::Inertia& inertia, double enough) {
+  const auto negative = [&](const numerics::Inertia& inertia, double enough) {
     const MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
     const MatrixXd above = -2 * enough * MatrixXd::Identity(P.rows(), P.cols()) - P;
     if (std::isfinite(enough) && is_positive(above)) return infinity;
     return -numerics::largest_eigenvalue(P) / 2;
-  });
+  };
+  result.alpha_2 = -condition.postures.smallest(negative, condition.refine).value;
   result.alpha_2 += slack.of_lyapunov(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
@@ -299,12 +340,37 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
   rows.topRightCorner(N, N) = system.kp;
   rows.bottomRightCorner(N, N) = system.kd;
   for (const numerics::Inertia& inertia : condition.postures.inertia) {
-    const auto S = factor_of_S(inertia);
+    const auto S = factor_of_S(system, weights, inertia.M + slack.M);
     if (S.info() != Eigen::Success) return {};
     const VectorXd size = S.matrixL().solve(rows).colwise().squaredNorm();
     result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
     result.inverse_S = result.inverse_S.cwiseMax(size.head(N));
     result.feedback = result.feedback.cwiseMax(size.tail(N));
+  }
+  return result;
+}
+
+/// rho and w over all postures and systems.
+struct Level {
+  numerics::Extreme rho{infinity, {}};
+  double w = 0;
+
+  [[nodiscard]] double value() const { return w > 0 ? rho.value * rho.value / (2 * w) : infinity; }
+};
+
+std::optional<Level> level_of(const MatrixCondition& condition, const Weights& weights) {
+  Level result;
+  for (const ErrorSystem& system : condition.systems) {
+    const Constant constant(condition, system, weights);
+    const numerics::Extreme rho = condition.postures.smallest(
+        [&](const numerics::Inertia& inertia, double /*enough*/) {
+          return rho_at(condition, system, weights, inertia, constant);
+        },
+        condition.refine);
+    if (!(rho.value > 0)) return {};
+    if (rho.value < result.rho.value) result.rho = rho;
+    result.w = std::max(result.w, largest_w(condition, system, weights, constant));
+    if (std::isinf(result.w)) return {};
   }
   return result;
 }
@@ -316,21 +382,18 @@ MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights) {
   return (N * stiffness_of(system).llt().solve(N.transpose())).llt().matrixL();
 }
 
+double MatrixCondition::level(const Weights& weights) const {
+  const auto found = level_of(*this, weights);
+  return found ? found->value() : -infinity;
+}
+
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
-  numerics::Extreme least{infinity, {}};
+  const auto level = level_of(*this, weights);
+  if (!level) return {};
   Shape V;
   for (const ErrorSystem& system : systems) {
-    const Slack slack = slack_of(*this, system, weights);
-    const numerics::Extreme of_system = postures.smallest(
-        [&](const numerics::Inertia& inertia, double /*enough*/) {
-          return rho_at(*this, system, weights, inertia, slack);
-        },
-        refine);
-    if (!(of_system.value > 0)) return {};
-    if (of_system.value < least.value) least = of_system;
-    auto shape = shape_of(*this, system, weights, slack);
+    auto shape = shape_of(*this, system, weights, slack_of(*this, system, weights));
     if (!shape) return {};
-    V.w = std::max(V.w, shape->w);
     V.alpha_2 = std::max(V.alpha_2, shape->alpha_2);
     V.inertia = shape->inertia;  // does not depend on the gains
     if (V.inverse_S.size() > 0) {
@@ -341,10 +404,10 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
     V.feedback = shape->feedback;
   }
   Region region;
-  region.rho = least.value;
-  region.q = least.q;
-  region.w = V.w;
-  region.level = V.w > 0 ? region.rho * region.rho / (2 * V.w) : infinity;
+  region.rho = level->rho.value;
+  region.q = level->rho.q;
+  region.w = level->w;
+  region.level = level->value();
   region.ball = std::sqrt(region.level / V.alpha_2);
   const double diameter = std::sqrt(2 * region.level);
   region.e_at_rest = diameter * systems[0].kp.diagonal().cwiseInverse().cwiseSqrt();
@@ -356,18 +419,19 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
 
 double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
                            const numerics::Inertia& inertia, MatrixXd& states) const {
-  const Slack slack = slack_of(*this, system, weights);
-  return goal == Goal::rate ? rate_at(*this, system, weights, 0, inertia, slack, infinity, &states)
-                            : rho_at(*this, system, weights, inertia, slack, &states);
+  const Constant constant(*this, system, weights);
+  return goal == Goal::rate
+             ? rate_at(*this, system, weights, 0, inertia, constant, infinity, &states)
+             : rho_at(*this, system, weights, inertia, constant, &states);
 }
 
 numerics::Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
   numerics::Extreme least{infinity, {}};
   for (const ErrorSystem& system : systems) {
-    const Slack slack = slack_of(*this, system, weights);
+    const Constant constant(*this, system, weights);
     const numerics::Extreme of_system = postures.smallest(
         [&](const numerics::Inertia& inertia, double enough) {
-          return rate_at(*this, system, weights, rho, inertia, slack, enough);
+          return rate_at(*this, system, weights, rho, inertia, constant, enough);
         },
         refine);
     if (of_system.value < least.value) least = of_system;

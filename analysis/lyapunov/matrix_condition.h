@@ -50,6 +50,10 @@ struct MatrixCondition {
   /// at delta = 0.
   [[nodiscard]] std::optional<Region> region(const Weights& weights) const;
 
+  /// Returns the level of that region, in a part of the time; minus infinity where `region` returns
+  /// nothing.
+  [[nodiscard]] double level(const Weights& weights) const;
+
   /// Returns the largest mu with Vdot <= -mu V where |L^-1 delta| <= rho [1/s], and the posture
   /// that binds it. V decays at the rate mu, and the error at mu/2. The rate is not positive when
   /// nothing is certified, and minus infinity when V is not positive definite.

@@ -75,20 +75,8 @@ class ErrorLoop {
   /// postures are added. The result is then certified over many postures. A law with weights of its
   /// own keeps them.
   /// @param from as of `best_weights`
-  std::optional<CertifiedRegion> best(Goal goal, std::optional<Weights> from = {}) {
-    if (loop_.weights) return certified(*loop_.weights);
-    MatrixCondition coarse = coarse_condition(), middle = middle_condition(proved());
-    constexpr int rounds = 4;  // the posture that forbids what was found joins the search
-    for (int k = 0; k < rounds; ++k) {
-      const auto found = best_weights(coarse, middle, goal, from);
-      if (!found) return {};
-      if (auto result = certified(found->weights)) return result;
-      from = found->weights;
-      for (MatrixCondition* each : {&coarse, &middle}) {
-        each->postures.add(fine().slowest(*from, 0).q);
-      }
-    }
-    return {};
+  std::optional<CertifiedRegion> best(Goal goal, const std::optional<Weights>& from = {}) {
+    return completed(found(goal, from));
   }
 
   /// Returns the region with the largest errors at rest (their product): of every posture or, where
@@ -98,8 +86,8 @@ class ErrorLoop {
   /// this tube and in those to which the certified regions lead.
   /// @param known a region of every posture, if any is known: the result is not less
   std::optional<CertifiedRegion> largest(const std::optional<CertifiedRegion>& known) {
-    auto result = best(Goal::level);
-    if (proved() || circle_.size() > most_joints_of_certified_run) return result;
+    auto result = found(Goal::level, {});
+    if (proved() || circle_.size() > most_joints_of_certified_run) return completed(result);
     if (errors_at_rest(known) > errors_at_rest(result)) result = known;
     constexpr double first_width = 0.3;  // [rad; m]
     const VectorXd first = result ? VectorXd(errors_of(*result).cwiseMin(circle_))
@@ -107,11 +95,11 @@ class ErrorLoop {
     std::optional<Weights> from = result ? std::optional(result->weights) : std::nullopt;
     const auto tried = fitted([&] { return searched(from); }, from, first, result);
     if (tried && tried->tube.size() > 0) {
-      const auto certify = [&] { return best(Goal::level, from); };
+      const auto certify = [&] { return found(Goal::level, from); };
       result = fitted(certify, from, tried->tube, result);
     }
     look_within(result ? result->tube : VectorXd());
-    return result;
+    return completed(result);
   }
 
  private:
@@ -122,6 +110,23 @@ class ErrorLoop {
   /// Returns how far the links' errors reach in the region.
   [[nodiscard]] VectorXd errors_of(const CertifiedRegion& c) const {
     return c.region.e_reached.head(circle_.size());
+  }
+
+  /// Returns `best` without what `completed` adds.
+  std::optional<CertifiedRegion> found(Goal goal, std::optional<Weights> from) {
+    if (loop_.weights) return certified(*loop_.weights);
+    MatrixCondition coarse = coarse_condition(), middle = middle_condition(proved());
+    constexpr int rounds = 4;  // the posture that forbids what was found joins the search
+    for (int k = 0; k < rounds; ++k) {
+      const auto best = best_weights(coarse, middle, goal, from);
+      if (!best) return {};
+      if (auto result = certified(best->weights)) return result;
+      from = best->weights;
+      for (MatrixCondition* each : {&coarse, &middle}) {
+        each->postures.add(fine().slowest(*from, 0).q);
+      }
+    }
+    return {};
   }
 
   /// Looks for the tube that is as wide as its region, from `tube` on. Returns the largest region
@@ -216,17 +221,24 @@ class ErrorLoop {
     return found ? within_bounds(found->weights, found->region) : std::nullopt;
   }
 
+  /// Returns the certified region of these weights, without what `completed` adds.
   std::optional<CertifiedRegion> certified(const Weights& weights) {
     const auto region = fine().region(weights);
     if (!region) return {};
+    auto result = within_bounds(weights, *region);
+    if (!result) return {};
     // The search for the slowest posture may find one at which V grows that the region's missed.
     const double rate = fine().rate(weights, 0);
     if (!(rate > 0)) return {};
-    auto found = within_bounds(weights, *region);
-    if (!found) return {};
-    CertifiedRegion& result = *found;
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
-    result.rate = loop_.weights ? 0 : rate;
+    result->rate = loop_.weights ? 0 : rate;
+    return result;
+  }
+
+  /// Adds to a certified region of the present tube what no search for a region compares.
+  std::optional<CertifiedRegion> completed(std::optional<CertifiedRegion> found) {
+    if (!found) return found;
+    CertifiedRegion& result = *found;
     const double room = result.region.level - result.V0;
     if (loop_.weights) {
       result.unknown_torque =
@@ -237,14 +249,15 @@ class ErrorLoop {
     }
     // From V0 on, |delta| stays below sqrt(2 w V).
     if (result.holds_initial_state()) {
-      const double delta = std::sqrt(2 * region->w * result.V0);
-      result.rate_from_start = loop_.weights ? 0 : delta == 0 ? rate : fine().rate(weights, delta);
+      const double delta = std::sqrt(2 * result.region.w * result.V0);
+      result.rate_from_start =
+          loop_.weights || delta == 0 ? result.rate : fine().rate(result.weights, delta);
     }
     result.torque = torque(result);
     if (friction_.any() && std::isfinite(result.region.level)) {
       result.friction_error = ultimate(result);
     }
-    return result;
+    return found;
   }
 
   /// Returns the part of a region in which no prismatic joint reaches the end of its range, no

@@ -111,8 +111,8 @@ class WeightSearch {
   /// Returns the rate or sqrt(2 level) over all postures. The search makes it large.
   [[nodiscard]] double merit(const VectorXd& x) const {
     if (goal_ == Goal::rate) return on_.rate(weights_of(x), 0);
-    const auto region = on_.region(weights_of(x));
-    return region ? std::min(enough(), std::sqrt(2 * region->level)) : -infinity;
+    const double level = on_.level(weights_of(x));
+    return level >= 0 ? std::min(enough(), std::sqrt(2 * level)) : -infinity;
   }
   /// Returns errors of 1000 rad from rest in each joint as sqrt(2 level). Where friction outweighs
   /// C(q, v_ref) there is no largest level, and weights that reach this level are as good as any.

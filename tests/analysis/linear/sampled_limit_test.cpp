@@ -207,6 +207,25 @@ TEST_F(SampledLimit, MarginsAreThoseOfTheLoopItself) {
   EXPECT_GT(radius(whole + 1, 1), 1);
 }
 
+// A joint that gravity pulls away with 50 N m/rad needs kp above 50: its pole leaves through z = 1,
+// which is no frequency of the grid. The larger gain ends at z = -1.
+TEST(GainMargins, AreFoundAtBothEndsOfTheUnitCircle) {
+  Eigen::MatrixXd A(2, 2), B(2, 1), D(1, 2);
+  A << 0, 1, 50, 0;
+  B << 0, 1;
+  D << -200, -20;
+  const LinearLaw law{
+      Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 2), Eigen::MatrixXd(1, 0), D, {Part::q, Part::v}};
+  const SampledLoop loop{{A, B, 1}, [law](double) { return law; }, 0};
+  constexpr double h = 1e-2;
+  const Margins found = margins(loop, h);
+  EXPECT_NEAR(found.least_gain, 0.25, 1e-6);
+  ASSERT_TRUE(std::isfinite(found.gain));
+  const CutLoop open = cut(loop, h);
+  EXPECT_LT(spectral_radius(open.closed(0.9999 * found.gain)), 1);
+  EXPECT_GT(spectral_radius(open.closed(1.0001 * found.gain)), 1);
+}
+
 /// A motor's loop over a spring of 50,000 N m/rad that is hardly damped: |L| is above 1 between two
 /// frequencies of a grid alone.
 TEST_F(SampledLimit, DelayMarginIsThatOfANarrowResonance) {

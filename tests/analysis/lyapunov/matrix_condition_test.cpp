@@ -281,6 +281,7 @@ TEST_F(MatrixOfSevenJoints, SearchFindsACertifiedBall) {
   const auto largest = best_weights(search, full, Goal::level);
   ASSERT_TRUE(largest);
   EXPECT_GT(largest->region.ball, 0);
+  EXPECT_EQ(search.level(largest->weights), search.region(largest->weights)->level);
   RecordProperty("ball", std::to_string(largest->region.ball));
   if (fastest) RecordProperty("rate", std::to_string(fastest->rate));
 }
