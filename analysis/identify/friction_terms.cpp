@@ -125,13 +125,8 @@ JointProblem problem_at(int joint, const std::vector<Recording>& recordings,
 /// Returns whether the last chosen term is told from zero and takes energy with the others.
 /// @param coulomb the joint's Coulomb friction in the answer
 bool is_possible(const JointProblem& problem, const std::vector<Index>& chosen, double coulomb) {
-  const MatrixXd J = problem.with(chosen);
-  const VectorXd norm = J.colwise().norm().transpose().cwiseMax(1e-300);
-  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-  const VectorXd x =
-      (numerics::inverse(scaled.transpose() * scaled) * (scaled.transpose() * problem.torque))
-          .cwiseQuotient(norm);
-  const Precision found = precision(J, norm, problem.torque - J * x);
+  const Fitted found = fitted(problem.with(chosen), problem.torque);
+  const VectorXd& x = found.values;
   const Index last = x.size() - 1;
   if (!(clear_widths * found.half_width[last] < std::abs(x[last]))) return false;
   const bool loads =

@@ -104,7 +104,7 @@ TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
     Eigen::VectorXd residual = Eigen::VectorXd::Zero(rows).unaryExpr(noise);
     const Eigen::Vector2d error = inverse * (J.transpose() * residual);
     residual -= J * error;
-    const Precision found = precision(J, J.colwise().norm().transpose(), residual);
+    const Precision found = precision(J, residual);
     held += (error.array().abs() <= found.half_width.array()).cast<double>() / runs;
   }
   // 95 % of 300, less three standard deviations of 1.3 %. The first interval has one degree of
