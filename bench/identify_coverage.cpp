@@ -184,8 +184,14 @@ struct Campaign {
     const Parameters parameters(believed, all);
     Eigen::VectorXd truth = draw_truth(believed, parameters, random);
     robot::MassProperties tool;
+    // Friction by the load is a share of the known robot's gravity torque.
+    const bool has_payload = !tools && data != Data::terms;
+    if (!has_payload) truth[truth.size() - 1] = believed.plant.payload.mass_kg = 0;
+    if (data == Data::terms) {
+      constexpr double larger = 5;  // real arms have more friction
+      truth.segment(parameters.first(Kind::coulomb), believed.num_joints) *= larger;
+    }
     if (tools) {
-      truth[truth.size() - 1] = 0;  // the payload's mass
       believed.plant.payload.link = believed.model->bodies.back().link;
       tool = drawn_tool(random);
     }
@@ -198,7 +204,8 @@ struct Campaign {
     Recording run =
         data == Data::exact ? exact_table(believed, plant, seed) : record(believed, plant);
     std::vector<Kind> unknown = all;
-    if (tools) unknown.back() = Kind::load;
+    if (!has_payload) unknown.pop_back();
+    if (tools) unknown.push_back(Kind::load);
     if (!is_log) {
       if (data != Data::exact) run = table_of(run, data, random);
       unknown.push_back(Kind::delay);
@@ -207,7 +214,7 @@ struct Campaign {
     ++arms;
     for (const Identified::Check& each : found.checks) called_wrong += each.misfit.found;
     const std::string arm = fmt::format("arm {} {} {} bits: ", seed, robot, bits);
-    const Eigen::Index own = truth.size() - (tools ? 1 : 0);
+    const Eigen::Index own = truth.size() - (has_payload ? 0 : 1);
     for (Eigen::Index i = 0; i < own; ++i) {
       const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
       count(std::string(kind_names[static_cast<std::size_t>(each.entry.kind)]),

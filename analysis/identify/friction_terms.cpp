@@ -244,7 +244,7 @@ std::vector<FrictionTerm> kept_terms(const std::vector<FrictionTerm>& terms,
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Index i = first + static_cast<Index>(t);
     const double value = found.values[i];
-    if (!(found.half_width[i] < std::abs(value))) continue;
+    if (!(clear_widths * found.half_width[i] < std::abs(value))) continue;
     if (terms[t].kind == Kind::rise && found.values[coulomb + terms[t].joint] + value < 0) continue;
     const bool possible = value <= 1 && found.values[coulomb + terms[t].joint] > 0;
     if (terms[t].kind == Kind::load_friction && !possible) continue;

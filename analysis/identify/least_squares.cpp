@@ -529,11 +529,8 @@ Widths half_widths(const Normals& normals, const MatrixXd& C) {
       covariance(at, at) = seen.col(at).dot(without[b].col(i));
     }
     covariance -= seen.transpose() * inverse * seen;
-    // The changes are larger than the errors, because each estimate has fewer rows: their sum of
-    // squares is scaled so that it has the right mean for a white residual.
-    const VectorXd own = inverse * C.row(i).transpose();
-    const double by_blocks = result.moves.row(i).head(num_blocks).squaredNorm() *
-                             own.dot(normals.rows * own) / covariance.trace();
+    const double by_blocks =
+        result.moves.row(i).head(num_blocks).squaredNorm() * (1 - 1.0 / num_blocks);
     const double variance =
         by_blocks + result.moves.row(i).tail(normals.prior.rows()).squaredNorm();
     const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm() *
