@@ -1,8 +1,8 @@
 // Measures how often the 95 % intervals of `identify` hold the true values of random arms, and how
 // often a right model is called wrong. docs/identification.md has the numbers.
 //
-//   identify_coverage KIND ARMS [FIRST [tools]]   KIND: exact, aligned, noise, late (tables), log,
-//   noisy_log
+//   identify_coverage KIND ARMS [FIRST [tools]]   KIND: exact, aligned, noise, late, terms
+//   (tables), log, noisy_log
 //
 // With `tools` each arm is an iiwa 7 with a tool, whose mass, centre of mass and inertia are
 // unknown.
@@ -33,8 +33,10 @@ using namespace tachless::identify;
 
 /// The kinds of data. A table's torques are those of a motion at its instants without a loop, the
 /// means around the instants of a run, those with 1 % of noise, or the commands, which act a tick
-/// later and are held over it. A noisy log's encoders have up to 2e-4 rad of noise.
-enum class Data { exact, aligned, noise, late, log, noisy_log };
+/// later and are held over it. Terms are the means of arms half of whose joints have a rise of
+/// friction or friction that grows with the load. A noisy log's encoders have up to 2e-4 rad of
+/// noise.
+enum class Data { exact, aligned, noise, late, terms, log, noisy_log };
 
 /// Returns the table of a motion with the torques that it takes exactly, at 200 Hz. Only positions
 /// are rounded, to the encoders' counts.
@@ -98,11 +100,27 @@ robot::MassProperties drawn_tool(std::mt19937& random) {
   return tool;
 }
 
+/// Draws a rise of friction for a third of the joints and friction by the load for another third.
+void draw_terms(plant::DriveSpec& drive, std::mt19937& random) {
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (Eigen::Index j = 0; j < drive.coulomb_friction_Nm.size(); ++j) {
+    const double which = between(0, 3);
+    if (which < 1) {
+      drive.friction_rise_Nm[j] = between(0.5, 1.5) * drive.coulomb_friction_Nm[j];
+      drive.friction_rise_velocity_rad_per_s[j] = between(0.05, 0.3);
+    } else if (which < 2) {
+      drive.load_friction[j] = between(0.03, 0.12);
+    }
+  }
+}
+
 struct Campaign {
   Data data;
   bool tools;
   std::map<std::string, Tally> kinds;
-  int arms = 0, called_wrong = 0;
+  int arms = 0, called_wrong = 0, terms = 0, terms_found = 0, terms_wrong = 0;
 
   /// Counts an interval.
   /// @param name of the kind and of the number
@@ -135,6 +153,25 @@ struct Campaign {
     }
   }
 
+  /// Counts the terms of friction that were found, and their intervals.
+  void add_terms(const Identified& found, const plant::DriveSpec& drive, const std::string& arm) {
+    terms += static_cast<int>((drive.friction_rise_Nm.array() != 0).count() +
+                              (drive.load_friction.array() != 0).count());
+    for (const Identified::Parameter& each : found.parameters) {
+      if (!is_term(each.entry.kind)) continue;
+      const Vector& of_kind =
+          each.entry.kind == Kind::rise ? drive.friction_rise_Nm : drive.load_friction;
+      const double truth = of_kind[each.entry.joint];
+      if (truth == 0) {
+        ++terms_wrong;
+        continue;
+      }
+      ++terms_found;
+      count(std::string(kind_names[static_cast<std::size_t>(each.entry.kind)]),
+            arm + each.entry.name, std::abs(each.value - truth), each.half_width, truth);
+    }
+  }
+
   void add(unsigned seed) {
     std::mt19937 random(seed + 77000);
     const bool is_log = data == Data::log || data == Data::noisy_log;
@@ -147,8 +184,14 @@ struct Campaign {
     const Parameters parameters(believed, all);
     Eigen::VectorXd truth = draw_truth(believed, parameters, random);
     robot::MassProperties tool;
+    // Friction by the load is a share of the known robot's gravity torque.
+    const bool has_payload = !tools && data != Data::terms;
+    if (!has_payload) truth[truth.size() - 1] = believed.plant.payload.mass_kg = 0;
+    if (data == Data::terms) {
+      constexpr double larger = 5;  // real arms have more friction
+      truth.segment(parameters.first(Kind::coulomb), believed.num_joints) *= larger;
+    }
     if (tools) {
-      truth[truth.size() - 1] = 0;  // the payload's mass
       believed.plant.payload.link = believed.model->bodies.back().link;
       tool = drawn_tool(random);
     }
@@ -157,10 +200,12 @@ struct Campaign {
       plant.model = std::make_shared<robot::Model>(
           robot::with_payload(*plant.model, tool, believed.plant.payload.link));
     }
+    if (data == Data::terms) draw_terms(plant.plant.drive, random);
     Recording run =
         data == Data::exact ? exact_table(believed, plant, seed) : record(believed, plant);
     std::vector<Kind> unknown = all;
-    if (tools) unknown.back() = Kind::load;
+    if (!has_payload) unknown.pop_back();
+    if (tools) unknown.push_back(Kind::load);
     if (!is_log) {
       if (data != Data::exact) run = table_of(run, data, random);
       unknown.push_back(Kind::delay);
@@ -169,13 +214,14 @@ struct Campaign {
     ++arms;
     for (const Identified::Check& each : found.checks) called_wrong += each.misfit.found;
     const std::string arm = fmt::format("arm {} {} {} bits: ", seed, robot, bits);
-    const Eigen::Index own = truth.size() - (tools ? 1 : 0);
+    const Eigen::Index own = truth.size() - (has_payload ? 0 : 1);
     for (Eigen::Index i = 0; i < own; ++i) {
       const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
       count(std::string(kind_names[static_cast<std::size_t>(each.entry.kind)]),
             arm + each.entry.name, std::abs(each.value - truth[i]), each.half_width, truth[i]);
     }
     if (tools) add_tool(tool, *found.load, arm);
+    if (data == Data::terms) add_terms(found, plant.plant.drive, arm);
   }
 
   void print() {
@@ -190,6 +236,10 @@ struct Campaign {
     }
     fmt::print(" all {} of {}, {:.1f} %; joints called wrong: {}\n", held, of, 100.0 * held / of,
                called_wrong);
+    if (data == Data::terms) {
+      fmt::print("{} terms of friction: {} found, {} where there is none\n", terms, terms_found,
+                 terms_wrong);
+    }
     std::fflush(stdout);
   }
 };
@@ -197,8 +247,8 @@ struct Campaign {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::array<std::string_view, 6> names = {"exact", "aligned", "noise",
-                                                     "late",  "log",     "noisy_log"};
+  constexpr std::array<std::string_view, 7> names = {"exact", "aligned", "noise",    "late",
+                                                     "terms", "log",     "noisy_log"};
   const auto* const found =
       argc > 2 ? std::ranges::find(names, std::string_view(argv[1])) : names.end();
   if (found == names.end()) {
@@ -206,7 +256,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   const bool tools = argc > 4 && std::string_view(argv[4]) == "tools";
-  Campaign campaign{static_cast<Data>(found - names.begin()), tools, {}, 0, 0};
+  Campaign campaign{static_cast<Data>(found - names.begin()), tools, {}};
   const int first = argc > 3 ? std::atoi(argv[3]) : 0;
   for (int arm = first; arm < first + std::atoi(argv[2]); ++arm) {
     campaign.add(static_cast<unsigned>(arm));

@@ -226,17 +226,17 @@ double size_of(const Parameters::Entry& entry) {
 class Information {
  public:
   /// @param noise standard deviation of each joint's torque [N m; N]
-  Information(const Regression& of, const Parameters& parameters, const VectorXd& noise) {
+  Information(const Regression& regression, const Parameters& parameters, const VectorXd& noise) {
     VectorXd size(parameters.size());
     for (Eigen::Index i = 0; i < size.size(); ++i) {
       size[i] = size_of(parameters.entries()[static_cast<std::size_t>(i)]);
     }
     const std::vector<RowUse> fast(static_cast<std::size_t>(noise.size()), RowUse::fast);
-    MatrixXd rows = of.columns;
+    MatrixXd rows = regression.columns;
     for (Eigen::Index row = 0; row < rows.rows(); ++row) {
-      rows.row(row) *= of.used(row, fast) ? 1 / noise[of.joint[row]] : 0;
+      rows.row(row) *= regression.used(row, fast) ? 1 / noise[regression.joint[row]] : 0;
     }
-    const MatrixXd normal = rows.transpose() * rows / rows_alike(of);
+    const MatrixXd normal = rows.transpose() * rows / rows_alike(regression);
     MatrixXd sized = size.asDiagonal() * normal * size.asDiagonal();
     sized.diagonal().array() += 1;
     log_determinant_ = numerics::symmetric_eigenvalues(sized).array().log().sum();

@@ -125,13 +125,8 @@ JointProblem problem_at(int joint, const std::vector<Recording>& recordings,
 /// Returns whether the last chosen term is told from zero and takes energy with the others.
 /// @param coulomb the joint's Coulomb friction in the answer
 bool is_possible(const JointProblem& problem, const std::vector<Index>& chosen, double coulomb) {
-  const MatrixXd J = problem.with(chosen);
-  const VectorXd norm = J.colwise().norm().transpose().cwiseMax(1e-300);
-  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-  const VectorXd x =
-      (numerics::inverse(scaled.transpose() * scaled) * (scaled.transpose() * problem.torque))
-          .cwiseQuotient(norm);
-  const Precision found = precision(J, norm, problem.torque - J * x);
+  const Fitted found = fitted(problem.with(chosen), problem.torque);
+  const VectorXd& x = found.values;
   const Index last = x.size() - 1;
   if (!(clear_widths * found.half_width[last] < std::abs(x[last]))) return false;
   const bool loads =
@@ -249,7 +244,7 @@ std::vector<FrictionTerm> kept_terms(const std::vector<FrictionTerm>& terms,
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Index i = first + static_cast<Index>(t);
     const double value = found.values[i];
-    if (!(found.half_width[i] < std::abs(value))) continue;
+    if (!(clear_widths * found.half_width[i] < std::abs(value))) continue;
     if (terms[t].kind == Kind::rise && found.values[coulomb + terms[t].joint] + value < 0) continue;
     const bool possible = value <= 1 && found.values[coulomb + terms[t].joint] > 0;
     if (terms[t].kind == Kind::load_friction && !possible) continue;

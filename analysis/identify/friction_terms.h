@@ -21,7 +21,7 @@ std::vector<FrictionTerm> friction_terms(const std::vector<Recording>& recording
                                          const Parameters& parameters,
                                          const Eigen::VectorXd& values);
 
-/// Returns the terms whose intervals exclude zero and whose friction takes energy.
+/// Returns the terms that their intervals tell clearly from zero and whose friction takes energy.
 std::vector<FrictionTerm> kept_terms(const std::vector<FrictionTerm>& terms,
                                      const Parameters& parameters, const LeastSquares& found);
 

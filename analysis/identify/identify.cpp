@@ -35,39 +35,41 @@ constexpr double longest_move = 50;
 /// open than `most_open` and than the largest torque that the fit leaves. A parameter that is zero
 /// within a narrower interval is known to be small. A table's delay is not written and not doubted.
 /// @param left largest torque that the fit leaves, over the peak of each joint
-std::string doubt_about(const Identified::Parameter& of, Eigen::Index i,
+std::string doubt_about(const Identified::Parameter& parameter, Eigen::Index i,
                         const std::vector<Recording>& recordings,
                         const std::vector<Regression>& regressions, const VectorXd& left) {
-  if (of.entry.kind == Kind::delay && !of.entry.not_negative) return "";
+  if (parameter.entry.kind == Kind::delay && !parameter.entry.not_negative) return "";
   double range = 0, open = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    if (of.entry.kind == Kind::load && !recordings[r].loaded) continue;
-    open = std::min(open, of.half_width * regressions[r].share[i]);
-    if (of.entry.joint < 0) continue;
-    const auto q = recordings[r].q.col(of.entry.joint);
+    if (parameter.entry.kind == Kind::load && !recordings[r].loaded) continue;
+    open = std::min(open, parameter.half_width * regressions[r].share[i]);
+    if (parameter.entry.joint < 0) continue;
+    const auto q = recordings[r].q.col(parameter.entry.joint);
     range = std::max(range, q.maxCoeff() - q.minCoeff());
   }
-  if (of.entry.joint >= 0 && range < least_motion) {
+  if (parameter.entry.joint >= 0 && range < least_motion) {
     return fmt::format("the joint moves by {:.2g} only", range);
   }
-  const double residual = of.entry.joint >= 0 ? left[of.entry.joint] : left.minCoeff();
-  if (open < std::max(most_open, residual) || of.half_width < std::abs(of.value)) return "";
+  const double residual =
+      parameter.entry.joint >= 0 ? left[parameter.entry.joint] : left.minCoeff();
+  if (open < std::max(most_open, residual) || parameter.half_width < std::abs(parameter.value))
+    return "";
   return fmt::format("its interval reaches zero and is {:.0f} % of the joint's torque", 100 * open);
 }
 
 /// Returns the rms of the torques that `values` leave, over the peak of each joint.
-VectorXd torque_left(const std::vector<Regression>& of, const VectorXd& values) {
-  VectorXd result = VectorXd::Zero(of.front().peak.size());
-  for (const Regression& each : of) {
+VectorXd torque_left(const std::vector<Regression>& regressions, const VectorXd& values) {
+  VectorXd result = VectorXd::Zero(regressions.front().peak.size());
+  for (const Regression& each : regressions) {
     result = result.cwiseMax(each.residual(values).cwiseQuotient(each.peak.cwiseMax(1e-300)));
   }
   return result;
 }
 
 /// Returns the largest torque that `values` leave, over the peak of each joint.
-VectorXd largest_left(const std::vector<Regression>& of, const VectorXd& values) {
-  VectorXd result = VectorXd::Zero(of.front().peak.size());
-  for (const Regression& each : of) {
+VectorXd largest_left(const std::vector<Regression>& regressions, const VectorXd& values) {
+  VectorXd result = VectorXd::Zero(regressions.front().peak.size());
+  for (const Regression& each : regressions) {
     const VectorXd left = (each.torque - each.columns * values).cwiseAbs();
     for (Eigen::Index row = 0; row < left.size(); ++row) {
       const Eigen::Index j = each.joint[row];
@@ -79,10 +81,10 @@ VectorXd largest_left(const std::vector<Regression>& of, const VectorXd& values)
 
 /// Returns the rms of the torque that the intervals of all parameters together leave open in the
 /// motions, over the peak of each joint. Large changes of single parameters may cancel in it.
-VectorXd open_torque(const std::vector<Regression>& of, const LeastSquares& answer) {
+VectorXd open_torque(const std::vector<Regression>& regressions, const LeastSquares& answer) {
   constexpr double normal = 1.96;  // quantile of a 95 % interval
-  VectorXd result = VectorXd::Zero(of.front().peak.size());
-  for (const Regression& each : of) {
+  VectorXd result = VectorXd::Zero(regressions.front().peak.size());
+  for (const Regression& each : regressions) {
     const VectorXd rms = each.rms(normal * (each.columns * answer.moves).rowwise().norm());
     result = result.cwiseMax(rms.cwiseQuotient(each.peak.cwiseMax(1e-300)));
   }
@@ -90,14 +92,14 @@ VectorXd open_torque(const std::vector<Regression>& of, const LeastSquares& answ
 }
 
 /// Returns what a motion must have to determine a parameter.
-std::string advice_on(const Identified::Parameter& of, const std::string& joint) {
-  if (of.entry.joint >= 0 && of.doubt.starts_with("the joint")) {
+std::string advice_on(const Identified::Parameter& parameter, const std::string& joint) {
+  if (parameter.entry.joint >= 0 && parameter.doubt.starts_with("the joint")) {
     return fmt::format(
         "motion of {} (a joint that friction holds moves with a guess of it: run with --set "
         "controller.friction.coulomb=…)",
         joint);
   }
-  switch (of.entry.kind) {
+  switch (parameter.entry.kind) {
     case Kind::rotor:
       return fmt::format("more acceleration of {}", joint);
     case Kind::viscous:
@@ -121,16 +123,16 @@ std::string advice_on(const Identified::Parameter& of, const std::string& joint)
 
 /// Checks values on recordings. The recording with a joint's largest error counts.
 /// @param position_errors of the recordings, if their loops can be simulated
-std::vector<Identified::Check> check(const std::vector<Regression>& of,
+std::vector<Identified::Check> check(const std::vector<Regression>& regressions,
                                      const robot::JointLabels& labels, const VectorXd& values,
                                      const std::vector<MatrixXd>& position_errors) {
   std::vector<Identified::Check> result;
   for (std::size_t i = 0; i < labels.name.size(); ++i) {
     result.push_back({labels.name[i], labels.length[i], 0, 0, {}, {}});
   }
-  for (std::size_t r = 0; r < of.size(); ++r) {
-    const VectorXd before = torque_left({of[r]}, VectorXd::Zero(values.size())),
-                   after = torque_left({of[r]}, values);
+  for (std::size_t r = 0; r < regressions.size(); ++r) {
+    const VectorXd before = torque_left({regressions[r]}, VectorXd::Zero(values.size())),
+                   after = torque_left({regressions[r]}, values);
     for (std::size_t i = 0; i < result.size(); ++i) {
       const auto at = static_cast<Eigen::Index>(i);
       result[i].before = std::max(result[i].before, before[at]);
@@ -235,10 +237,10 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
                 std::move(regressions),
                 {}};
   const Fit fit = output_error(recordings, parameters, answer.values, report);
-  answer.condition = fit.condition;
+  const Eigen::Index rank = answer.rank;
+  static_cast<Precision&>(answer) = fit;
+  answer.rank = rank;
   answer.values = fit.values;
-  answer.half_width = fit.half_width;
-  answer.moves = fit.moves;
   for (std::size_t i = 0; i < answer.sums.size(); ++i) {
     if (answer.sums[i].empty()) continue;
     answer.half_width[static_cast<Eigen::Index>(i)] = std::numeric_limits<double>::infinity();
@@ -260,8 +262,13 @@ void set_parameters(const Answer& answer, const Parameters& parameters, Identifi
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     const auto& entry = parameters.entries()[at];
-    Identified::Parameter each{entry, answer.values[i], answer.half_width[i], "",
-                               false, bounded[at]};
+    Identified::Parameter each{entry,
+                               answer.values[i],
+                               answer.half_width[i],
+                               "",
+                               false,
+                               bounded[at],
+                               answer.by_prior[at] && answer.sums[at].empty() && !to.links.empty()};
     if (!answer.sums[at].empty()) {
       const bool load = entry.kind == Kind::load;
       each.in_sum = load ? entry.component > 0 : !to.links.empty();
@@ -426,22 +433,25 @@ std::string text(const Identified& found, const std::string& name) {
                           each.entry.unit, each.doubt);
       continue;
     }
-    text += fmt::format("  {:<24} {:>10.4g} {} {:.2g} {}{}\n", each.entry.name, each.value,
+    text += fmt::format("  {:<24} {:>10.4g} {} {:.2g} {}{}{}\n", each.entry.name, each.value,
                         each.at_bound ? "to" : "+-", each.half_width,
                         each.entry.unit + over(each.entry),
                         !each.doubt.empty() ? ": not identifiable, " + each.doubt
                         : each.is_small()   ? ": small, not told from zero"
-                                            : "");
+                                            : "",
+                        each.by_urdf ? "; by the URDF's links" : "");
   }
   if (found.load) text += identify::text(*found.load);
   if (!found.links.empty()) {
     const auto alone = std::ranges::count_if(found.parameters, [](const auto& each) {
-      return each.entry.kind == Kind::inertia && each.doubt.empty();
+      return each.entry.kind == Kind::inertia && each.doubt.empty() && !each.by_urdf;
     });
+    const auto by_urdf = std::ranges::count_if(found.parameters, &Identified::Parameter::by_urdf);
     text += fmt::format(
         "  links: of {} numbers {} combinations are determined, {} of the links' alone; the rest "
-        "is near the URDF's\n",
-        found.parameters.size(), found.rank, alone);
+        "is near the URDF's; {} numbers are determined mainly by the URDF's links and not by the "
+        "data\n",
+        found.parameters.size(), found.rank, alone, by_urdf);
     for (const Identified::Link& each : found.links) {
       text += fmt::format("  {:<24} {:.4g} -> {:.4g} kg, centre [{:.3g}] -> [{:.3g}] m\n",
                           each.name, each.before.mass, each.after.mass,
@@ -463,10 +473,10 @@ std::string text(const Identified& found, const std::string& name) {
 
 void to_json(nlohmann::ordered_json& json, const Identified& found) {
   using base::json_list;
-  const auto mass = [&](const robot::MassProperties& of) -> nlohmann::ordered_json {
-    return {{"mass_kg", of.mass},
-            {"center_of_mass_m", json_list(of.p_Bcm)},
-            {"inertia_kgm2", json_list(inertial_of({of.mass, {0, 0, 0}, of.I_Bcm}).tail<6>())}};
+  const auto mass = [&](const robot::MassProperties& link) -> nlohmann::ordered_json {
+    return {{"mass_kg", link.mass},
+            {"center_of_mass_m", json_list(link.p_Bcm)},
+            {"inertia_kgm2", json_list(inertial_of({link.mass, {0, 0, 0}, link.I_Bcm}).tail<6>())}};
   };
   json = {{"method", found.simulated ? "output error" : "least squares"},
           {"condition", found.condition},
@@ -480,6 +490,7 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
                                   {"identifiable", each.doubt.empty()},
                                   {"at_bound", each.at_bound},
                                   {"small", each.is_small()},
+                                  {"by_urdf", each.by_urdf},
                                   {"doubt", each.doubt}});
     if (each.entry.kind == Kind::rise) {
       json["parameters"].back()["velocity"] = each.entry.velocity;

@@ -25,6 +25,9 @@ struct Identified {
     std::string doubt;      ///< why it is not identifiable; empty: it is
     bool in_sum = false;    ///< the parameter is determined only in a sum with others
     bool at_bound = false;  ///< the value is zero because it cannot be negative
+    /// The value is determined mainly by the URDF's links and not by the recordings: without what
+    /// the URDF tells of the links' numbers its standard deviation would more than double.
+    bool by_urdf = false;
 
     /// Returns whether the parameter is known to be small but cannot be distinguished from zero.
     [[nodiscard]] bool is_small() const {

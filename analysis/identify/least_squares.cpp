@@ -247,8 +247,8 @@ struct Instant {
 void set_columns(const Recording& recording, const Parameters& parameters, const Models& models,
                  const Instant& at, Eigen::Index k, std::vector<MatrixXd>& columns) {
   const Eigen::Index inertia = parameters.first(Kind::inertia);
-  const auto torque = [&](const robot::Model& of) {
-    return robot::inverse_dynamics<double>(of, at.q, at.v, at.a);
+  const auto torque = [&](const robot::Model& model) {
+    return robot::inverse_dynamics<double>(model, at.q, at.v, at.a);
   };
   const Vector light = models.loads.empty() ? at.own : torque(models.loads.front());
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
@@ -378,7 +378,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
 namespace {
 
 constexpr int passes = 4;
-constexpr int blocks = 20;  ///< of time, for the covariance
+constexpr int num_blocks = 20;  ///< of time, for the covariance
 
 /// All rows, each multiplied by its joint's weight.
 struct Weighted {
@@ -410,7 +410,95 @@ double quantile(double freedom) {
   return 1.96 * std::exp(x * (1.21 + x * (0.735 - 0.075 * x)));
 }
 
-/// Half widths of combinations, and their changes when each block of time is left out.
+/// A normal matrix, split into what is determined and what is not. The columns behind it are scaled
+/// to norm 1 for that.
+struct Determined {
+  VectorXd value;    ///< determined eigenvalues, ascending
+  MatrixXd vectors;  ///< V with V' N V = diag(value)
+  MatrixXd free;     ///< projector onto the undetermined combinations of the scaled columns
+
+  explicit Determined(const MatrixXd& N) {
+    // Share of the largest eigenvalue that counts as zero: a condition of 3e4.
+    constexpr double zero = 1e-9;
+    const VectorXd square = N.diagonal();
+    // A norm below 1e-10 of the largest is a rounding error.
+    const VectorXd unit =
+        square.cwiseMax(std::max(1e-20 * square.maxCoeff(), 1e-300)).cwiseSqrt().cwiseInverse();
+    const auto [all, V] = numerics::symmetric_eigen(unit.asDiagonal() * N * unit.asDiagonal());
+    const Eigen::Index null = (all.array() < zero * all.maxCoeff()).count();
+    value = all.tail(all.size() - null);
+    vectors = unit.asDiagonal() * V.rightCols(all.size() - null);
+    free = V.leftCols(null) * V.leftCols(null).transpose();
+  }
+
+  /// Returns the solution of N x = b, zero in what is not determined.
+  [[nodiscard]] VectorXd solution(const VectorXd& b) const {
+    return vectors * (vectors.transpose() * b).cwiseQuotient(value);
+  }
+
+  /// Returns the variances of the parameters for white residuals of variance 1.
+  [[nodiscard]] VectorXd variances() const { return vectors.cwiseAbs2() * value.cwiseInverse(); }
+};
+
+/// The normal equations of all rows, of the prior and of each block of time. The blocks have the
+/// same sum of leverages, if none is then shorter than half a block of equal lengths: residuals
+/// stay correlated for some time.
+struct Normals {
+  MatrixXd rows;                 ///< normal matrix of all rows of the Jacobian
+  MatrixXd prior;                ///< rows of the prior
+  double alike = 1;              ///< as in `Prior`
+  std::vector<MatrixXd> blocks;  ///< normal matrices of the blocks
+  std::vector<VectorXd> slopes;  ///< of the blocks: columns' products with the residual
+  VectorXd slope, unsure;        ///< columns' products with the residual and with `unsure`
+
+  Normals(const MatrixXd& J, const VectorXd& residual, const Prior& known,
+          const VectorXd& deviation)
+      : rows(J.transpose() * J),
+        prior(known.rows.rows() > 0 ? known.rows : MatrixXd(0, J.cols())),
+        alike(known.alike),
+        slope(J.transpose() * residual) {
+    const Determined found(whole());
+    const VectorXd leverage =
+        (J * (found.vectors * found.value.cwiseSqrt().cwiseInverse().asDiagonal()))
+            .rowwise()
+            .squaredNorm();
+    const Eigen::Index least = J.rows() / (2 * num_blocks);
+    double left = leverage.sum();
+    Eigen::Index from = 0, to = 0;
+    for (Eigen::Index b = num_blocks; b > 0; --b, from = to) {
+      const Eigen::Index last = J.rows() - (b - 1) * least;
+      to = b == 1 ? last : std::min(from + least, last);
+      double sum = leverage.segment(from, to - from).sum();
+      while (to < last && sum < left / static_cast<double>(b)) sum += leverage[to++];
+      left -= sum;
+      const auto block = J.middleRows(from, to - from);
+      blocks.emplace_back(block.transpose() * block);
+      slopes.emplace_back(block.transpose() * residual.segment(from, to - from));
+    }
+    unsure = deviation.size() > 0 ? VectorXd(J.transpose() * deviation) : VectorXd(0 * slope);
+  }
+
+  /// Returns the normal matrix of the rows and of the prior.
+  [[nodiscard]] MatrixXd whole() const { return rows + alike * prior.transpose() * prior; }
+
+  /// Changes the parameters to the coordinates x of T x.
+  void transform(const MatrixXd& T) {
+    rows = T.transpose() * rows * T;
+    prior = prior * T;
+    for (MatrixXd& each : blocks) each = T.transpose() * each * T;
+    for (VectorXd& each : slopes) each = T.transpose() * each;
+    slope = T.transpose() * slope;
+    unsure = T.transpose() * unsure;
+  }
+
+  /// Moves the estimate by x. The residual changes with it.
+  void move(const VectorXd& x) {
+    slope -= rows * x;
+    for (std::size_t b = 0; b < blocks.size(); ++b) slopes[b] -= blocks[b] * x;
+  }
+};
+
+/// Half widths of combinations, and their changes: as `Precision::moves`.
 struct Widths {
   VectorXd half;
   MatrixXd moves;
@@ -418,131 +506,40 @@ struct Widths {
 
 /// Returns the half widths of the 95 % intervals of C times the least-squares solution. They are
 /// the solution's changes when each block of time is left out, so correlated residuals count
-/// correctly. Student's quantile has the degrees of freedom of that sum of squares for a white
-/// residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for linear regression with
-/// multi-stage samples, Survey Methodology 28(2), 2002).
-Widths half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& C) {
-  const Eigen::Index length = residual.size() / blocks, p = J.cols();
-  const MatrixXd N = J.transpose() * J, inverse = numerics::inverse(N);
-  // Normal matrices of the blocks; solutions of the other blocks.
-  std::vector<MatrixXd> own, without;
-  MatrixXd moves(C.rows(), blocks);
-  for (Eigen::Index b = 0; b < blocks; ++b) {
-    const auto rows = J.middleRows(b * length, length);
-    own.emplace_back(rows.transpose() * rows);
-    without.emplace_back(numerics::inverse(N - own.back()) * C.transpose());
-    moves.col(b) =
-        without.back().transpose() * (rows.transpose() * residual.segment(b * length, length));
+/// correctly, and those by the prior. Student's quantile has the degrees of freedom of that sum of
+/// squares for a white residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for
+/// linear regression with multi-stage samples, Survey Methodology 28(2), 2002). The prior's
+/// variance is known and has no end of them (F. Satterthwaite, Biometrics Bulletin 2(6), 1946).
+Widths half_widths(const Normals& normals, const MatrixXd& C) {
+  const MatrixXd N = normals.whole(), inverse = numerics::inverse(N);
+  std::vector<MatrixXd> without;  // solutions of the other blocks
+  Widths result{VectorXd(C.rows()), MatrixXd(C.rows(), num_blocks + normals.prior.rows())};
+  for (Eigen::Index b = 0; b < num_blocks; ++b) {
+    const auto at = static_cast<std::size_t>(b);
+    without.emplace_back(numerics::inverse(N - normals.blocks[at]) * C.transpose());
+    result.moves.col(b) = without.back().transpose() * normals.slopes[at];
   }
-  VectorXd result(C.rows());
-  for (Eigen::Index i = 0; i < result.size(); ++i) {
-    MatrixXd seen(p, blocks), covariance = MatrixXd::Zero(blocks, blocks);
-    for (std::size_t b = 0; b < own.size(); ++b) {
+  result.moves.rightCols(normals.prior.rows()) =
+      normals.alike * C * inverse * normals.prior.transpose();
+  for (Eigen::Index i = 0; i < C.rows(); ++i) {
+    MatrixXd seen(N.rows(), num_blocks), covariance = MatrixXd::Zero(num_blocks, num_blocks);
+    for (std::size_t b = 0; b < normals.blocks.size(); ++b) {
       const auto at = static_cast<Eigen::Index>(b);
-      seen.col(at) = own[b] * without[b].col(i);
+      seen.col(at) = normals.blocks[b] * without[b].col(i);
       covariance(at, at) = seen.col(at).dot(without[b].col(i));
     }
     covariance -= seen.transpose() * inverse * seen;
-    const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm();
-    const double width = quantile(freedom) * moves.row(i).norm() * std::sqrt(1 - 1.0 / blocks);
-    result[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
-  }
-  return {std::move(result), std::move(moves)};
-}
-
-/// The normal matrix of scaled columns, split into what is determined and what is not.
-struct Determined {
-  MatrixXd scaled;   ///< J with columns of norm 1
-  VectorXd value;    ///< determined eigenvalues, ascending
-  MatrixXd vectors;  ///< their eigenvectors
-  MatrixXd free;     ///< projector onto the undetermined combinations
-
-  Determined(const MatrixXd& J, const VectorXd& norm) {
-    // Share of the largest eigenvalue that counts as zero: a condition of 3e4.
-    constexpr double zero = 1e-9;
-    scaled = J * norm.cwiseInverse().asDiagonal();
-    const auto [all, V] = numerics::symmetric_eigen(scaled.transpose() * scaled);
-    const Eigen::Index null = (all.array() < zero * all.maxCoeff()).count();
-    value = all.tail(all.size() - null);
-    vectors = V.rightCols(all.size() - null);
-    free = V.leftCols(null) * V.leftCols(null).transpose();
-  }
-
-  /// Returns the least-squares solution, zero in what is not determined.
-  [[nodiscard]] VectorXd solution(const VectorXd& y, const VectorXd& norm) const {
-    const VectorXd parts = (vectors.transpose() * (scaled.transpose() * y)).cwiseQuotient(value);
-    return (vectors * parts).cwiseQuotient(norm);
-  }
-
-  /// Returns the residual after least squares on the columns.
-  [[nodiscard]] VectorXd residual(const VectorXd& y) const {
-    const MatrixXd basis = scaled * vectors;
-    return y - basis * (basis.transpose() * y).cwiseQuotient(value);
-  }
-};
-
-/// Returns the numbers of the parameters that are not at their bound.
-std::vector<Eigen::Index> inside(Eigen::Index size, const std::vector<bool>& at_bound) {
-  std::vector<Eigen::Index> result;
-  for (Eigen::Index i = 0; i < size; ++i) {
-    if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) result.push_back(i);
+    const double by_blocks =
+        result.moves.row(i).head(num_blocks).squaredNorm() * (1 - 1.0 / num_blocks);
+    const double variance =
+        by_blocks + result.moves.row(i).tail(normals.prior.rows()).squaredNorm();
+    const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm() *
+                           std::pow(variance / std::max(1e-300, by_blocks), 2);
+    const double width = quantile(freedom) * std::sqrt(variance);
+    result.half[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
   }
   return result;
 }
-
-}  // namespace
-
-std::vector<bool> at_bound(const Parameters& parameters, const VectorXd& values) {
-  std::vector<bool> result;
-  for (Eigen::Index i = 0; i < values.size(); ++i) {
-    result.push_back(parameters.entries()[static_cast<std::size_t>(i)].not_negative &&
-                     values[i] <= 0);
-  }
-  return result;
-}
-
-Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual,
-                    const std::vector<bool>& at_bound) {
-  const Determined all(J, norm);
-  Precision result{VectorXd(J.cols()),
-                   all.value.size(),
-                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()),
-                   all.free,
-                   MatrixXd::Zero(J.cols(), blocks),
-                   {}};
-  const auto widths = [&](const Determined& of, const VectorXd& left, const MatrixXd& rows) {
-    return half_widths(of.scaled * of.vectors, left, rows);
-  };
-  std::vector<Eigen::Index> free = inside(J.cols(), at_bound);
-  if (!free.empty()) {
-    const Determined found(J(Eigen::all, free), norm(free));
-    const Widths widths_of_free = widths(found, residual, found.vectors);
-    result.half_width(free) = widths_of_free.half.cwiseQuotient(norm(free));
-    result.moves(free, Eigen::all) = norm(free).cwiseInverse().asDiagonal() * widths_of_free.moves;
-  }
-  for (Eigen::Index i = 0; i < J.cols(); ++i) {
-    if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) continue;
-    free.push_back(i);
-    const Determined found(J(Eigen::all, free), norm(free));
-    const MatrixXd last = found.vectors.bottomRows(1);
-    result.half_width[i] = widths(found, found.residual(residual), last).half[0] / norm[i];
-    free.pop_back();
-  }
-  return result;
-}
-
-double Precision::half_width_of(const VectorXd& combination) const {
-  double most = 1.96;
-  for (Eigen::Index i = 0; i < combination.size(); ++i) {
-    const double moved = moves.row(i).norm();
-    const double own = unsure.size() > 0 ? half_width[i] - std::abs(unsure[i]) : half_width[i];
-    if (combination[i] != 0 && moved > 0) most = std::max(most, own / moved);
-  }
-  const double by_unsure = unsure.size() > 0 ? std::abs(combination.dot(unsure)) : 0;
-  return most * (combination.transpose() * moves).norm() + by_unsure;
-}
-
-namespace {
 
 /// Returns the half width of a 95 % interval for a parameter that is known up to +-`by` if the
 /// interval without that is `width` (G. Imbens, C. Manski, Confidence intervals for partially
@@ -555,28 +552,129 @@ double widened(double width, double by) {
   return by + width * (one_sided + (1 - one_sided) * std::exp(-2 * deviations));
 }
 
-/// Computes which parameters are determined, alone or in sums, and how well.
-void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& result) {
-  VectorXd norm = rows.columns.colwise().norm().transpose();
-  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // smaller norms are rounding errors
-  const std::vector<bool> bounded = at_bound(parameters, result.values);
-  static_cast<Precision&>(result) =
-      precision(rows.columns, norm, rows.torque - rows.columns * result.values, bounded);
-  const std::vector<Eigen::Index> free = inside(norm.size(), bounded);
-  result.unsure = VectorXd::Zero(norm.size());
+/// Returns the numbers of the parameters that are not at their bound.
+std::vector<Eigen::Index> inside(Eigen::Index size, const std::vector<bool>& at_bound) {
+  std::vector<Eigen::Index> result;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) result.push_back(i);
+  }
+  return result;
+}
+
+/// Precision of some of the parameters, while the others are held.
+struct Part {
+  Widths widths;
+  VectorXd unsure;
+  std::vector<bool> by_prior;
+
+  /// @param kept numbers of these parameters
+  /// @param freed the last of them is at its bound in the estimate. The estimate is moved to where
+  /// it is free; the others' slopes with that of the prior are zero.
+  Part(Normals normals, const std::vector<Eigen::Index>& kept, bool freed) {
+    const MatrixXd all = MatrixXd::Identity(normals.rows.rows(), normals.rows.rows());
+    normals.transform(all(Eigen::all, kept));
+    const Determined found(normals.whole());
+    unsure = found.solution(normals.unsure);
+    if (freed) {
+      VectorXd slope = VectorXd::Zero(normals.slope.size());
+      slope.tail<1>() = normals.slope.tail<1>();
+      normals.move(found.solution(slope));
+    }
+    set_by_prior(normals, found);
+    normals.transform(found.vectors);
+    widths = half_widths(normals, found.vectors);
+  }
+
+ private:
+  void set_by_prior(const Normals& normals, const Determined& found) {
+    by_prior.assign(static_cast<std::size_t>(unsure.size()), false);
+    if (normals.prior.rows() == 0) return;
+    constexpr double larger = 4;  // variance without the prior
+    const Determined alone(normals.rows);
+    const VectorXd with = found.variances(), without = alone.variances();
+    for (Eigen::Index i = 0; i < with.size(); ++i) {
+      by_prior[static_cast<std::size_t>(i)] =
+          alone.free(i, i) > 1e-6 || without[i] > larger * with[i];
+    }
+  }
+};
+
+}  // namespace
+
+std::vector<bool> at_bound(const Parameters& parameters, const VectorXd& values) {
+  std::vector<bool> result;
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    result.push_back(parameters.entries()[static_cast<std::size_t>(i)].not_negative &&
+                     values[i] <= 0);
+  }
+  return result;
+}
+
+Precision precision(const MatrixXd& J, const VectorXd& residual, const std::vector<bool>& at_bound,
+                    const Prior& prior, const VectorXd& unsure) {
+  const Normals normals(J, residual, prior, unsure);
+  const Determined all(normals.rows);
+  Precision result{VectorXd(J.cols()),
+                   all.value.size(),
+                   std::sqrt(all.value.maxCoeff() / all.value.minCoeff()),
+                   all.free,
+                   MatrixXd::Zero(J.cols(), num_blocks + prior.rows.rows()),
+                   std::vector<bool>(static_cast<std::size_t>(J.cols())),
+                   VectorXd::Zero(J.cols())};
+  // Takes parameter i of the result from number `from` of a part.
+  const auto take = [&](const Part& part, Eigen::Index from, Eigen::Index i) {
+    result.unsure[i] = part.unsure[from];
+    result.half_width[i] = widened(part.widths.half[from], std::abs(result.unsure[i]));
+    result.by_prior[static_cast<std::size_t>(i)] = part.by_prior[static_cast<std::size_t>(from)];
+  };
+  std::vector<Eigen::Index> free = inside(J.cols(), at_bound);
   if (!free.empty()) {
-    result.unsure(free) =
-        Determined(rows.columns(Eigen::all, free), norm(free)).solution(rows.unsure, norm(free));
+    const Part part(normals, free, false);
+    for (std::size_t i = 0; i < free.size(); ++i) take(part, static_cast<Eigen::Index>(i), free[i]);
+    result.moves(free, Eigen::all) = part.widths.moves;
   }
-  for (Eigen::Index i = 0; i < norm.size(); ++i) {
-    result.half_width[i] = widened(result.half_width[i], std::abs(result.unsure[i]));
+  for (Eigen::Index i = 0; i < J.cols(); ++i) {
+    if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) continue;
+    free.push_back(i);
+    take(Part(normals, free, true), std::ssize(free) - 1, i);
+    result.unsure[i] = 0;
+    free.pop_back();
   }
-  result.sums.resize(static_cast<std::size_t>(norm.size()));
-  for (Eigen::Index i = 0; i < norm.size(); ++i) {
+  return result;
+}
+
+Fitted fitted(const MatrixXd& J, const VectorXd& y) {
+  Fitted result;
+  result.values = Determined(J.transpose() * J).solution(J.transpose() * y);
+  static_cast<Precision&>(result) = precision(J, y - J * result.values);
+  return result;
+}
+
+double Precision::half_width_of(const VectorXd& combination) const {
+  double most = 1.96;
+  for (Eigen::Index i = 0; i < combination.size(); ++i) {
+    const double moved = moves.row(i).norm();
+    const double own = half_width[i] - std::abs(unsure[i]);
+    if (combination[i] != 0 && moved > 0) most = std::max(most, own / moved);
+  }
+  return most * (combination.transpose() * moves).norm() + std::abs(combination.dot(unsure));
+}
+
+namespace {
+
+/// Computes which parameters are determined, alone or in sums, and how well.
+void set_intervals(const Weighted& rows, const Parameters& parameters, const Prior& prior,
+                   LeastSquares& result) {
+  static_cast<Precision&>(result) =
+      precision(rows.columns, rows.torque - rows.columns * result.values,
+                at_bound(parameters, result.values), prior, rows.unsure);
+  const Eigen::Index size = parameters.size();
+  result.sums.resize(static_cast<std::size_t>(size));
+  for (Eigen::Index i = 0; i < size; ++i) {
     if (result.free(i, i) < 1e-6) continue;
     result.half_width[i] = std::numeric_limits<double>::infinity();
     std::string& with = result.sums[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j < norm.size(); ++j) {
+    for (Eigen::Index j = 0; j < size; ++j) {
       if (j == i || std::abs(result.free(i, j)) < 0.2 * result.free(i, i)) continue;
       const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
       with += (with.empty() ? "" : ", ") + entry.name;
@@ -601,10 +699,13 @@ LeastSquares least_squares(const std::vector<Regression>& regressions, const Par
     const Weighted rows = weighted(regressions, weight, used);
     // Rows of one recording are as far apart as those of the others, if their loggers agree.
     const double alike = rows_alike(regressions.front());
-    result.values =
+    PossibleValues found =
         possible_values(rows.columns.transpose() * rows.columns / alike,
                         rows.columns.transpose() * rows.torque / alike, parameters, model);
-    if (pass + 1 == passes) set_intervals(rows, parameters, result);
+    result.values = std::move(found.values);
+    if (pass + 1 == passes) {
+      set_intervals(rows, parameters, {std::move(found.prior), alike}, result);
+    }
     VectorXd residual = VectorXd::Zero(n);
     for (const Regression& each : regressions) {
       residual = residual.cwiseMax(each.residual(result.values, used));

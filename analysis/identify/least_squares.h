@@ -61,17 +61,28 @@ double rows_alike(const Regression& regression);
 /// @param h period of the rows [s]
 Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h, double cutoff_hz = 15);
 
+/// Knowledge of the parameters besides the residual: `rows` times their error are independent
+/// numbers of standard deviation 1 (`possible_values`).
+struct Prior {
+  Eigen::MatrixXd rows;
+  double alike = 1;  ///< number of successive rows of the Jacobian that count as one (`rows_alike`)
+};
+
 /// The precision of a least-squares estimate.
 struct Precision {
   Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
-  /// Number of determined combinations: eigenvalues above 1e-9 of the largest.
+  /// Number of combinations that the residual determines: eigenvalues above 1e-9 of the largest.
   Eigen::Index rank = 0;
   /// Square root of the ratio of the largest to the least determined eigenvalue.
   double condition = 0;
-  Eigen::MatrixXd free;  ///< projector onto the undetermined combinations
-  /// Changes of the parameters when each block of time is left out, a column per block.
+  Eigen::MatrixXd free;  ///< projector onto the combinations that the residual does not determine
+  /// Changes of the parameters when each block of time is left out, a column per block, and after
+  /// them their changes by a standard deviation of each number of the prior.
   Eigen::MatrixXd moves;
-  /// Changes of the parameters by `Regression::unsure`, which `half_width` contains; empty: none.
+  /// True of parameters whose standard deviation would be more than twice as large without the
+  /// prior.
+  std::vector<bool> by_prior;
+  /// Changes of the parameters by `Regression::unsure`, which `half_width` contains.
   Eigen::VectorXd unsure;
 
   /// Returns the half width of a combination of the parameters. Its degrees of freedom are the
@@ -83,11 +94,20 @@ struct Precision {
 /// precision of the others. The half width of that parameter comes from an estimate in which it
 /// alone may leave its bound. The true value is then at most a half width from the bound.
 /// @param J Jacobian, rows in order of time
-/// @param norm norms of its columns, by which it is scaled
 /// @param residual in order of time
 /// @param at_bound parameters that are at their bound; empty: none is
-Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
-                    const Eigen::VectorXd& residual, const std::vector<bool>& at_bound = {});
+/// @param prior that the estimate used; no rows: none
+/// @param unsure deviations of the rows, which widen the intervals; empty: none
+Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& residual,
+                    const std::vector<bool>& at_bound = {}, const Prior& prior = {},
+                    const Eigen::VectorXd& unsure = {});
+
+/// Least squares without weights, bounds or a prior.
+struct Fitted : Precision {
+  Eigen::VectorXd values;
+};
+/// Fits the columns of J to y.
+Fitted fitted(const Eigen::MatrixXd& J, const Eigen::VectorXd& y);
 
 /// Returns which values are at the bound that `possible_values` keeps.
 std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& values);

@@ -31,9 +31,10 @@ struct Component {
 constexpr std::array<Component, 6> components = {
     {{0, 0, 4}, {0, 1, 7}, {0, 2, 8}, {1, 1, 5}, {1, 2, 9}, {2, 2, 6}}};
 
-Matrix3d matrix(const Load::Six& of) {
+Matrix3d matrix(const Load::Six& inertia) {
   Matrix3d I;
-  I << of[0], of[1], of[2], of[1], of[3], of[4], of[2], of[4], of[5];
+  I << inertia[0], inertia[1], inertia[2], inertia[1], inertia[3], inertia[4], inertia[2],
+      inertia[4], inertia[5];
   return I;
 }
 
@@ -42,8 +43,8 @@ Matrix3d matrix(const Load::Six& of) {
 struct Principal {
   Vector3d moments, angles;
 
-  explicit Principal(const Load::Six& of) {
-    const auto [values, vectors] = numerics::symmetric_eigen(matrix(of));
+  explicit Principal(const Load::Six& inertia) {
+    const auto [values, vectors] = numerics::symmetric_eigen(matrix(inertia));
     Matrix3d R = vectors;
     if (R.determinant() < 0) R.col(2) *= -1;
     moments = values;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/decompositions.h"
 #include "scenario/scenario.h"
 
 namespace tachless::identify {
@@ -63,7 +62,8 @@ Misfit of_torques(const JointRows& rows) {
     ++pairs;
   }
   Misfit result;
-  if (pairs < least_pairs || first <= 0 || second <= 0) return result;
+  result.tested = pairs >= least_pairs;
+  if (!result.tested || first <= 0 || second <= 0) return result;
   result.correlation = product / std::sqrt(first * second);
   result.found = result.correlation > torque_correlation &&
                  std::sqrt(first / static_cast<double>(pairs)) > least_torque * rows.peak;
@@ -85,11 +85,9 @@ double slow_friction(const JointRows& rows) {
   MatrixXd J(std::ssize(used), 3);
   const VectorXd v = rows.speed(used), sign = v.cwiseSign();
   J << v, sign, (v.array().abs() < slow_motion * largest).select(sign, 0);
-  const VectorXd residual = rows.residual(used);
-  const VectorXd x = numerics::inverse(J.transpose() * J) * (J.transpose() * residual);
-  const Precision found = precision(J, J.colwise().norm().transpose(), residual - J * x);
+  const Fitted found = fitted(J, rows.residual(used));
   const double least = std::max(least_widths * found.half_width[2], least_friction * rows.peak);
-  return std::abs(x[2]) > least ? x[2] : 0;
+  return std::abs(found.values[2]) > least ? found.values[2] : 0;
 }
 
 }  // namespace
@@ -99,6 +97,7 @@ std::vector<Misfit> worse(std::vector<Misfit> one, const std::vector<Misfit>& ot
   for (std::size_t i = 0; i < one.size(); ++i) {
     one[i].correlation = std::max(one[i].correlation, other[i].correlation);
     one[i].found = one[i].found || other[i].found;
+    one[i].tested = one[i].tested || other[i].tested;
     if (std::abs(other[i].slow_friction) > std::abs(one[i].slow_friction)) {
       one[i].slow_friction = other[i].slow_friction;
     }
@@ -158,7 +157,8 @@ TableAnswer table_answer(const std::vector<Regression>& regressions, const Param
   std::vector<RowUse> rows = rows_of(parameters, regressions.front().peak.size());
   TableAnswer result{least_squares(regressions, parameters, model, rows), {}};
   result.misfits = torque_misfits(regressions, parameters, result.values);
-  if (std::ranges::none_of(result.misfits, is_misfit)) return result;
+  const auto in_doubt = [](const Misfit& each) { return is_misfit(each) || !each.tested; };
+  if (std::ranges::none_of(result.misfits, in_doubt)) return result;
   for (RowUse& each : rows) {
     if (each == RowUse::fast) each = RowUse::all;
   }

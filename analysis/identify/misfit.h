@@ -14,6 +14,7 @@ namespace tachless::identify {
 struct Misfit {
   double correlation = 0;  ///< of the residual with itself a little later; white noise has 0
   bool found = false;      ///< the residual is too correlated and too large to be noise
+  bool tested = true;      ///< there are enough rows for the correlation
   /// Coulomb friction of slow motion minus Coulomb friction of fast motion, if both were recorded
   /// and differ [N m; N]; otherwise 0.
   double slow_friction = 0;
@@ -48,8 +49,9 @@ struct TableAnswer : LeastSquares {
 std::vector<RowUse> rows_of(const Parameters& parameters, Eigen::Index joints);
 
 /// Identifies from torques alone. The rows of `rows_of` give the answer. A misfit at any joint
-/// means that the friction of the arm differs from the model. All rows of the joints without
-/// further terms then count too, and the difference between the two answers widens the intervals.
+/// means that the friction of the arm differs from the model. A joint with too few rows for the
+/// test may have one too. All rows of the joints without further terms then count, and the
+/// difference between the two answers widens the intervals.
 TableAnswer table_answer(const std::vector<Regression>& regressions, const Parameters& parameters,
                          const robot::Model& model);
 

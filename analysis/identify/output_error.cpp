@@ -89,10 +89,9 @@ class Problem {
   void set_noise(const Residual& residual) {
     Eigen::Index at = 0;
     for (std::size_t i = 0; i < recordings_.size(); ++i) {
-      const Recording& of = recordings_[i];
-      const MatrixXd part =
-          residual.segment(at, of.q.size()).reshaped(of.q.cols(), of.q.rows()).transpose();
-      noise_[i] = part - low_passed(part, of.scenario.loop.period_s, noise_hz);
+      const MatrixXd& q = recordings_[i].q;
+      const MatrixXd part = residual.segment(at, q.size()).reshaped(q.cols(), q.rows()).transpose();
+      noise_[i] = part - low_passed(part, recordings_[i].scenario.loop.period_s, noise_hz);
       at += part.size();
     }
   }
@@ -193,7 +192,8 @@ MatrixXd simulated_residual(const Recording& recording, const Parameters& parame
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const VectorXd& start, const Report& report) {
   Problem problem(recordings, parameters);
-  Fit fit{start, {}, {}, 0, {}, {}};
+  Fit fit;
+  fit.values = start;
   Residual here = runs(problem.residual(fit.values));
   // Scale of a parameter: its start value, or a thousandth of the largest start value if that is
   // more.
@@ -212,17 +212,12 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
         problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
         spread);
     const Residual r = weighted(here, spread);
-    const VectorXd norm = J.colwise().norm().transpose();
-    const Precision found =
-        precision(J, norm.cwiseMax(1e-10 * norm.maxCoeff()), r, at_bound(parameters, fit.values));
-    fit.condition = found.condition;
-    fit.half_width = found.half_width;
-    fit.moves = found.moves;
+    const PossibleValues next =
+        possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r), parameters, model);
+    static_cast<Precision&>(fit) = precision(J, r, at_bound(parameters, fit.values), {next.prior});
     fit.residual = spread;
     fit.noise = problem.noise();
-    const VectorXd step = possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r),
-                                          parameters, model) -
-                          fit.values;
+    const VectorXd step = next.values - fit.values;
     left = step.cwiseAbs();
     double best = r.squaredNorm(), shrink = 1;
     bool moved = false;

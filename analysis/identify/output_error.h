@@ -13,12 +13,9 @@ namespace tachless::identify {
 
 /// The parameters with which the simulated loop reproduces the measured positions. The simulation
 /// runs the recorded law's own code.
-struct Fit {
+struct Fit : Precision {
   Eigen::VectorXd values;
-  Eigen::VectorXd half_width;  ///< half widths of the 95 % intervals
-  Eigen::MatrixXd moves;       ///< as `Precision::moves`
-  double condition = 0;        ///< condition number of the scaled normal matrix
-  Eigen::VectorXd residual;    ///< rms of measured minus simulated position, per joint [rad; m]
+  Eigen::VectorXd residual;  ///< rms of measured minus simulated position, per joint [rad; m]
   /// Encoder noise of each recording, for `simulated_residual`.
   std::vector<Eigen::MatrixXd> noise;
 };

@@ -209,7 +209,7 @@ Eigen::VectorXd Parameters::without_load(Eigen::VectorXd values) const {
   return values;
 }
 
-std::vector<double> Parameters::of(Kind kind, const Eigen::VectorXd& values) const {
+std::vector<double> Parameters::values_of(Kind kind, const Eigen::VectorXd& values) const {
   std::vector<double> found;
   for (Eigen::Index i = 0; i < size(); ++i) {
     if (entries_[static_cast<std::size_t>(i)].kind == kind) found.push_back(values[i]);
@@ -251,19 +251,19 @@ std::vector<std::string> Parameters::overrides(const scenario::Scenario& scenari
        {Kind::coulomb, "controller.friction.coulomb=[{:.6g}]"}}};
   std::vector<std::string> result;
   for (const auto& [kind, key] : keys) {
-    const std::vector<double> found = of(kind, values);
+    const std::vector<double> found = values_of(kind, values);
     if (!found.empty()) result.push_back(fmt::format(fmt::runtime(key), fmt::join(found, ", ")));
   }
-  const std::vector<double> coulomb = of(Kind::coulomb, values);
+  const std::vector<double> coulomb = values_of(Kind::coulomb, values);
   if (!coulomb.empty() && scenario.plant.drive.static_friction_Nm) {
     result.push_back(
         fmt::format("plant.drive.static_friction_Nm=[{:.6g}]", fmt::join(coulomb, ", ")));
   }
   add_terms_to(result, scenario, values);
-  for (const double mass : of(Kind::payload, values)) {
+  for (const double mass : values_of(Kind::payload, values)) {
     result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
   }
-  for (const double delay : controlled_ ? of(Kind::delay, values) : std::vector<double>()) {
+  for (const double delay : controlled_ ? values_of(Kind::delay, values) : std::vector<double>()) {
     const int whole = static_cast<int>(std::lround(delay)), own = scenario.loop.command_delay;
     result.push_back(fmt::format("loop.command_delay={}", std::min(whole, own)));
     result.push_back(

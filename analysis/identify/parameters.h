@@ -102,7 +102,7 @@ class Parameters {
  private:
   void add_terms_to(std::vector<std::string>& overrides, const scenario::Scenario& scenario,
                     const Eigen::VectorXd& values) const;
-  [[nodiscard]] std::vector<double> of(Kind kind, const Eigen::VectorXd& values) const;
+  [[nodiscard]] std::vector<double> values_of(Kind kind, const Eigen::VectorXd& values) const;
 
   std::vector<Entry> entries_;
   bool controlled_;

@@ -57,13 +57,13 @@ struct Shape {
 /// Returns the shape of a body. Adds to the inertia of a point, of nothing or of an impossible body
 /// until U exists.
 Shape shape_of(const robot::MassProperties& body) {
-  const Inertial of = inertial_of(body);
+  const Inertial own = inertial_of(body);
   Matrix3d I;
-  I << of[4], of[7], of[8], of[7], of[5], of[9], of[8], of[9], of[6];
+  I << own[4], own[7], own[8], own[7], own[5], own[9], own[8], own[9], own[6];
   Matrix4d P;
-  P << 0.5 * I.trace() * Matrix3d::Identity() - I, of.segment<3>(1), of.segment<3>(1).transpose(),
-      of[0];
-  if (of[0] < 1e-6) P(3, 3) = smallest;
+  P << 0.5 * I.trace() * Matrix3d::Identity() - I, own.segment<3>(1), own.segment<3>(1).transpose(),
+      own[0];
+  if (own[0] < 1e-6) P(3, 3) = smallest;
   constexpr double most = 1e30;  // far more than any finite matrix needs
   for (double more = 1e-6; more < most; more *= 2) {
     P.diagonal().head<3>().array() += more * P(3, 3) * smallest * smallest;
@@ -90,10 +90,22 @@ void hold(Index i, MatrixXd& H, VectorXd& slope) {
   slope[i] = 0;
 }
 
+/// Returns rows R with R'R = C^-1 for the covariance C = variance J J'. A link near the
+/// boundary of the possible ones has hardly any variance in some direction; a hundredth of each
+/// number's own standard deviation is added.
+MatrixXd rows_of_prior(const MatrixXd& J, double variance) {
+  constexpr double least = 1e-4;
+  MatrixXd C = variance * J * J.transpose();
+  C.diagonal() *= 1 + least;
+  const VectorXd unit = C.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LLT<MatrixXd> factor(unit.asDiagonal() * C * unit.asDiagonal());
+  return factor.matrixL().solve(MatrixXd(unit.asDiagonal()));
+}
+
 }  // namespace
 
-VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters& parameters,
-                         const robot::Model& model) {
+PossibleValues possible_values(const MatrixXd& N, const VectorXd& b, const Parameters& parameters,
+                               const robot::Model& model) {
   const Index size = b.size(), links = parameters.first(Kind::inertia);
   std::vector<Shape> shapes;
   VectorXd z = VectorXd::Zero(size), stiffness = VectorXd::Zero(size);
@@ -160,7 +172,16 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     if (small) break;
     damping /= 10;
   }
-  return values_at(z);
+  MatrixXd known = stiffness.cwiseSqrt().asDiagonal();
+  for_each_body([&](std::size_t i, Index from) {
+    known.block<10, 10>(from, from) =
+        rows_of_prior(shapes[i].derivative(z.segment<10>(from)), prior * prior);
+  });
+  std::vector<Index> rows;
+  for (Index i = 0; i < size; ++i) {
+    if (stiffness[i] > 0) rows.push_back(i);
+  }
+  return {values_at(z), known(rows, Eigen::all)};
 }
 
 }  // namespace tachless::identify

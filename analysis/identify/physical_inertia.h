@@ -11,11 +11,19 @@
 /// IEEE Robotics and Automation Letters 7(2), 2022).
 namespace tachless::identify {
 
+/// Values of the parameters, and how well they were known before.
+struct PossibleValues {
+  Eigen::VectorXd values;
+  /// Rows R of the prior at the values: it takes the numbers R times the error of the parameters
+  /// for independent, with standard deviation 1. Parameters without a prior have zero columns.
+  Eigen::MatrixXd prior;
+};
+
 /// Returns the values x that minimise x'N x / 2 - b'x. Parameters with
 /// `Parameters::Entry::not_negative` are at least zero, and every link is physically possible. Link
 /// parameters that torques do not determine stay near the model's values. For this the logarithms
 /// of masses and lengths have a prior with standard deviation one half.
-Eigen::VectorXd possible_values(const Eigen::MatrixXd& N, const Eigen::VectorXd& b,
-                                const Parameters& parameters, const robot::Model& model);
+PossibleValues possible_values(const Eigen::MatrixXd& N, const Eigen::VectorXd& b,
+                               const Parameters& parameters, const robot::Model& model);
 
 }  // namespace tachless::identify

@@ -20,8 +20,8 @@ constexpr double spike_torque = 0.5;     ///< share of the usual range
 constexpr double spike_neighbours = 5;
 
 /// Returns the value below which a share of the numbers is.
-double value_below(const VectorXd& of, double share) {
-  std::vector<double> sorted(of.begin(), of.end());
+double value_below(const VectorXd& values, double share) {
+  std::vector<double> sorted(values.begin(), values.end());
   const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
   std::ranges::nth_element(sorted, sorted.begin() + at);
   return sorted[static_cast<std::size_t>(at)];

@@ -77,16 +77,16 @@ struct Description {
 /// The table's rows: time, positions, torques.
 class Rows {
  public:
-  Rows(std::string_view text, const std::string& source, const Description& of)
-      : table_(text, source), source_(source), offset_(of.time_offset) {
-    columns_.push_back(table_.time_column(of.time_column, of.time_scale != 1));
-    for (const Columns* each : {&of.position, &of.torque}) {
+  Rows(std::string_view text, const std::string& source, const Description& description)
+      : table_(text, source), source_(source), offset_(description.time_offset) {
+    columns_.push_back(table_.time_column(description.time_column, description.time_scale != 1));
+    for (const Columns* each : {&description.position, &description.torque}) {
       for (const std::string& column : each->given) {
         columns_.push_back(table_.column_by_name_or_number(column));
       }
     }
     scale_ = Eigen::VectorXd(std::ssize(columns_));
-    scale_ << of.time_scale, of.position_scale, of.torque_scale;
+    scale_ << description.time_scale, description.position_scale, description.torque_scale;
     while (table_.next()) add_row();
   }
 

@@ -57,7 +57,7 @@ class Motion {
     step_ = std::max<Index>(1, std::lround(row_s / h));
   }
 
-  [[nodiscard]] Dependence of(const VectorXd& torque, Index joint) const {
+  [[nodiscard]] Dependence dependence_of(const VectorXd& torque, Index joint) const {
     const Index rows = (torque.size() - 2 * edge_) / step_;
     MatrixXd J(rows, 5);
     VectorXd tau(rows);
@@ -102,7 +102,8 @@ Reading reading_of(const Motion& motion, const MatrixXd& torques, double scale,
                    std::vector<Index> order) {
   Reading reading{scale, std::move(order), {}};
   for (Index j = 0; j < torques.cols(); ++j) {
-    reading.joints.push_back(motion.of(torques.col(reading.order[static_cast<std::size_t>(j)]), j));
+    reading.joints.push_back(
+        motion.dependence_of(torques.col(reading.order[static_cast<std::size_t>(j)]), j));
   }
   return reading;
 }
@@ -118,7 +119,8 @@ std::vector<Index> best_order(const Motion& motion, const MatrixXd& torques) {
   const Index n = torques.cols();
   MatrixXd explained(n, n);
   for (Index j = 0; j < n; ++j) {
-    for (Index k = 0; k < n; ++k) explained(j, k) = motion.of(torques.col(k), j).explained;
+    for (Index k = 0; k < n; ++k)
+      explained(j, k) = motion.dependence_of(torques.col(k), j).explained;
   }
   std::vector<Index> order(static_cast<std::size_t>(n));
   for (Index i = 0; i < n; ++i) {
@@ -132,11 +134,11 @@ std::vector<Index> best_order(const Motion& motion, const MatrixXd& torques) {
 }
 
 /// Returns the scale that a torque needs: 1, -1, or a unit's or gear's factor.
-double torque_scale(const Dependence& of, bool only_sign) {
-  if (std::abs(of.factor) < sure * of.deviation) return 1;
+double torque_scale(const Dependence& dependence, bool only_sign) {
+  if (std::abs(dependence.factor) < sure * dependence.deviation) return 1;
   // Another URDF's links may turn the sign of a joint that gravity hardly loads.
-  if (only_sign && of.by_urdf < clearly) return 1;
-  const double sign = of.factor < 0 ? -1 : 1, size = std::abs(of.factor);
+  if (only_sign && dependence.by_urdf < clearly) return 1;
+  const double sign = dependence.factor < 0 ? -1 : 1, size = std::abs(dependence.factor);
   if (only_sign || (size > least_factor && size < most_factor)) return sign;
   const double power = std::pow(10, std::round(std::log10(size)));
   // A torque of `factor` times the URDF's needs the reciprocal.
