@@ -8,6 +8,7 @@
 
 #include "base/failure.h"
 #include "base/schema.h"
+#include "design/far_start.h"
 
 namespace tachless::design {
 
@@ -46,6 +47,30 @@ std::pair<std::size_t, std::string> choice(const std::vector<Candidate>& candida
   return {scheduled, fmt::format("scheduled gains settle {:.2g} times as fast", slower)};
 }
 
+/// Returns scheduled gains within the default bandwidth, which is made smaller for a far start.
+Design with_default_bandwidth(const scenario::Scenario& scenario, DesignGoal goal,
+                              const linear::OnProgress& tell, const Beside& beside) {
+  for (double hz = default_bandwidth_hz;; hz *= 0.8) {
+    goal.bandwidth_hz = hz;
+    Design found = design(scenario, goal, tell, {}, beside);
+    const bool returns = returns_from_beside(scenario, found);
+    if (!returns && 0.8 * hz >= least_default_hz) continue;
+    if (!returns) {
+      found.warnings.push_back(
+          fmt::format("the torque limits keep the arm from coming back from {:g} rad beside its "
+                      "motion, with a bandwidth of {:.2g} Hz too",
+                      far_start_error, hz));
+    } else if (hz < default_bandwidth_hz) {
+      found.warnings.push_back(
+          fmt::format("the bandwidth is {:.2g} Hz in place of {:g}: with more, the torque limits "
+                      "keep the arm from coming back from {:g} rad beside its motion; with "
+                      "--bandwidth {:g} the gains are faster all the same",
+                      hz, default_bandwidth_hz, far_start_error, default_bandwidth_hz));
+    }
+    return found;
+  }
+}
+
 }  // namespace
 
 Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,
@@ -59,16 +84,15 @@ Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_
   Beside beside{.another_follows = true};
   for (auto at = comparison.candidates.rbegin(); at != comparison.candidates.rend(); ++at) {
     Candidate& candidate = *at;
-    DesignGoal wanted = goal;
-    if (candidate.structure == Structure::scheduled && !wanted.bandwidth_hz) {
-      wanted.bandwidth_hz = default_bandwidth_hz;
-    }
     const std::string name(base::name_of(candidate.structure));
+    const linear::OnProgress tell_of_it = [&](std::string_view what) {
+      tell(fmt::format("{} gains: {}", name, what));
+    };
+    const bool by_default = candidate.structure == Structure::scheduled && !goal.bandwidth_hz;
     try {
-      candidate.design = design(
-          candidate.scenario, wanted,
-          [&](std::string_view what) { tell(fmt::format("{} gains: {}", name, what)); }, {},
-          beside);
+      candidate.design = by_default
+                             ? with_default_bandwidth(candidate.scenario, goal, tell_of_it, beside)
+                             : design(candidate.scenario, goal, tell_of_it, {}, beside);
       beside.settling_s = candidate.design->loop.modes.settling_s;
     } catch (const base::Failure& failure) {
       if (failure.code() != base::ExitCode::check_said_no) throw;

@@ -30,6 +30,8 @@ std::string_view law_of(Structure structure);
 /// Resonances of gears and bandwidths of current loops, which a URDF does not state, are above this
 /// frequency.
 inline constexpr double default_bandwidth_hz = 10;
+/// The default bandwidth is not made smaller than this for a far start [Hz].
+inline constexpr double least_default_hz = 2;
 
 /// Result of the search for gains of one structure.
 struct Candidate {
@@ -47,7 +49,9 @@ struct Comparison {
 };
 
 /// Designs diagonal and scheduled gains, and chooses between them. Scheduled gains are the default.
-/// They are at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. Diagonal
+/// They are at most as fast as `default_bandwidth_hz` unless the goal has a bandwidth. The default
+/// is a fifth smaller, again and again, while the torque limits keep the arm from coming back from
+/// a far start (`returns_from_beside`). A warning of the design says so. Diagonal
 /// gains are chosen under three conditions. They settle at most a tenth later. They keep the margin
 /// over the range of the joints. Friction stops no joint far from its goal.
 /// @param scenario_with returns the scenario with the law of a structure

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "design/design.h"
+
+namespace tachless::design {
+
+/// Error of the start from which an arm has to come back [rad; m]. A joint with a shorter range
+/// starts a quarter of its range beside the motion.
+inline constexpr double far_start_error = 0.3;
+
+/// Returns whether the arm comes back from a start beside its motion, with the designed gains. All
+/// joints start `far_start_error` from the motion's start, towards the middle of their ranges.
+/// Torque limits are those of the scenario. A run without a bus and without Simbody decides: the
+/// arm is lost where an error exceeds three times the largest error of the start, where the last
+/// error is no smaller than half of it, or where the plant stops the run.
+bool returns_from_beside(const scenario::Scenario& scenario, const Design& design);
+
+}  // namespace tachless::design
