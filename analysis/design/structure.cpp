@@ -50,25 +50,24 @@ std::pair<std::size_t, std::string> choice(const std::vector<Candidate>& candida
 /// Returns scheduled gains within the default bandwidth, which is made smaller for a far start.
 Design with_default_bandwidth(const scenario::Scenario& scenario, DesignGoal goal,
                               const linear::OnProgress& tell, const Beside& beside) {
-  for (double hz = default_bandwidth_hz;; hz *= 0.8) {
+  goal.bandwidth_hz = default_bandwidth_hz;
+  Design usual = design(scenario, goal, tell, {}, beside);
+  if (returns_from_beside(scenario, usual)) return usual;
+  for (double hz = 0.8 * default_bandwidth_hz; hz >= least_default_hz; hz *= 0.8) {
     goal.bandwidth_hz = hz;
-    Design found = design(scenario, goal, tell, {}, beside);
-    const bool returns = returns_from_beside(scenario, found);
-    if (!returns && 0.8 * hz >= least_default_hz) continue;
-    if (!returns) {
-      found.warnings.push_back(
-          fmt::format("the torque limits keep the arm from coming back from {:g} rad beside its "
-                      "motion, with a bandwidth of {:.2g} Hz too",
-                      far_start_error, hz));
-    } else if (hz < default_bandwidth_hz) {
-      found.warnings.push_back(
-          fmt::format("the bandwidth is {:.2g} Hz in place of {:g}: with more, the torque limits "
-                      "keep the arm from coming back from {:g} rad beside its motion; with "
-                      "--bandwidth {:g} the gains are faster all the same",
-                      hz, default_bandwidth_hz, far_start_error, default_bandwidth_hz));
-    }
-    return found;
+    Design slower = design(scenario, goal, tell, {}, beside);
+    if (!returns_from_beside(scenario, slower)) continue;
+    slower.warnings.push_back(fmt::format(
+        "the bandwidth is {:.2g} Hz in place of {:g}: with more, the torque limits keep the arm "
+        "from coming back from {:g} rad beside its motion; --bandwidth {:g} takes the faster gains",
+        hz, default_bandwidth_hz, far_start_error, default_bandwidth_hz));
+    return slower;
   }
+  usual.warnings.push_back(fmt::format(
+      "the torque limits keep the arm from coming back from {:g} rad beside its motion, "
+      "with any bandwidth from {:g} to {:g} Hz: start it near its motion",
+      far_start_error, least_default_hz, default_bandwidth_hz));
+  return usual;
 }
 
 }  // namespace
