@@ -261,6 +261,11 @@ TEST_F(MitArm, StopsWithTheNameOfASilentMotor) {
   const scenario::Scenario s = scenario({"loop.max_missed=300", "loop.duration_s=5"});
   const Outcome outcome = run(s, {.motor = 1, .after = 50, .silent = true});
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  // A process that sleeps over the tick in which the driver would stop is stopped by the loop.
+  if (outcome.fault.find("woke up to") != std::string::npos ||
+      outcome.fault.find("made no progress") != std::string::npos) {
+    GTEST_SKIP() << "this machine stood still: " << outcome.fault;
+  }
   EXPECT_THAT(outcome.fault, HasSubstr("all motors but motor 2 of joint 2 (elbow) answered on "));
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cmath>
 #include <exception>
 #include <thread>
@@ -269,22 +270,32 @@ plant::ArmState MitDriver::read() {
 }
 
 void MitDriver::count_silence() {
+  const auto now = Clock::now();
   std::size_t silent = 0;
   const Motor* longest = nullptr;
+  // By the clock, because a late process leaves ticks out, which the loop counts as missed too.
+  const auto ticks = [&](const Motor& motor) {
+    return 1 + std::llround(std::chrono::duration<double>(now - *motor.silent_since).count() /
+                            scenario_.loop.period_s);
+  };
   for (Motor& motor : motors_) {
     ++expected_;
-    motor.silent = motor.answered ? 0 : motor.silent + 1;
     motor.lost += motor.answered ? 0 : 1;
     motor.hottest = std::max(motor.hottest, motor.answer.temperature);
-    if (motor.silent <= scenario_.loop.max_missed) continue;
+    if (motor.answered) {
+      motor.silent_since.reset();
+      continue;
+    }
+    if (!motor.silent_since) motor.silent_since = now;
+    if (ticks(motor) <= scenario_.loop.max_missed) continue;
     ++silent;
-    if (longest == nullptr || motor.silent > longest->silent) longest = &motor;
+    if (longest == nullptr || *motor.silent_since < *longest->silent_since) longest = &motor;
   }
   if (longest == nullptr || stopped_) return;
   throw stopped(
       "{} answered on {} in the last {} ticks: see {}",
       silent == motors_.size() && silent > 1 ? "no motor" : "all motors but " + longest->label,
-      bus_.name(), longest->silent,
+      bus_.name(), ticks(*longest),
       silent == motors_.size() ? "the drives' power, the cable and the bit rate"
                                : "its power and its plug");
 }

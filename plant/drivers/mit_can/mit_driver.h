@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -117,7 +118,8 @@ class MitDriver final : public plant::DriveLoopDriver {
     std::string label;  ///< "motor 3 (elbow)"
     Answer answer;
     bool answered = false;
-    int silent = 0;  ///< ticks in a row without an answer
+    /// First reading without an answer since the last answer; nothing: it answered.
+    std::optional<base::Clock::time_point> silent_since;
     std::int64_t lost = 0;
     double hottest = 0;
     Setpoint brake;
