@@ -50,10 +50,11 @@ std::pair<std::size_t, std::string> choice(const std::vector<Candidate>& candida
 /// Returns scheduled gains within the default bandwidth, which is made smaller for a far start.
 Design with_default_bandwidth(const scenario::Scenario& scenario, DesignGoal goal,
                               const linear::OnProgress& tell, const Beside& beside) {
+  constexpr double smaller = 0.8;
   goal.bandwidth_hz = default_bandwidth_hz;
   Design usual = design(scenario, goal, tell, {}, beside);
   if (returns_from_beside(scenario, usual)) return usual;
-  for (double hz = 0.8 * default_bandwidth_hz; hz >= least_default_hz; hz *= 0.8) {
+  for (double hz = smaller * default_bandwidth_hz; hz >= least_default_hz; hz *= smaller) {
     goal.bandwidth_hz = hz;
     Design slower = design(scenario, goal, tell, {}, beside);
     if (!returns_from_beside(scenario, slower)) continue;

@@ -237,6 +237,7 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
                 std::move(regressions),
                 {}};
   const Fit fit = output_error(recordings, parameters, answer.values, report);
+  // The rank stays that of the regression, as the sums are.
   const Eigen::Index rank = answer.rank;
   static_cast<Precision&>(answer) = fit;
   answer.rank = rank;

@@ -135,11 +135,15 @@ struct Constant {
     if (positive) coupling = of_rotors.matrixL().solve(MatrixXd(decrease(rotors, links)));
   }
 
-  /// Returns the links' corner of a matrix with the rotors eliminated. Precondition: `positive`.
-  [[nodiscard]] MatrixXd reduced(const MatrixXd& Mm) const {
+  /// Returns the Cholesky factor of the links' corner of a matrix with the rotors eliminated.
+  /// Returns nothing if the matrix is not positive definite.
+  [[nodiscard]] std::optional<Eigen::LLT<MatrixXd>> factor(const MatrixXd& Mm) const {
+    if (!positive) return {};
     MatrixXd corner = Mm(links, links);
     if (!rotors.empty()) corner.noalias() -= coupling.transpose() * coupling;
-    return corner;
+    Eigen::LLT<MatrixXd> found(corner);
+    if (found.info() != Eigen::Success) return {};
+    return found;
   }
   /// Returns the states of all coordinates for columns of the links', with the rotors where they
   /// make the quadratic form least.
@@ -204,10 +208,9 @@ std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const Erro
     const MatrixXd Cd = combined(inertia.C, system.v_ref)[0];
     return at_rest + decrease_of_coriolis(system, weights, Cd);
   }
-  if (!constant.positive) return {};
-  const Eigen::LLT<MatrixXd> llt(constant.reduced(at_rest));
-  if (llt.info() != Eigen::Success) return {};
-  const MatrixXd L = llt.matrixL();
+  const auto factor = constant.factor(at_rest);
+  if (!factor) return {};
+  const MatrixXd L = factor->matrixL();
   const MatrixXd root =
       root_of_coriolis(L, weights.of(system.num_links()), combined(inertia.C, condition.v_scale));
   at_rest(constant.links, constant.links) -= condition.B_d * (L * root * L.transpose());
@@ -224,12 +227,11 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
               MatrixXd* states = nullptr) {
   const Index n = system.num_links();
   const auto F = decrease_at(condition, system, weights, inertia, constant);
-  if (!F || !constant.positive) return 0;
-  const Eigen::LLT<MatrixXd> llt(constant.reduced(*F));
-  if (llt.info() != Eigen::Success) return 0;
+  const auto factor = F ? constant.factor(*F) : std::nullopt;
+  if (!factor) return 0;
   // F - rho E D E' > 0 exactly when rho lambda_max(H' D H) < 1, H H' = E' F^-1 E.
   const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
-  const Eigen::LLT<MatrixXd> root(llt.solve(E).bottomRows(n));
+  const Eigen::LLT<MatrixXd> root(factor->solve(E).bottomRows(n));
   const MatrixXd H = root.matrixL();
   MatrixXd sum = MatrixXd::Zero(n, n);
   for (const MatrixXd& C : coriolis_of_delta(inertia, constant.of_delta)) {
@@ -238,7 +240,7 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
   }
   if (states != nullptr) {
     const MatrixXd u = numerics::symmetric_eigen(sum).vectors.rightCols(std::min(few, n));
-    *states = constant.states(llt.solve(E * root.matrixU().solve(u)));
+    *states = constant.states(factor->solve(E * root.matrixU().solve(u)));
   }
   const double largest = std::sqrt(std::max(0.0, numerics::largest_eigenvalue(sum))) +
                          numerics::largest_eigenvalue(H.transpose() * constant.slack.delta * H);
@@ -267,11 +269,10 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
   if (!certified) F = constant.decrease + decrease_of_inertia(system, weights, inertia.M);
   if (certified && rho != 0) {
     // After the congruence by which rho is found: positive inside of it.
-    if (!constant.positive) return -infinity;
-    const Eigen::LLT<MatrixXd> llt(constant.reduced(*F));
-    if (llt.info() != Eigen::Success) return -infinity;
+    const auto factor = constant.factor(*F);
+    if (!factor) return -infinity;
     const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
-    const Eigen::LLT<MatrixXd> root(llt.solve(E).bottomRows(n));
+    const Eigen::LLT<MatrixXd> root(factor->solve(E).bottomRows(n));
     std::vector<MatrixXd> of_delta;
     for (const MatrixXd& C : coriolis_of_delta(inertia, constant.of_delta)) {
       of_delta.push_back(root.matrixU() * C * root.matrixL());
@@ -358,10 +359,22 @@ struct Level {
   [[nodiscard]] double value() const { return w > 0 ? rho.value * rho.value / (2 * w) : infinity; }
 };
 
-std::optional<Level> level_of(const MatrixCondition& condition, const Weights& weights) {
-  Level result;
+/// Returns the constant parts of the condition for each of its systems.
+std::vector<Constant> constants_of(const MatrixCondition& condition, const Weights& weights) {
+  std::vector<Constant> result;
   for (const ErrorSystem& system : condition.systems) {
-    const Constant constant(condition, system, weights);
+    result.emplace_back(condition, system, weights);
+  }
+  return result;
+}
+
+/// @param constants as of `constants_of`
+std::optional<Level> level_of(const MatrixCondition& condition, const Weights& weights,
+                              const std::vector<Constant>& constants) {
+  Level result;
+  for (std::size_t i = 0; i < constants.size(); ++i) {
+    const ErrorSystem& system = condition.systems[i];
+    const Constant& constant = constants[i];
     const numerics::Extreme rho = condition.postures.smallest(
         [&](const numerics::Inertia& inertia, double /*enough*/) {
           return rho_at(condition, system, weights, inertia, constant);
@@ -383,16 +396,17 @@ MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights) {
 }
 
 double MatrixCondition::level(const Weights& weights) const {
-  const auto found = level_of(*this, weights);
+  const auto found = level_of(*this, weights, constants_of(*this, weights));
   return found ? found->value() : -infinity;
 }
 
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
-  const auto level = level_of(*this, weights);
+  const std::vector<Constant> constants = constants_of(*this, weights);
+  const auto level = level_of(*this, weights, constants);
   if (!level) return {};
   Shape V;
-  for (const ErrorSystem& system : systems) {
-    auto shape = shape_of(*this, system, weights, slack_of(*this, system, weights));
+  for (std::size_t i = 0; i < systems.size(); ++i) {
+    auto shape = shape_of(*this, systems[i], weights, constants[i].slack);
     if (!shape) return {};
     V.alpha_2 = std::max(V.alpha_2, shape->alpha_2);
     V.inertia = shape->inertia;  // does not depend on the gains

@@ -90,8 +90,9 @@ class Proof {
       const double curvature = postures_.chord_factor * h.order * h.order;
       std::vector<MatrixXd> of_v, of_delta;
       for (const numerics::Inertia* part : {&h.cosine, &h.sine}) {
-        for (const MatrixXd& C : numerics::coriolis_along(part->C, loop_.v_scale))
+        for (const MatrixXd& C : numerics::coriolis_along(part->C, loop_.v_scale)) {
           of_v.push_back(of_coriolis(C));
+        }
         for (const MatrixXd& C : numerics::coriolis_along(part->C, of_delta_)) {
           of_delta.push_back(symmetric_part(C));
         }
@@ -153,8 +154,9 @@ class Proof {
     const Eigen::LLT<MatrixXd> llt(at_rest);
     if (llt.info() != Eigen::Success) return {};
     std::vector<MatrixXd> of_v;
-    for (const MatrixXd& C : numerics::coriolis_along(inertia.C, loop_.v_scale))
+    for (const MatrixXd& C : numerics::coriolis_along(inertia.C, loop_.v_scale)) {
       of_v.push_back(of_coriolis(C));
+    }
     if (of_v.empty()) return at_rest;
     MatrixXd least = at_rest - bound_of(of_v, llt.matrixL());
     if (Eigen::LLT<MatrixXd>(least).info() != Eigen::Success) return {};

@@ -165,6 +165,13 @@ void Tally::add(const Hidden& arm, const std::string& what) {
   }
 }
 
+/// No statement is wrong, and no arm came near a limit of its speed or far from its start.
+void expect_right_and_safe(const Tally& tally) {
+  EXPECT_THAT(tally.wrong, testing::IsEmpty());
+  EXPECT_LT(tally.fastest, 0.12);
+  EXPECT_LT(tally.farthest, 0.03);
+}
+
 /// Returns the number of an environment variable, or `other`.
 int number_of(const char* name, int other) {
   const char* text = std::getenv(name);
@@ -212,12 +219,10 @@ TEST(Commission, NamesTheFaultsOfAdverseArmsAndIsSafe) {
               fmt::format("arm {}, {}, {}: ", arm, kind.scenario, base::name_of(fault)));
   }
   std::cout << tally.text() << "\n";
-  EXPECT_THAT(tally.wrong, testing::IsEmpty());
   // 28 of 35 of 60 arms. Not named: joints that gravity loads lightly and whose torque is reversed,
   // and springs that a fall hides.
   EXPECT_GE(tally.named, 0.7 * tally.to_name);
-  EXPECT_LT(tally.fastest, 0.12);
-  EXPECT_LT(tally.farthest, 0.03);
+  expect_right_and_safe(tally);
 }
 
 TEST(Commission, DeterminesTheShippedArmsWhereTheyBegin) {
@@ -271,10 +276,8 @@ TEST(Commission, DeterminesAnArmWithCoarseTorquesWhoseMeanIsRight) {
     hidden.more.carries = carries;
     Tally tally;
     tally.add(hidden, "coarse torques: ");
-    EXPECT_THAT(tally.wrong, testing::IsEmpty());
     EXPECT_EQ(tally.open == 0, carries) << tally.text();
-    EXPECT_LT(tally.fastest, 0.12);
-    EXPECT_LT(tally.farthest, 0.03);
+    expect_right_and_safe(tally);
   }
 }
 
@@ -292,9 +295,7 @@ TEST(Commission, RunsAtSevenPosturesOfAnFr3) {
     Tally tally;
     tally.add(hidden, fmt::format("fr3 at {}: ", posture));
     std::cout << posture << ": " << tally.text() << "\n";
-    EXPECT_THAT(tally.wrong, testing::IsEmpty());
-    EXPECT_LT(tally.fastest, 0.12);
-    EXPECT_LT(tally.farthest, 0.03);
+    expect_right_and_safe(tally);
   }
 }
 
@@ -309,12 +310,10 @@ TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
               fmt::format("arm {}, {}: ", arm, kind.scenario));
   }
   std::cout << tally.text() << "\n";
-  EXPECT_THAT(tally.wrong, testing::IsEmpty());
   // 650 statements of 60 arms are right, 454 not determined: most of these are of arms whose signs
   // the fall leaves open, so that no torque is known to hold them.
   EXPECT_GE(tally.right, tally.open);
-  EXPECT_LT(tally.fastest, 0.12);
-  EXPECT_LT(tally.farthest, 0.03);
+  expect_right_and_safe(tally);
 }
 
 /// Their drivers add what a step of the torque leaves over in the next tick. Without that, a scale
@@ -332,9 +331,7 @@ TEST(Commission, IsRightAboutHiddenArmsWithCoarseTorques) {
     tally.add(hidden, fmt::format("coarse arm {}, {}: ", arm, kind.scenario));
   }
   std::cout << tally.text() << "\n";
-  EXPECT_THAT(tally.wrong, testing::IsEmpty());
-  EXPECT_LT(tally.fastest, 0.12);
-  EXPECT_LT(tally.farthest, 0.03);
+  expect_right_and_safe(tally);
 }
 
 }  // namespace
