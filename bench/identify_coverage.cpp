@@ -2,7 +2,7 @@
 // often a right model is called wrong. docs/identification.md has the numbers.
 //
 //   identify_coverage KIND ARMS [FIRST [tools]]   KIND: exact, aligned, noise, late, terms
-//   (tables), log, noisy_log
+//   (tables), log, noisy_log, log_terms
 //
 // With `tools` each arm is an iiwa 7 with a tool, whose mass, centre of mass and inertia are
 // unknown.
@@ -35,8 +35,8 @@ using namespace tachless::identify;
 /// means around the instants of a run, those with 1 % of noise, or the commands, which act a tick
 /// later and are held over it. Terms are the means of arms half of whose joints have a rise of
 /// friction or friction that grows with the load. A noisy log's encoders have up to 2e-4 rad of
-/// noise.
-enum class Data { exact, aligned, noise, late, terms, log, noisy_log };
+/// noise. Logs with terms are of such arms.
+enum class Data { exact, aligned, noise, late, terms, log, noisy_log, log_terms };
 
 /// Returns the table of a motion with the torques that it takes exactly, at 200 Hz. Only positions
 /// are rounded, to the encoders' counts.
@@ -153,6 +153,23 @@ struct Campaign {
     }
   }
 
+  /// Returns the kind under which a number of the arm counts. Joints with a term of friction that
+  /// was not found count by themselves.
+  static std::string kind_of(const Identified& found, const Identified::Parameter& number,
+                             const plant::DriveSpec& drive) {
+    std::string kind(kind_names[static_cast<std::size_t>(number.entry.kind)]);
+    const Eigen::Index joint = number.entry.joint;
+    if (joint < 0) return kind;
+    const auto is_found = [&](Kind term) {
+      return std::ranges::any_of(found.parameters, [&](const Identified::Parameter& each) {
+        return each.entry.kind == term && each.entry.joint == joint;
+      });
+    };
+    const bool all_found = (drive.friction_rise_Nm[joint] == 0 || is_found(Kind::rise)) &&
+                           (drive.load_friction[joint] == 0 || is_found(Kind::load_friction));
+    return all_found ? kind : kind + " where a term was not found";
+  }
+
   /// Counts the terms of friction that were found, and their intervals.
   void add_terms(const Identified& found, const plant::DriveSpec& drive, const std::string& arm) {
     terms += static_cast<int>((drive.friction_rise_Nm.array() != 0).count() +
@@ -174,7 +191,8 @@ struct Campaign {
 
   void add(unsigned seed) {
     std::mt19937 random(seed + 77000);
-    const bool is_log = data == Data::log || data == Data::noisy_log;
+    const bool is_log = data == Data::log || data == Data::noisy_log || data == Data::log_terms;
+    const bool has_terms = data == Data::terms || data == Data::log_terms;
     const char* const robot = seed % 3 != 2 && !tools ? "practical_rigid" : "iiwa_point_to_point";
     const std::string bits = std::to_string(is_log ? 14 + 2 * (seed % 4) : 16 + 2 * (seed % 4 % 3));
     scenario::Scenario believed = identify::scenario(robot, bits, 15);
@@ -184,10 +202,10 @@ struct Campaign {
     const Parameters parameters(believed, all);
     Eigen::VectorXd truth = draw_truth(believed, parameters, random);
     robot::MassProperties tool;
-    // Friction by the load is a share of the known robot's gravity torque.
+    // In tables friction by the load is a share of the known robot's gravity torque.
     const bool has_payload = !tools && data != Data::terms;
     if (!has_payload) truth[truth.size() - 1] = believed.plant.payload.mass_kg = 0;
-    if (data == Data::terms) {
+    if (has_terms) {
       constexpr double larger = 5;  // real arms have more friction
       truth.segment(parameters.first(Kind::coulomb), believed.num_joints) *= larger;
     }
@@ -200,7 +218,7 @@ struct Campaign {
       plant.model = std::make_shared<robot::Model>(
           robot::with_payload(*plant.model, tool, believed.plant.payload.link));
     }
-    if (data == Data::terms) draw_terms(plant.plant.drive, random);
+    if (has_terms) draw_terms(plant.plant.drive, random);
     Recording run =
         data == Data::exact ? exact_table(believed, plant, seed) : record(believed, plant);
     std::vector<Kind> unknown = all;
@@ -217,11 +235,11 @@ struct Campaign {
     const Eigen::Index own = truth.size() - (has_payload ? 0 : 1);
     for (Eigen::Index i = 0; i < own; ++i) {
       const Identified::Parameter& each = found.parameters[static_cast<std::size_t>(i)];
-      count(std::string(kind_names[static_cast<std::size_t>(each.entry.kind)]),
-            arm + each.entry.name, std::abs(each.value - truth[i]), each.half_width, truth[i]);
+      count(kind_of(found, each, plant.plant.drive), arm + each.entry.name,
+            std::abs(each.value - truth[i]), each.half_width, truth[i]);
     }
     if (tools) add_tool(tool, *found.load, arm);
-    if (data == Data::terms) add_terms(found, plant.plant.drive, arm);
+    add_terms(found, plant.plant.drive, arm);
   }
 
   void print() {
@@ -236,10 +254,8 @@ struct Campaign {
     }
     fmt::print(" all {} of {}, {:.1f} %; joints called wrong: {}\n", held, of, 100.0 * held / of,
                called_wrong);
-    if (data == Data::terms) {
-      fmt::print("{} terms of friction: {} found, {} where there is none\n", terms, terms_found,
-                 terms_wrong);
-    }
+    fmt::print("{} terms of friction: {} found, {} where there is none\n", terms, terms_found,
+               terms_wrong);
     std::fflush(stdout);
   }
 };
@@ -247,8 +263,8 @@ struct Campaign {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr std::array<std::string_view, 7> names = {"exact", "aligned", "noise",    "late",
-                                                     "terms", "log",     "noisy_log"};
+  constexpr std::array<std::string_view, 8> names = {"exact", "aligned", "noise",     "late",
+                                                     "terms", "log",     "noisy_log", "log_terms"};
   const auto* const found =
       argc > 2 ? std::ranges::find(names, std::string_view(argv[1])) : names.end();
   if (found == names.end()) {

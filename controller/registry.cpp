@@ -139,7 +139,7 @@ law::Settings law_settings(const scenario::Scenario& scenario) {
   settings.friction = scenario.controller.friction;
   settings.torque_limit = scenario.plant.drive.torque_limit_Nm.value_or(Vector());
   if (scenario.controller.feedforward_lead == controller::FeedforwardLead::half_tick_plus_delay) {
-    settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
+    settings.feedforward_lead_s = (0.5 + settings.command_delay) * settings.period_s;
   }
   // A rounding error is distributed uniformly over one count, so its variance is a twelfth of the
   // count's square.
@@ -163,8 +163,8 @@ bool has_torque_limits(const scenario::Scenario& scenario) {
 
 void require_compatible(const scenario::Scenario& scenario, const LawFacts& law) {
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
-    const auto rigid =
-        names_of<LawFacts>(laws(), [](const LawFacts& of) { return !of.needs_flexible_joints; });
+    const auto rigid = names_of<LawFacts>(
+        laws(), [](const LawFacts& each) { return !each.needs_flexible_joints; });
     throw scenario.complaint(
         "controller.law",
         fmt::format("{} needs flexible joints, and the joints are rigid; give "

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/failure.h"
+#include "base/json_text.h"
 #include "base/text.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
@@ -22,7 +23,7 @@ struct fmt::formatter<nlohmann::json> : fmt::formatter<std::string> {
   template <class Context>
   auto format(const nlohmann::json& value, Context& context) const {
     return fmt::formatter<std::string>::format(
-        value.is_string() ? value.get<std::string>() : value.dump(), context);
+        value.is_string() ? value.get<std::string>() : tachless::base::json_text(value), context);
   }
 };
 
@@ -228,7 +229,7 @@ std::string ranges(const json& missing_ticks) {
       parts.emplace_back("...");
       break;
     }
-    parts.push_back(range[0] == range[1] ? range[0].dump()
+    parts.push_back(range[0] == range[1] ? base::json_text(range[0])
                                          : fmt::format("{}-{}", range[0], range[1]));
   }
   return base::joined(parts);
@@ -310,9 +311,9 @@ std::string channels_text(const json& info) {
     const json& rate = channel["rate_hz"];
     const std::string type = channel["type"].is_null() ? "not ours" : channel["type"];
     const json& others = channel["other_type"];
-    rows.push_back({channel["channel"], channel["messages"].dump(),
+    rows.push_back({channel["channel"], base::json_text(channel["messages"]),
                     rate.is_null() ? "-" : fmt::format("{:.6g}", rate.get<double>()),
-                    channel["bytes"].dump(), seconds(channel["longest_silence_us"]),
+                    base::json_text(channel["bytes"]), seconds(channel["longest_silence_us"]),
                     type + (others == 0 ? "" : fmt::format(" ({} of another type)", others))});
   }
   std::string text = "\n" + base::table(rows, "lrrrrl");

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string_view>
@@ -32,19 +34,87 @@ struct Entry {
   Json value;
   std::string text;
 };
+/// The lines of the short page, in their order.
+enum class Line {
+  sampled_loop,
+  margins,
+  margins_of_drives,
+  host_delay,
+  count_of_drives,
+  missed_commands,
+  friction,
+  not_counted,
+  reference,
+  region,
+  globally
+};
+constexpr std::array<std::string_view, 11> line_labels{
+    "sampled loop",    "margins",          "margins of drives", "host delay",
+    "count of drives", "missed commands",  "friction",          "not counted",
+    "reference",       "certified region", "globally"};
+
 struct Group {
   std::string_view key;
   std::string heading;
   std::vector<Entry> entries;
+  std::map<Line, std::string> lines{};  ///< of the short page
 
   void add(std::string_view name, std::string_view label, Json value, std::string text) {
     entries.push_back({name, label, std::move(value), std::move(text)});
   }
 };
 
-Group loop_group(const Prediction& p) {
+/// Returns why a loop has no margins.
+std::string no_margins(const Prediction& loop) {
+  return loop.unstable_q.size() == 0
+             ? "none"
+             : "none: at rest it is unstable at q = " + list_text(loop.unstable_q);
+}
+
+/// Adds the margins and the missed ticks.
+void add_margins(Group& group, const Prediction& p, const std::optional<int>& max_missed) {
+  if (p.margins) {
+    const linear::Margins& g = *p.margins;
+    group.add("margins", "margins",
+              {{"gain", json_of(g.gain)},
+               {"least_gain", g.least_gain},
+               {"phase_deg", g.phase_deg},
+               {"delay_s", json_of(g.delay_s)},
+               {"modulus", g.modulus},
+               {"modulus_independent", g.modulus_independent}},
+              margins_text(g));
+    group.add("margin_q", "modulus margin", json_of(p.margin_q),
+              fmt::format("{}, at q = {}", modulus_text(g), list_text(p.margin_q)));
+    group.lines[Line::margins] = fmt::format("modulus {}; {}", modulus_text(g), margins_text(g));
+  } else {
+    group.lines[Line::margins] = no_margins(p);
+  }
+  if (!p.missed) return;
+  const linear::MissedTicks& missed = *p.missed;
+  group.add("missed", "missed commands",
+            {{"status", "searched"},
+             {"commands", missed.commands},
+             {"measurements", missed.measurements ? Json(*missed.measurements) : Json()},
+             {"unstable", missed.unstable ? Json(*missed.unstable) : Json()},
+             {"unstable_hits", missed.unstable ? Json(missed.hits) : Json()}},
+            missed_text(missed));
+  if (missed.measurements)
+    group.add("", "missed measurements", Json(), pattern_text(*missed.measurements));
+  if (!max_missed) return;
+  group.lines[Line::missed_commands] =
+      missed_text(missed) +
+      (*max_missed <= missed.commands
+           ? ""
+           : fmt::format(" (loop.max_missed is {}: NOT covered)", *max_missed));
+}
+
+/// @param max_missed loop.max_missed of a realtime scenario
+Group loop_group(const Prediction& p, const std::optional<int>& max_missed = {}) {
   Group group{"sampled", "Sampled loop", {}};
+  group.lines[Line::sampled_loop] = text(p);
+  if (!p.not_counted.empty()) group.lines[Line::not_counted] = p.not_counted;
   if (!p.unknown.empty()) {
+    group.lines[Line::margins] = no_margins(p);
     group.add("unknown", "not examined", p.unknown,
               fmt::format("the law cannot be linearised ({})", p.unknown));
     return group;
@@ -80,37 +150,16 @@ Group loop_group(const Prediction& p) {
             m.least_damping < 1
                 ? fmt::format("{:.3g} Hz, damping {:.2g}", m.least_damped_hz, m.least_damping)
                 : "none oscillates");
-  if (p.margins) {
-    const linear::Margins& g = *p.margins;
-    group.add("margins", "margins",
-              {{"gain", json_of(g.gain)},
-               {"least_gain", g.least_gain},
-               {"phase_deg", g.phase_deg},
-               {"delay_s", json_of(g.delay_s)},
-               {"modulus", g.modulus},
-               {"modulus_independent", g.modulus_independent}},
-              margins_text(g));
-    group.add("margin_q", "modulus margin", json_of(p.margin_q),
-              fmt::format("{}, at q = {}", modulus_text(g), list_text(p.margin_q)));
-  }
-  if (p.missed) {
-    const linear::MissedTicks& missed = *p.missed;
-    group.add("missed", "missed commands",
-              {{"status", "searched"},
-               {"commands", missed.commands},
-               {"measurements", missed.measurements ? Json(*missed.measurements) : Json()},
-               {"unstable", missed.unstable ? Json(*missed.unstable) : Json()},
-               {"unstable_hits", missed.unstable ? Json(missed.hits) : Json()}},
-              missed_text(missed));
-    if (missed.measurements)
-      group.add("", "missed measurements", Json(), pattern_text(*missed.measurements));
-  }
+  add_margins(group, p, max_missed);
   group.add("gain_Nm_per_rad", "torque per angle", json_of(p.gain_Nm_per_rad),
             fmt::format("{} {}", list_text(p.gain_Nm_per_rad), p.stiffness_unit));
   group.add("stiffness_Nm_per_rad", "stiffness at rest", json_of(p.stiffness),
             fmt::format("{} {}", list_text(p.stiffness), p.stiffness_unit));
   group.add("rest_error", p.rest_error.size() > 0 ? "F_c/kp" : "", json_of(p.rest_error),
             list_text(p.rest_error));
+  if (const std::string held = friction_text(p); !held.empty()) {
+    group.lines[Line::friction] = held;
+  }
   group.add("count_torque_Nm", p.count_Nm ? "torque per encoder count" : "",
             p.count_Nm ? json_of(*p.count_Nm) : Json(),
             p.count_Nm ? fmt::format("{} {}", list_text(*p.count_Nm), p.torque_unit) : "");
@@ -130,7 +179,41 @@ Group drive_group(const DrivePrediction& d) {
   group.add(
       "count_torque_Nm", "torque per count of the drives", json_of(d.count_Nm),
       d.count_Nm.isZero(0) ? "none: their encoders are ideal" : list_text(d.count_Nm) + " N m");
+  group.lines[Line::margins_of_drives] = margins_text(d);
+  group.lines[Line::host_delay] = host_delay_text(d);
+  if (!d.count_Nm.isZero(0)) {
+    group.lines[Line::count_of_drives] = list_text(d.count_Nm) + " N m each";
+  }
   return group;
+}
+
+/// Returns the largest share of a torque or speed limit that the reference needs: "57 % of the
+/// torque limit (elbow)". If no joint has a limit, returns the largest value: "345 N m (elbow, no
+/// limit)".
+std::string largest_text(const Feasibility& f, bool speed) {
+  std::pair<bool, double> largest;
+  std::string text;
+  for (const JointDemand& joint : f.joints) {
+    const auto& limit = speed ? joint.speed_limit : joint.torque_limit;
+    double share = (speed ? joint.speed : joint.moving) / limit.value_or(1);
+    const auto& tight = joint.tight_speed;
+    if (speed && tight && tight->speed > 0) share = std::max(share, tight->speed / tight->limit);
+    if (std::pair(limit.has_value(), share) < largest) continue;
+    largest = {limit.has_value(), share};
+    text = limit ? fmt::format("{:.0f} % of the {} limit ({})", 100 * share,
+                               speed ? "speed" : "torque", joint.name)
+                 : fmt::format("{:.4g} {} ({}, no limit)", share,
+                               speed ? joint.speed_unit : joint.torque_unit, joint.name);
+  }
+  return text;
+}
+
+/// Returns the demands of the reference, or those that cannot be met.
+std::string demand_text(const Feasibility& f) {
+  if (!f.impossible.empty()) return fmt::format("{}", fmt::join(f.impossible, "; "));
+  std::string text = fmt::format("needs {}, {}", largest_text(f, false), largest_text(f, true));
+  for (const std::string& doubt : f.doubtful) text += "; doubtful: " + doubt;
+  return text;
 }
 
 Group reference_group(const Feasibility& f) {
@@ -176,6 +259,7 @@ Group reference_group(const Feasibility& f) {
   for (const std::string& doubt : f.doubtful) group.add("", "doubtful", Json(), doubt);
   group.add("impossible", "", f.impossible, "");
   group.add("doubtful", "", f.doubtful, "");
+  group.lines[Line::reference] = demand_text(f);
   return group;
 }
 
@@ -294,6 +378,43 @@ void add_provisos(Group& group, const std::vector<std::string>& provisos) {
   group.add("provisos", "", provisos, "");
 }
 
+/// Returns the larger of the regions that contain the start, or the larger of both; then what the
+/// proof does not cover.
+std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::VectorXd& range) {
+  const bool faster =
+      !s.largest || (lyapunov::holds_start(s.fastest) && !lyapunov::holds_start(s.largest));
+  const auto& region = faster ? s.fastest : s.largest;
+  std::string rest = share_text(s.start, "; torque: this start ");
+  if (region && region->torque)
+    rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region, range);
+  if (region && region->integral_share)
+    rest += "; the integral " + integral_text(*region->integral_share);
+  for (const std::string& proviso : s.provisos) rest += "; " + proviso;
+  if (!region)
+    return (s.constant && s.start.certified ? "this start is certified, but without a rate"
+                                            : "none: no weights were found") +
+           rest;
+  return fmt::format(
+      "{}{} in continuous time: this start is {}; from rest {}, one error at a time{}",
+      s.proved ? "proved" : "at sampled postures",
+      region->tube.size() > 0 ? " near the reference,"
+      : s.proved              ? ""
+                              : ",",
+      lyapunov::holds_start(region)     ? "in it"
+      : s.constant && s.start.certified ? "certified, but without a rate (constant reference)"
+                                        : "NOT in it",
+      reach_text(region->region.e_at_rest, range), rest);
+}
+
+std::string region_text(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
+  std::string rest = w.of_parameters ? "; " + parameters_text(w) : "";
+  for (const std::string& proviso : w.provisos) rest += "; " + proviso;
+  return fmt::format(
+      "{} in continuous time: this start is {}; from rest {}, one joint displaced at a time{}",
+      w.proved ? "proved" : "at sampled postures,", w.holds_initial_state() ? "in it" : "NOT in it",
+      reach_text(w.e_at_rest, range), rest);
+}
+
 Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
   Group group{"region",
               fmt::format("Certified region ({}; continuous time, exact model: no saturation, "
@@ -320,6 +441,7 @@ Group weighted_group(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& r
   group.add("", "  small errors decay at", Json(), fmt::format("{:.4g} 1/s", w.region.rate / 2));
   if (w.of_parameters) group.add("", "  parameters", Json(), parameters_text(w));
   add_provisos(group, w.provisos);
+  group.lines[Line::region] = region_text(w, range);
   return group;
 }
 
@@ -328,6 +450,7 @@ Group region_group(const Certificate& all) {
   Group group{"region", "Certified region", {}};
   if (!all.stability) {
     group.add("none", "none", all.no_stability, all.no_stability);
+    group.lines[Line::region] = "none: " + all.no_stability;
     return group;
   }
   const lyapunov::StabilityCertificate& s = *all.stability;
@@ -350,8 +473,10 @@ Group region_group(const Certificate& all) {
     group.add("global", "globally",
               {{"shown", global.shown}, {"why", global.why}, {"g0", json_of(global.g0)}},
               global_text(global));
+    group.lines[Line::globally] = global_text(global);
   }
   add_provisos(group, s.provisos);
+  group.lines[Line::region] = region_text(s, all.start_range);
   return group;
 }
 
@@ -414,8 +539,8 @@ Json json_of(const Group& group) {
 }
 
 std::vector<Group> groups(const Certificate& certificate) {
-  std::vector<Group> all = {loop_group(certificate.loop), reference_group(certificate.feasibility),
-                            region_group(certificate)};
+  std::vector<Group> all = {loop_group(certificate.loop, certificate.max_missed),
+                            reference_group(certificate.feasibility), region_group(certificate)};
   if (certificate.drives) all.insert(all.begin() + 1, drive_group(*certificate.drives));
   if (certificate.nonlinear || !certificate.no_nonlinear.empty()) {
     all.push_back(nonlinear_group(certificate));
@@ -424,119 +549,17 @@ std::vector<Group> groups(const Certificate& certificate) {
   return all;
 }
 
-/// Returns the largest share of a torque or speed limit that the reference needs: "57 % of the
-/// torque limit (elbow)". If no joint has a limit, returns the largest value: "345 N m (elbow, no
-/// limit)".
-std::string largest_text(const Feasibility& f, bool speed, const robot::JointLabels& labels) {
-  std::pair<bool, double> largest;
-  std::string text;
-  for (std::size_t i = 0; i < f.joints.size(); ++i) {
-    const JointDemand& joint = f.joints[i];
-    const auto& limit = speed ? joint.speed_limit : joint.torque_limit;
-    double share = (speed ? joint.speed : joint.moving) / limit.value_or(1);
-    const auto& tight = joint.tight_speed;
-    if (speed && tight && tight->speed > 0) share = std::max(share, tight->speed / tight->limit);
-    if (std::pair(limit.has_value(), share) < largest) continue;
-    largest = {limit.has_value(), share};
-    text = limit ? fmt::format("{:.0f} % of the {} limit ({})", 100 * share,
-                               speed ? "speed" : "torque", joint.name)
-                 : fmt::format("{:.4g} {} ({}, no limit)", share,
-                               speed ? labels.length[i] + "/s" : labels.effort[i], joint.name);
-  }
-  return text;
-}
-
-/// Returns the larger of the regions that contain the start, or the larger of both; then what the
-/// proof does not cover.
-std::string region_text(const lyapunov::StabilityCertificate& s, const Eigen::VectorXd& range) {
-  const bool faster =
-      !s.largest || (lyapunov::holds_start(s.fastest) && !lyapunov::holds_start(s.largest));
-  const auto& region = faster ? s.fastest : s.largest;
-  std::string rest = share_text(s.start, "; torque: this start ");
-  if (region && region->torque)
-    rest += (rest.empty() ? "; torque: " : "; ") + torque_text(*region, range);
-  if (region && region->integral_share)
-    rest += "; the integral " + integral_text(*region->integral_share);
-  for (const std::string& proviso : s.provisos) rest += "; " + proviso;
-  if (!region)
-    return (s.constant && s.start.certified ? "this start is certified, but without a rate"
-                                            : "none: no weights were found") +
-           rest;
-  return fmt::format(
-      "{}{} in continuous time: this start is {}; from rest {}, one error at a time{}",
-      s.proved ? "proved" : "at sampled postures",
-      region->tube.size() > 0 ? " near the reference,"
-      : s.proved              ? ""
-                              : ",",
-      lyapunov::holds_start(region)     ? "in it"
-      : s.constant && s.start.certified ? "certified, but without a rate (constant reference)"
-                                        : "NOT in it",
-      reach_text(region->region.e_at_rest, range), rest);
-}
-
-std::string region_text(const lyapunov::WeightedRegion& w, const Eigen::VectorXd& range) {
-  std::string rest = w.of_parameters ? "; " + parameters_text(w) : "";
-  for (const std::string& proviso : w.provisos) rest += "; " + proviso;
-  return fmt::format(
-      "{} in continuous time: this start is {}; from rest {}, one joint displaced at a time{}",
-      w.proved ? "proved" : "at sampled postures,", w.holds_initial_state() ? "in it" : "NOT in it",
-      reach_text(w.e_at_rest, range), rest);
-}
-
-std::string region_text(const Certificate& all) {
-  if (all.stability) return region_text(*all.stability, all.start_range);
-  if (all.weighted) return region_text(*all.weighted, all.start_range);
-  return "none: " + all.no_stability;
-}
-
-/// Returns why a loop has no margins.
-std::string no_margins(const Prediction& loop) {
-  return loop.unstable_q.size() == 0
-             ? "none"
-             : "none: at rest it is unstable at q = " + list_text(loop.unstable_q);
-}
-
 /// Returns the most important results in four lines. Missed commands in realtime, dry friction and
 /// uncounted parts of the arm add one line each, and so does the statement on every start. A loop
 /// inside the drives adds up to three.
-std::string brief(const Certificate& all, const scenario::Scenario& scenario) {
-  const auto line = [](std::string_view label, std::string_view text) {
-    return fmt::format("  {:<17} {}\n", label, text);
-  };
-  std::string text = line("sampled loop", certify::text(all.loop));
-  const auto& margins = all.loop.margins;
-  text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
-                                                margins_text(*margins))
-                                  : no_margins(all.loop));
-  if (all.drives) {
-    text += line("margins of drives", margins_text(*all.drives));
-    text += line("host delay", host_delay_text(*all.drives));
-    if (!all.drives->count_Nm.isZero(0)) {
-      text += line("count of drives", list_text(all.drives->count_Nm) + " N m each");
-    }
+std::string short_page(const std::vector<Group>& groups) {
+  std::map<Line, std::string> all;
+  for (const Group& group : groups) all.insert(group.lines.begin(), group.lines.end());
+  std::string page;
+  for (const auto& [line, text] : all) {
+    page += fmt::format("  {:<17} {}\n", line_labels[static_cast<std::size_t>(line)], text);
   }
-  if (all.loop.missed && scenario.loop.mode == scenario::Mode::realtime) {
-    const int most = scenario.loop.max_missed;
-    text += line("missed commands",
-                 missed_text(*all.loop.missed) +
-                     (most <= all.loop.missed->commands
-                          ? ""
-                          : fmt::format(" (loop.max_missed is {}: NOT covered)", most)));
-  }
-  const std::string held = friction_text(all.loop);
-  if (!held.empty()) text += line("friction", held);
-  if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);
-  const robot::JointLabels labels = robot::joint_labels(*scenario.model);
-  const auto largest = [&](bool speed) { return largest_text(all.feasibility, speed, labels); };
-  std::string reference = fmt::format("needs {}, {}", largest(false), largest(true));
-  for (const std::string& doubt : all.feasibility.doubtful) reference += "; doubtful: " + doubt;
-  if (const auto& problems = all.feasibility.impossible; !problems.empty()) {
-    reference = fmt::format("{}", fmt::join(problems, "; "));
-  }
-  text += line("reference", reference);
-  text += line("certified region", region_text(all));
-  if (all.global) text += line("globally", global_text(*all.global));
-  return text;
+  return page;
 }
 
 }  // namespace
@@ -546,10 +569,10 @@ Certificate certify(const scenario::Scenario& scenario, const CertifyOptions& op
   Certificate result;
   result.feasibility = feasibility(scenario);
   result.start_range = start_range_of(scenario);
-  const bool may_miss = scenario.loop.mode == scenario::Mode::realtime;
-  result.loop =
-      analyse(scenario, options.full || may_miss ? linear::Effort::full : linear::Effort::margins,
-              tell, options.answers);
+  if (scenario.loop.mode == scenario::Mode::realtime) result.max_missed = scenario.loop.max_missed;
+  result.loop = analyse(
+      scenario, options.full || result.max_missed ? linear::Effort::full : linear::Effort::margins,
+      tell, options.answers);
   if (scenario.gives("plant.drive.loop") && result.loop.margins) {
     tell("loop inside the drives");
     result.drives = predict_drives(scenario, options.answers);
@@ -592,8 +615,9 @@ std::string page(const Certificate& certificate, const scenario::Scenario& scena
   std::string text =
       fmt::format("{}: {}, h = {}, delay {}\n", scenario.name, scenario.controller.law_text(),
                   period_text(scenario.loop.period_s), scenario.loop.command_delay);
-  if (!full) text += brief(certificate, scenario);
-  for (const Group& group : groups(certificate)) {
+  const std::vector<Group> all = groups(certificate);
+  if (!full) text += short_page(all);
+  for (const Group& group : all) {
     if (!full && group.key != "paper") continue;
     text += fmt::format("\n{}\n", group.heading);
     for (const Entry& entry : group.entries) {

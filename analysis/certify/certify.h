@@ -18,6 +18,7 @@ namespace tachless::certify {
 
 struct Certificate {
   Prediction loop;
+  std::optional<int> max_missed{};  ///< loop.max_missed of a realtime scenario
   Feasibility feasibility;
   std::optional<lyapunov::StabilityCertificate> stability;  ///< nothing for an unstable loop
   std::optional<lyapunov::PaperConditions> paper;           ///< where it was asked for

@@ -150,20 +150,20 @@ void judge_feedforward(Feasibility& result, const scenario::Scenario& scenario) 
     joint.feedforward_max = bound;
     joint.feedforward_anywhere = anywhere[k];
     joint.feedforward_proved = proved;
-    const std::string of =
+    const std::string bound_text =
         fmt::format("feedforward_max of {} is {:.4g} {}", labels.joint(i), bound, labels.effort[i]);
     if (joint.moving > bound) {
       result.impossible.push_back(
-          fmt::format("{}, and the reference needs {:.4g}; {}", of, joint.moving, remedy));
+          fmt::format("{}, and the reference needs {:.4g}; {}", bound_text, joint.moving, remedy));
     } else if (anywhere[k] > bound) {
       result.doubtful.push_back(fmt::format(
-          "{}, and the reference needs {}{:.4g} at some posture: the proof does not hold; {}", of,
-          proved ? "up to " : "", anywhere[k], remedy));
+          "{}, and the reference needs {}{:.4g} at some posture: the proof does not hold; {}",
+          bound_text, proved ? "up to " : "", anywhere[k], remedy));
     }
     const std::string left = fmt::format(
         "{}{}, {:.0f} % of the limit: it leaves too little for the feedback; slow the reference "
         "down and lower it",
-        of, law.integral() == nullptr ? "" : ", with d_max", 100 * share);
+        bound_text, law.integral() == nullptr ? "" : ", with d_max", 100 * share);
     if (share > most_share) {
       result.impossible.push_back(left);
     } else if (share > usual_share + 1e-9) {
@@ -201,6 +201,7 @@ Feasibility feasibility(const scenario::Scenario& scenario) {
     }
   }
   const Pace pace = pace_of(scenario);
+  const robot::JointLabels labels = robot::joint_labels(*scenario.model);
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   Feasibility result;
   for (Eigen::Index i = 0; i < model.num_joints; ++i) {
@@ -208,6 +209,8 @@ Feasibility feasibility(const scenario::Scenario& scenario) {
                        speed[i]};
     if (limit && std::isfinite((*limit)[i])) demand.torque_limit = (*limit)[i];
     if (std::isfinite(model.velocity_limit[i])) demand.speed_limit = model.velocity_limit[i];
+    demand.torque_unit = labels.effort[static_cast<std::size_t>(i)];
+    demand.speed_unit = labels.length[static_cast<std::size_t>(i)] + "/s";
     demand.tight_speed = tight[static_cast<std::size_t>(i)];
     if (pace.frequency_hz) {
       demand.cycles_per_tick = (*pace.frequency_hz)[i] * scenario.loop.period_s;

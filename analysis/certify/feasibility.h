@@ -34,6 +34,7 @@ struct JointDemand {
   std::optional<double> feedforward_max{}, feedforward_anywhere{};
   /// The bound holds for all postures and times; false: at sampled ones.
   bool feedforward_proved = false;
+  std::string torque_unit = "N m", speed_unit = "rad/s";  ///< "N" and "m/s" of a prismatic joint
 };
 
 struct Feasibility {

@@ -27,6 +27,8 @@ using Eigen::VectorXd;
 using messages::ReferencePoint;
 
 constexpr int motion_pieces = 96;  // six from one posture of the reference to the next
+// Evaluations of a search between two neighbouring postures. Few are enough, since the quantity is
+// flat at its extremum.
 constexpr int posture_evaluations = 16;
 
 /// The posture of the motion with the largest f, searched from number `k` of those evenly over it.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -71,6 +72,9 @@ struct Beside {
   /// Settling time of the gains found before [s]. A search whose gains settle much later is short:
   /// it keeps the margin, and does not look for the fastest start.
   double settling_s = infinity;
+  /// Asked with the gains alone, before the long search of the joints' range. False ends the design
+  /// with these gains alone, neither judged nor predicted. Empty: the design is always complete.
+  std::function<bool(const Design&)> suits = {};
 };
 
 /// Designs the gains of a scenario's law. The result is deterministic.

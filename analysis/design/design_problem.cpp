@@ -29,10 +29,16 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using messages::ReferencePoint;
 
-// Numbers of postures along the reference's motion.
+// Numbers of postures along the reference's motion with which a search begins. The search adds the
+// postures that lack the margin or settle last. Three are the ends and the middle of a motion
+// between two points.
 constexpr int settling_postures = 3, margin_postures = 4;
-constexpr double gain_difference = 1e-4;  // step of a gain's logarithm for derivatives
-constexpr double most_factor = 100;       // by which an external law's gains may change
+// Step of a gain's logarithm for derivatives. Their error is half of the step, and rounding adds
+// some 1e-12 of the largest entry.
+constexpr double gain_difference = 1e-4;
+// Factor by which an external law's gains may change: 10 on the bandwidth, which goes with the root
+// of kp.
+constexpr double most_factor = 100;
 
 /// Returns the geometric mean over the postures of m_j = 1 / (M^-1)_jj, or of M_jj if `held`.
 Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoint>& rests,

@@ -205,8 +205,8 @@ bool GainPoint::stable() const {
 }
 
 VectorXd GainPoint::log_errors(double T) const {
-  const auto each = parallel_map(problem_->settling.size(), [&](std::size_t of) {
-    const std::size_t i = problem_->settling[of];
+  const auto each = parallel_map(problem_->settling.size(), [&](std::size_t judged) {
+    const std::size_t i = problem_->settling[judged];
     const linear::Errors seen =
         errors(problem_->loops[i], feedback(i).law, T, window * T, num_instants);
     double largest = -infinity;
@@ -222,17 +222,11 @@ VectorXd GainPoint::log_errors(double T) const {
 
 std::vector<double> GainPoint::settling_s(double end_s,
                                           const std::vector<std::size_t>& loops) const {
-  return parallel_map(loops.size(), [&](std::size_t of) {
-    const std::size_t i = loops[of];
-    const linear::Errors all =
-        errors(problem_->loops[i], feedback(i).law, 0, end_s, num_instants_judged);
-    double last = 0;
-    for (Index k = 0; k < all.error.rows(); ++k) {
-      if (!(all.error.row(k).cwiseAbs().maxCoeff() <= settled)) {
-        last = all.time_s[static_cast<std::size_t>(k)];
-      }
-    }
-    return last;
+  return parallel_map(loops.size(), [&](std::size_t k) {
+    const std::size_t i = loops[k];
+    return errors(problem_->loops[i], feedback(i).law, 0, end_s, num_instants_judged)
+        .last_unsettled_s()
+        .maxCoeff();
   });
 }
 

@@ -10,9 +10,9 @@
 namespace tachless::design {
 
 using linear::FeedbackAt;
+using linear::settled;
 using numerics::LinearProgramme;
 
-constexpr double settled = 0.01;  // an error below this share of its start is settled
 // Price of a lack of margin, in logarithms of the error: a lack of 0.08 outweighs the whole fall to
 // 1 %, which is 4.6.
 constexpr double price_of_margin = 60;

@@ -43,12 +43,15 @@ constexpr double more_margin = 0.02, most_margin = 0.95;
 /// Returns the times at which the errors of these loops last exceed 1 %. Extends the examined
 /// interval until it is at least twice as long as these times.
 std::vector<double> settling_times(const GainPoint& point, const std::vector<std::size_t>& loops) {
-  double end_s = 0.1;
-  std::vector<double> times;
-  do {
-    end_s *= 4;
+  // A time of more than an eighth of the interval is judged to 1 % of it (`num_instants_judged`).
+  // A loop that needs hours is as useless as one that does not settle.
+  constexpr double first_s = 0.4, grows = 4, longest_s = 1e4;
+  double end_s = first_s;
+  std::vector<double> times = point.settling_s(end_s, loops);
+  while (std::ranges::max(times) > 0.5 * end_s && end_s < longest_s) {
+    end_s *= grows;
     times = point.settling_s(end_s, loops);
-  } while (std::ranges::max(times) > 0.5 * end_s && end_s < 1e4);
+  }
   return times;
 }
 

@@ -47,31 +47,47 @@ std::pair<std::size_t, std::string> choice(const std::vector<Candidate>& candida
   return {scheduled, fmt::format("scheduled gains settle {:.2g} times as fast", slower)};
 }
 
-/// Returns scheduled gains within the default bandwidth, which is made smaller for a far start.
-Design with_default_bandwidth(const scenario::Scenario& scenario, DesignGoal goal,
-                              const linear::OnProgress& tell, const Beside& beside) {
+}  // namespace
+
+Design within_default_bandwidth(const DesignWithin& designed, const Suits& returns) {
   constexpr double smaller = 0.8;
-  goal.bandwidth_hz = default_bandwidth_hz;
-  Design usual = design(scenario, goal, tell, {}, beside);
-  if (returns_from_beside(scenario, usual)) return usual;
+  bool refused = false;
+  const Suits suits = [&](const Design& gains) {
+    refused = !returns(gains);
+    return !refused;
+  };
+  Design usual = designed(default_bandwidth_hz, suits);
+  const bool is_complete = !refused;
+  if (is_complete && returns(usual)) return usual;
+  double least_hz = default_bandwidth_hz;
   for (double hz = smaller * default_bandwidth_hz; hz >= least_default_hz; hz *= smaller) {
-    goal.bandwidth_hz = hz;
-    Design slower = design(scenario, goal, tell, {}, beside);
-    if (!returns_from_beside(scenario, slower)) continue;
+    refused = false;
+    Design slower;
+    try {
+      slower = designed(hz, suits);
+    } catch (const base::Failure& failure) {
+      if (failure.code() != base::ExitCode::check_said_no) throw;
+      break;  // slower gains lack what these lack; the usual ones are kept
+    }
+    least_hz = hz;
+    if (refused || !returns(slower)) continue;
     slower.warnings.push_back(fmt::format(
         "the bandwidth is {:.2g} Hz in place of {:g}: with more, the torque limits keep the arm "
         "from coming back from {:g} rad beside its motion; --bandwidth {:g} takes the faster gains",
         hz, default_bandwidth_hz, far_start_error, default_bandwidth_hz));
     return slower;
   }
+  if (!is_complete) usual = designed(default_bandwidth_hz, {});
   usual.warnings.push_back(fmt::format(
       "the torque limits keep the arm from coming back from {:g} rad beside its motion, "
-      "with any bandwidth from {:g} to {:g} Hz: start it near its motion",
-      far_start_error, least_default_hz, default_bandwidth_hz));
+      "with {} {:.2g} Hz: start it near its motion",
+      far_start_error,
+      least_hz < default_bandwidth_hz
+          ? fmt::format("any bandwidth from {:g} down to", default_bandwidth_hz)
+          : "the bandwidth of",
+      least_hz));
   return usual;
 }
-
-}  // namespace
 
 Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_with,
                    const DesignGoal& goal, const linear::OnProgress& tell) {
@@ -90,9 +106,18 @@ Comparison compare(const std::function<scenario::Scenario(Structure)>& scenario_
     };
     const bool by_default = candidate.structure == Structure::scheduled && !goal.bandwidth_hz;
     try {
-      candidate.design = by_default
-                             ? with_default_bandwidth(candidate.scenario, goal, tell_of_it, beside)
-                             : design(candidate.scenario, goal, tell_of_it, {}, beside);
+      const auto designed = [&](std::optional<double> hz, const Suits& suits) {
+        DesignGoal within = goal;
+        within.bandwidth_hz = hz;
+        Beside here = beside;
+        here.suits = suits;
+        return design(candidate.scenario, within, tell_of_it, {}, here);
+      };
+      const Suits returns = [&](const Design& found) {
+        return returns_from_beside(candidate.scenario, found);
+      };
+      candidate.design = by_default ? within_default_bandwidth(designed, returns)
+                                    : designed(goal.bandwidth_hz, {});
       beside.settling_s = candidate.design->loop.modes.settling_s;
     } catch (const base::Failure& failure) {
       if (failure.code() != base::ExitCode::check_said_no) throw;

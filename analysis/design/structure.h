@@ -33,6 +33,19 @@ inline constexpr double default_bandwidth_hz = 10;
 /// The default bandwidth is not made smaller than this for a far start [Hz].
 inline constexpr double least_default_hz = 2;
 
+/// Returns whether the arm comes back from a far start with the design's gains.
+using Suits = std::function<bool(const Design&)>;
+/// Returns the design within a bandwidth [Hz]. It may end early where the gains do not suit, as in
+/// `Beside::suits`.
+/// @throw base::Failure(check_said_no) if there are no gains
+using DesignWithin = std::function<Design(double hz, const Suits& suits)>;
+
+/// Returns the design within the default bandwidth. The bandwidth is made smaller, down to
+/// `least_default_hz`, while the arm does not come back. If no smaller one helps, or one of them
+/// has no gains, returns the design of the default bandwidth. A warning of the design says so.
+/// @throw base::Failure(check_said_no) if the default bandwidth has no gains
+Design within_default_bandwidth(const DesignWithin& designed, const Suits& returns);
+
 /// Result of the search for gains of one structure.
 struct Candidate {
   Structure structure = Structure::diagonal;

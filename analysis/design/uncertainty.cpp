@@ -13,6 +13,8 @@
 namespace tachless::design {
 namespace {
 
+// Draws from the inside of the uncertain set. The corners move all inertias together; the draws
+// move each inertia by itself.
 constexpr int plants_inside = 8;
 
 /// Returns a number from -1 to 1: term `k` of a sequence that fills the interval evenly.

@@ -26,8 +26,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Motions drawn for all joints; then changes of one joint's series in the best of them.
-constexpr int draws = 20, changes = 1500;
+// Motions drawn for all joints; then changes of one joint's series in the best of them. With links
+// unknown each takes several times as long.
+constexpr int draws = 20, changes = 3000, changes_with_links = 1500;
 constexpr int most_draws = 100;  ///< if none of the first is allowed
 /// Sines and cosines of a joint, at multiples of the base frequency. The highest is a fifteenth of
 /// the cutoff of the regression's low-pass (least_squares.cpp).
@@ -316,9 +317,10 @@ class Designer {
     std::mt19937 random(1);
     const Eigen::Index n = scenario_.num_joints;
     VectorXd size = VectorXd::Constant(n, first_size);
-    for (int i = 0; i < draws + changes; ++i) {
+    const int last = draws + (seeks_links() ? changes_with_links : changes);
+    for (int i = 0; i < last; ++i) {
       if (!found_ && i == most_draws) return false;
-      if (i % 100 == 0) report(fmt::format("motion {} of {}", i + 1, draws + changes));
+      if (i % 100 == 0) report(fmt::format("motion {} of {}", i + 1, last));
       const Eigen::Index j = i % n;
       Series next = best_;
       if (i < draws || !found_) {
@@ -350,7 +352,7 @@ class Designer {
                       nearest(motion),
                       {}};
     if (links_) result.not_compared = links_->meeting();
-    information(motion).predict(parameters_, result);
+    information(motion, noise_).predict(parameters_, result);
     return result;
   }
 
@@ -375,6 +377,8 @@ class Designer {
   }
 
  private:
+  [[nodiscard]] bool seeks_links() const { return parameters_.first(Kind::inertia) >= 0; }
+
   /// A motion that keeps the limits.
   struct Shrunk {
     MatrixXd offset;  ///< from the start, a row per waypoint
@@ -406,7 +410,9 @@ class Designer {
   bool consider(const Series& series) {
     const std::optional<Shrunk> kept = within_limits(series, coarse_s);
     if (!kept) return false;
-    const double value = information(kept->motion).value(parameters_.first(Kind::inertia) >= 0);
+    if (noise_.size() == 0) noise_ = noise_of(kept->motion);
+    const VectorXd noise = seeks_links() ? noise_ : noise_of_search(kept->motion);
+    const double value = information(kept->motion, noise).value(seeks_links());
     if (found_ && value <= most_value_) return false;
     most_value_ = value;
     best_ = series;
@@ -414,10 +420,9 @@ class Designer {
     return true;
   }
 
-  Information information(Motion motion) {
-    if (noise_.size() == 0) noise_ = noise_of(motion);
+  [[nodiscard]] Information information(Motion motion, const VectorXd& noise) const {
     motion.recording.tau.rowwise() = motion.torque.transpose();
-    return {regression(motion.recording, parameters_), parameters_, noise_};
+    return {regression(motion.recording, parameters_), parameters_, noise};
   }
 
   /// Returns the scenario with this motion as its reference.
@@ -432,6 +437,13 @@ class Designer {
     const std::optional<Vector>& limit = scenario_.plant.drive.torque_limit_Nm;
     const VectorXd largest = limit ? VectorXd(*limit) : motion.torque;
     return (noise_share * largest).cwiseMax(1e-9);
+  }
+
+  /// Returns the noise with which motions are compared: the geometric mean of the predictions'
+  /// noise and of that share of the motion's own largest torque. Errors of measured torques grow
+  /// with the range of the sensor and with the torque.
+  [[nodiscard]] VectorXd noise_of_search(const Motion& motion) const {
+    return noise_.cwiseProduct((noise_share * motion.torque).cwiseMax(1e-9)).cwiseSqrt();
   }
 
   /// Returns the least height of a link's origin above the root link's.

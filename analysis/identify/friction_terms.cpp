@@ -74,12 +74,7 @@ struct JointProblem {
 
 /// Returns the terms that are tried at a joint.
 std::vector<FrictionTerm> candidates_at(int joint, const std::vector<Regression>& regressions) {
-  double fastest = 0;
-  for (const Regression& each : regressions) {
-    for (Index row = joint; row < each.speed.size(); row += each.peak.size()) {
-      fastest = std::max(fastest, std::abs(each.speed[row]));
-    }
-  }
+  const double fastest = largest_speed(regressions, joint);
   std::vector<FrictionTerm> result = {{Kind::load_friction, joint}};
   if (fastest == 0) return result;
   for (double share = first_share; share < 1.001; share *= finer) {
@@ -223,6 +218,21 @@ std::vector<FrictionTerm> terms_of(const JointProblem& all, double coulomb) {
 
 }  // namespace
 
+bool takes_energy(Kind kind, double value, double coulomb) {
+  return kind == Kind::load_friction ? value > 0 && value <= 1 && coulomb > 0
+                                     : coulomb + std::min(0.0, value) >= 0;
+}
+
+double largest_speed(const std::vector<Regression>& regressions, int joint) {
+  double largest = 0;
+  for (const Regression& each : regressions) {
+    for (Index row = joint; row < each.speed.size(); row += each.peak.size()) {
+      largest = std::max(largest, std::abs(each.speed[row]));
+    }
+  }
+  return largest;
+}
+
 std::vector<FrictionTerm> friction_terms(const std::vector<Recording>& recordings,
                                          const std::vector<Regression>& regressions,
                                          const Parameters& parameters, const VectorXd& values) {
@@ -245,10 +255,9 @@ std::vector<FrictionTerm> kept_terms(const std::vector<FrictionTerm>& terms,
     const Index i = first + static_cast<Index>(t);
     const double value = found.values[i];
     if (!(clear_widths * found.half_width[i] < std::abs(value))) continue;
-    if (terms[t].kind == Kind::rise && found.values[coulomb + terms[t].joint] + value < 0) continue;
-    const bool possible = value <= 1 && found.values[coulomb + terms[t].joint] > 0;
-    if (terms[t].kind == Kind::load_friction && !possible) continue;
-    result.push_back(terms[t]);
+    if (takes_energy(terms[t].kind, value, found.values[coulomb + terms[t].joint])) {
+      result.push_back(terms[t]);
+    }
   }
   return result;
 }

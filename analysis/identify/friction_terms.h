@@ -21,6 +21,14 @@ std::vector<FrictionTerm> friction_terms(const std::vector<Recording>& recording
                                          const Parameters& parameters,
                                          const Eigen::VectorXd& values);
 
+/// Returns true if friction with a further term takes energy at every speed.
+/// @param value F_r of a rise [N m; N], or the factor of friction by the load
+/// @param coulomb friction of the same joint [N m; N]
+bool takes_energy(Kind kind, double value, double coulomb);
+
+/// Returns the largest filtered speed of a joint [rad/s; m/s].
+double largest_speed(const std::vector<Regression>& regressions, int joint);
+
 /// Returns the terms that their intervals tell clearly from zero and whose friction takes energy.
 std::vector<FrictionTerm> kept_terms(const std::vector<FrictionTerm>& terms,
                                      const Parameters& parameters, const LeastSquares& found);

@@ -14,6 +14,7 @@
 #include "base/json_text.h"
 #include "identify/friction_terms.h"
 #include "identify/least_squares.h"
+#include "identify/loop_terms.h"
 #include "identify/units.h"
 #include "robot/urdf_xml.h"
 
@@ -167,6 +168,7 @@ struct Answer : LeastSquares {
   std::vector<Recording> recordings;  ///< with a table's torques moved to where they act
   std::vector<Regression> regressions;
   std::vector<MatrixXd> position_errors;  ///< of simulated loops
+  Fit fit{};                              ///< of simulated loops
 };
 
 std::vector<Regression> regressions_of(const std::vector<Recording>& recordings,
@@ -176,13 +178,59 @@ std::vector<Regression> regressions_of(const std::vector<Recording>& recordings,
   return result;
 }
 
-/// Identifies from tables. The delay of their torques is linear in small changes only, so that the
-/// torques are moved until a hundredth of a tick is left.
-Answer answer_of_tables(const std::vector<Recording>& recordings, const Parameters& parameters) {
-  constexpr int most_moves = 6;
-  constexpr double little = 0.01;  // [ticks]
+/// Moves the v_r of the rises to where the residual is least, as far as that is linear. A joint at
+/// which the model lacks something for all that gets the v_r again that blocks of time chose: it
+/// predicts other motions better.
+class Turning {
+ public:
+  explicit Turning(Parameters& parameters) : chosen_(parameters) { parameters.free_velocities(); }
+
+  /// Changes v_r in `parameters`, for which `found` is the answer.
+  /// @return the largest change, over v_r; 1 if a v_r is known from now on
+  double turn(const TableAnswer& found, Parameters& parameters) {
+    constexpr int patience = 3;
+    ++calls_;
+    double largest = 0;
+    for (Eigen::Index i = 0, at = 0; i < parameters.size(); ++i) {
+      const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
+      if (!entry.turns) continue;
+      const double change = found.turns[at++] / found.values[i], v = entry.velocity,
+                   first = chosen(i).velocity;
+      const Misfit& misfit = found.misfits[static_cast<std::size_t>(entry.joint)];
+      if (!std::isfinite(change) || (calls_ > patience && is_misfit(misfit))) {
+        parameters.set_velocity(i, first, false);
+        largest = 1;
+        continue;
+      }
+      const double next = nearby(v, change, first);
+      largest = std::max(largest, std::abs(next - v) / v);
+      parameters.set_velocity(i, next, true);
+    }
+    return largest;
+  }
+
+ private:
+  [[nodiscard]] const Parameters::Entry& chosen(Eigen::Index i) const {
+    return chosen_.entries()[static_cast<std::size_t>(i)];
+  }
+  static double nearby(double v, double change, double first) {
+    constexpr double most_step = 0.3, farthest = 2;
+    const double next = v * (1 + std::clamp(change / v, -most_step, most_step));
+    return std::clamp(next, first / farthest, first * farthest);
+  }
+
+  Parameters chosen_;
+  int calls_ = 0;
+};
+
+/// Identifies from tables. The delay of their torques and the v_r of a rise are linear in small
+/// changes only. The torques are moved, and v_r is changed, until little is left.
+Answer answer_of_tables(const std::vector<Recording>& recordings, Parameters& parameters) {
+  constexpr int most_moves = 8;
+  constexpr double little = 0.01;  // [ticks], and share of v_r
   const robot::Model& model = *recordings.front().scenario.model;
   const Eigen::Index delay = parameters.first(Kind::delay);
+  Turning turning(parameters);
   std::vector<Recording> moved = recordings;
   for (int move = 0;; ++move) {
     std::vector<Regression> regressions = regressions_of(moved, parameters);
@@ -190,10 +238,13 @@ Answer answer_of_tables(const std::vector<Recording>& recordings, const Paramete
     const double now = moved.front().moved;
     const double more =
         delay < 0 ? 0 : std::clamp(found.values[delay] - now, -longest_move, longest_move);
-    if (std::abs(more) < little || move == most_moves) {
+    Parameters next = parameters;
+    const double turned = turning.turn(found, next);
+    if ((std::abs(more) < little && turned < little) || move == most_moves) {
       return {found, std::move(found.misfits), std::move(moved), std::move(regressions), {}};
     }
-    for (std::size_t i = 0; i < moved.size(); ++i) {
+    parameters = std::move(next);
+    for (std::size_t i = 0; delay >= 0 && i < moved.size(); ++i) {
       moved[i] = with_torques_moved(recordings[i], now + more);
     }
   }
@@ -227,21 +278,30 @@ void add_friction_terms(const std::vector<Recording>& recordings, const std::vec
   }
 }
 
-/// Identifies from logs.
-Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters& parameters,
-                      const Report& report) {
+/// Identifies from logs. Moves the v_r that are unknown to those of the answer.
+/// @param start values from which the simulated loop is fitted; empty: those of least squares
+Answer answer_of_logs(const std::vector<Recording>& recordings, Parameters& parameters,
+                      const VectorXd& start, const Report& report) {
   std::vector<Regression> regressions = regressions_of(recordings, parameters);
-  Answer answer{least_squares(regressions, parameters, *recordings.front().scenario.model),
+  const robot::Model& model = *recordings.front().scenario.model;
+  const std::vector<RowUse> rows = rows_of(parameters, model.num_joints);
+  Answer answer{least_squares(regressions, parameters, model, rows),
                 {},
                 recordings,
                 std::move(regressions),
                 {}};
-  const Fit fit = output_error(recordings, parameters, answer.values, report);
+  answer.fit =
+      output_error(recordings, parameters, start.size() > 0 ? start : answer.values, report);
+  const Fit& fit = answer.fit;
   // The rank stays that of the regression, as the sums are.
   const Eigen::Index rank = answer.rank;
   static_cast<Precision&>(answer) = fit;
   answer.rank = rank;
   answer.values = fit.values;
+  if (parameters.num_turning() > 0) {
+    parameters.set_velocities(fit.velocities);
+    answer.regressions = regressions_of(recordings, parameters);
+  }
   for (std::size_t i = 0; i < answer.sums.size(); ++i) {
     if (answer.sums[i].empty()) continue;
     answer.half_width[static_cast<Eigen::Index>(i)] = std::numeric_limits<double>::infinity();
@@ -253,6 +313,87 @@ Answer answer_of_logs(const std::vector<Recording>& recordings, const Parameters
                            position_misfits(recordings[i], answer.position_errors[i]));
   }
   return answer;
+}
+
+/// Further terms of friction of logs, on the way to an answer.
+struct TermsOnTrial {
+  std::vector<FrictionTerm> terms;
+  std::size_t old;  ///< number of the first terms, which were there before
+  VectorXd start;   ///< values from which the loop is fitted, those of the terms at the end
+
+  /// Takes the v_r of an answer, and removes the terms that it does not keep: those that
+  /// `kept_terms` removes, and new ones whose joint's error in blocks of time that were not fitted
+  /// has not fallen.
+  /// @return whether all are kept
+  bool keep(const Parameters& parameters, const Answer& before, const Answer& found) {
+    constexpr double most = 1 - least_loop_gain;  // of the error
+    const std::vector<FrictionTerm> clear = kept_terms(terms, parameters, found);
+    const VectorXd error = held_out_error(found.fit), other = held_out_error(before.fit);
+    const Eigen::Index first = parameters.size() - std::ssize(terms);
+    start = found.values;
+    for (std::size_t t = terms.size(); t-- > 0;) {
+      FrictionTerm& term = terms[t];
+      const Eigen::Index at = first + static_cast<Eigen::Index>(t);
+      const bool is_clear = std::ranges::any_of(clear, [&](const FrictionTerm& each) {
+        return each.kind == term.kind && each.joint == term.joint;
+      });
+      term.velocity = parameters.entries()[static_cast<std::size_t>(at)].velocity;
+      if (is_clear && (t < old || error[term.joint] < most * other[term.joint])) continue;
+      terms.erase(terms.begin() + static_cast<std::ptrdiff_t>(t));
+      const Eigen::Index after = start.size() - at - 1;
+      start.segment(at, after) = VectorXd(start.tail(after));
+      start.conservativeResize(start.size() - 1);
+      if (t < old) --old;
+    }
+    return std::ssize(terms) == parameters.size() - first;
+  }
+};
+
+/// Returns the joints at which the model may lack something: what it leaves is correlated, even if
+/// the encoders' counts are larger.
+std::vector<int> joints_to_search(const std::vector<Misfit>& misfits) {
+  constexpr double least_correlation = 0.1;
+  std::vector<int> result;
+  for (std::size_t i = 0; i < misfits.size(); ++i) {
+    if (misfits[i].correlation > least_correlation) result.push_back(static_cast<int>(i));
+  }
+  return result;
+}
+
+/// Fits the loop with terms on trial until each of them is kept.
+/// @return whether there are new ones; otherwise nothing changes
+bool try_terms(const std::vector<Recording>& recordings, const std::vector<Kind>& kinds,
+               TermsOnTrial& trial, Parameters& parameters, Answer& answer, const Report& report) {
+  while (trial.terms.size() > trial.old) {
+    Parameters with(recordings.front().scenario, kinds, true, trial.terms);
+    with.free_velocities();
+    Answer found = answer_of_logs(recordings, with, trial.start, report);
+    if (!trial.keep(with, answer, found)) continue;
+    parameters = std::move(with);
+    answer = std::move(found);
+    return true;
+  }
+  return false;
+}
+
+/// Adds the further terms of friction that logs ask for to the parameters and to the answer.
+void add_friction_terms_of_logs(const std::vector<Recording>& recordings,
+                                const std::vector<Kind>& kinds, Parameters& parameters,
+                                Answer& answer, const Report& report) {
+  constexpr int most_rounds = 2;
+  if (parameters.first(Kind::viscous) < 0 || parameters.first(Kind::coulomb) < 0) return;
+  std::vector<FrictionTerm> terms;
+  for (int round = 0; round < most_rounds; ++round) {
+    const std::vector<int> joints = joints_to_search(answer.misfits);
+    if (joints.empty()) return;
+    report("simulating loops with further terms of friction");
+    const LoopTerms more =
+        loop_terms(recordings, answer.regressions, answer.fit, kinds, terms, joints);
+    TermsOnTrial trial{terms, terms.size(), more.start};
+    trial.terms.insert(trial.terms.end(), more.terms.begin(), more.terms.end());
+    if (!try_terms(recordings, kinds, trial, parameters, answer, report)) return;
+    terms = std::move(trial.terms);
+  }
 }
 
 /// Adds the parameters, with what is in doubt about them and what would help.
@@ -356,7 +497,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   }
   Parameters parameters(recordings.front().scenario, kinds, simulated);
   report("least squares on filtered positions and torques");
-  Answer answer = simulated ? answer_of_logs(recordings, parameters, report)
+  Answer answer = simulated ? answer_of_logs(recordings, parameters, {}, report)
                             : answer_of_tables(recordings, parameters);
   if (tables && delay_is_doubtful(answer, parameters)) {
     std::erase(kinds, Kind::delay);
@@ -364,6 +505,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
     answer = answer_of_tables(recordings, parameters);
   }
   if (tables) add_friction_terms(recordings, kinds, parameters, answer);
+  if (simulated) add_friction_terms_of_logs(recordings, kinds, parameters, answer, report);
   const scenario::Scenario& scenario = recordings.front().scenario;
   Identified result;
   result.rank = answer.rank;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "identify/physical_inertia.h"
@@ -111,6 +112,12 @@ struct Models {
   std::vector<robot::Model> units, loads;  ///< for links and load, if these are unknown
 };
 
+/// Returns the derivative of tanh(v/v_r) by v_r.
+double turn(double v, double v_r) {
+  const double rise = robot::friction_rise(v, 1, v_r);
+  return -v / (v_r * v_r) * (1 - rise * rise);
+}
+
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
 /// Sets `slow` of the rows of joint j.
@@ -156,21 +163,22 @@ void set_reversing(Regression& regression, Eigen::Index j) {
 }
 
 /// Selects the rows at every few instants and leaves out both ends.
-/// @param columns one matrix per parameter
+/// @param columns one matrix per parameter, then one per rise with the derivative by its v_r, and
+/// the deviations of the torque that are possible
 /// @param torque one row per tick
-/// @param unsure deviations of the torque that are possible
 /// @param whole scale of the torques, filtered once less than `applied`
 /// @param at_rest_before the motion begins and ends without a jump of the filtered velocity, so
 /// that `share` covers both ends
 Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
-                   const MatrixXd& unsure, const MatrixXd& whole, const MatrixXd& applied,
-                   const MatrixXd& speed, double h, bool at_rest_before) {
+                   const MatrixXd& whole, const MatrixXd& applied, const MatrixXd& speed, double h,
+                   bool at_rest_before) {
   const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
   const auto edge = static_cast<Eigen::Index>(settle_s / h);
   const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
   Regression result{MatrixXd(instants * n, std::ssize(columns)),
+                    {},
                     VectorXd(instants * n),
-                    VectorXd(instants * n),
+                    {},
                     VectorXd(instants * n),
                     VectorXd(instants * n),
                     Eigen::VectorXi(instants * n),
@@ -198,7 +206,6 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
         result.columns(row, static_cast<Eigen::Index>(i)) = columns[i](k, j);
       }
       result.torque[row] = torque(k, j);
-      result.unsure[row] = unsure(k, j);
       result.applied[row] = applied(k, j);
       result.time_s[row] = static_cast<double>(k) * h;
       result.joint[row] = static_cast<int>(j);
@@ -240,10 +247,10 @@ struct Instant {
   const Vector &q, &v, &a;
   const Vector& own;                   ///< torque of the robot with all unknowns zero
   const Vector& gravity;               ///< of that robot; zero if no friction grows with it
-  const Eigen::RowVectorXd& per_tick;  ///< change of the torque in a tick
+  const Eigen::RowVectorXd& per_tick;  ///< change of the torque that is sent, in a tick
 };
 
-/// Sets row k of the column of each parameter.
+/// Sets row k of the column of each parameter and of each unknown v_r.
 void set_columns(const Recording& recording, const Parameters& parameters, const Models& models,
                  const Instant& at, Eigen::Index k, std::vector<MatrixXd>& columns) {
   const Eigen::Index inertia = parameters.first(Kind::inertia);
@@ -251,6 +258,7 @@ void set_columns(const Recording& recording, const Parameters& parameters, const
     return robot::inverse_dynamics<double>(model, at.q, at.v, at.a);
   };
   const Vector light = models.loads.empty() ? at.own : torque(models.loads.front());
+  auto turns = static_cast<std::size_t>(parameters.size());
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
     MatrixXd& column = columns[static_cast<std::size_t>(i)];
@@ -266,6 +274,7 @@ void set_columns(const Recording& recording, const Parameters& parameters, const
         break;
       case Kind::rise:
         column(k, entry.joint) = robot::friction_rise(at.v[entry.joint], 1, entry.velocity);
+        if (entry.turns) columns[turns++](k, entry.joint) = turn(at.v[entry.joint], entry.velocity);
         break;
       case Kind::load_friction:
         column(k, entry.joint) = sign(at.v[entry.joint]) * std::abs(at.gravity[entry.joint]);
@@ -328,16 +337,20 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const Models models(recording, parameters);
   const MatrixXd q = low_passed(recording.q, h, wide_hz);
   // Mean torque about t_k, because each torque is held over its tick.
-  MatrixXd tau = recording.tau;
-  if (recording.controlled) {
-    tau.bottomRows(ticks - 1) =
-        0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
-  }
-  MatrixXd left = low_passed(tau, h, wide_hz);  // the robot's own torque is subtracted below
-  const MatrixXd whole = left;
+  const auto mean = [&](MatrixXd tau) {
+    if (recording.controlled) {
+      tau.bottomRows(ticks - 1) =
+          0.5 * (MatrixXd(tau.topRows(ticks - 1)) + tau.bottomRows(ticks - 1));
+    }
+    return low_passed(std::move(tau), h, wide_hz);
+  };
+  MatrixXd left = mean(recording.tau);  // the robot's own torque is subtracted below
+  const MatrixXd whole = left, sent = mean(sent_torque(recording));
   const Eigen::Index delay = parameters.first(Kind::delay);
-  std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
-  MatrixXd speed = MatrixXd::Zero(ticks, n), unsure = MatrixXd::Zero(ticks, n);
+  const Eigen::Index rises = parameters.num_turning();
+  std::vector<MatrixXd> columns(static_cast<std::size_t>(p + rises + 2), MatrixXd::Zero(ticks, n));
+  MatrixXd &of_instants = columns[columns.size() - 2], &of_own = columns.back();
+  MatrixXd speed = MatrixXd::Zero(ticks, n);
   const plant::DriveSpec& drive = models.drive;
   const bool loaded = parameters.first(Kind::load_friction) >= 0 || !drive.load_friction.isZero(0);
   // Ticks of delay that the torques have already.
@@ -353,13 +366,17 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     }
     left.row(k) -= (own + friction).transpose();
     // A delay of d ticks gives tau(t - d h) = tau - d h taudot to first order.
-    const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
+    const Eigen::RowVectorXd per_tick = 0.5 * (sent.row(k + 1) - sent.row(k - 1));
     if (delay >= 0) left.row(k) += had * per_tick;
     if (!recording.controlled) {
       // The mean of two held torques is the motion's torque and a twelfth of its second difference.
       // The middle between that and the torque of an instant is taken.
-      unsure.row(k) = (whole.row(k + 1) - 2 * whole.row(k) + whole.row(k - 1)) / 24;
-      left.row(k) -= unsure.row(k);
+      of_instants.row(k) = (whole.row(k + 1) - 2 * whole.row(k) + whole.row(k - 1)) / 24;
+      left.row(k) -= of_instants.row(k);
+    }
+    if (recording.own.size() > 0) {
+      of_own.row(k) =
+          0.5 * recording.own_late * (recording.own.row(k + 1) - recording.own.row(k - 1));
     }
     speed.row(k) = v.transpose();
     if (p > 0)
@@ -368,22 +385,27 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);
   left = smoothed(std::move(left), h);
-  unsure = smoothed(std::move(unsure), h);
   for (MatrixXd& column : columns) column = smoothed(std::move(column), h);
 
-  return thinned(columns, left, unsure, whole, smoothed(whole, h), smoothed(std::move(speed), h), h,
-                 recording.controlled);
+  Regression result = thinned(columns, left, whole, smoothed(whole, h),
+                              smoothed(std::move(speed), h), h, recording.controlled);
+  result.turns = result.columns.middleCols(p, rises);
+  result.unsure = result.columns.rightCols<2>();
+  result.columns.conservativeResize(Eigen::NoChange, p);
+  result.share.conservativeResize(p);
+  return result;
 }
 
 namespace {
 
 constexpr int passes = 4;
-constexpr int num_blocks = 20;  ///< of time, for the covariance
+constexpr int num_blocks = 20;               ///< of time, for the covariance
+constexpr int num_windows = num_blocks + 1;  ///< of time, with their middles at the blocks' ends
 
 /// All rows, each multiplied by its joint's weight.
 struct Weighted {
-  MatrixXd columns;
-  VectorXd torque, unsure;
+  MatrixXd columns, turns, unsure;
+  VectorXd torque;
 };
 
 /// Rows that are not used have weight 0.
@@ -391,13 +413,16 @@ Weighted weighted(const std::vector<Regression>& regressions, const VectorXd& we
                   const std::vector<RowUse>& used) {
   Eigen::Index size = 0, row = 0;
   for (const Regression& each : regressions) size += each.torque.size();
-  Weighted all{MatrixXd(size, regressions.front().columns.cols()), VectorXd(size), VectorXd(size)};
+  const Regression& first = regressions.front();
+  Weighted all{MatrixXd(size, first.columns.cols()), MatrixXd(size, first.turns.cols()),
+               MatrixXd(size, first.unsure.cols()), VectorXd(size)};
   for (const Regression& each : regressions) {
     for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
       const double w = each.used(i, used) ? weight[each.joint[i]] : 0;
       all.columns.row(row) = w * each.columns.row(i);
+      all.turns.row(row) = w * each.turns.row(i);
       all.torque[row] = w * each.torque[i];
-      all.unsure[row] = w * each.unsure[i];
+      all.unsure.row(row) = w * each.unsure.row(i);
     }
   }
   return all;
@@ -431,31 +456,41 @@ struct Determined {
     free = V.leftCols(null) * V.leftCols(null).transpose();
   }
 
-  /// Returns the solution of N x = b, zero in what is not determined.
-  [[nodiscard]] VectorXd solution(const VectorXd& b) const {
-    return vectors * (vectors.transpose() * b).cwiseQuotient(value);
+  /// Returns the solution of N x = b, zero in what is not determined, for each column of b.
+  [[nodiscard]] MatrixXd solution(const MatrixXd& b) const {
+    return vectors * ((vectors.transpose() * b).array().colwise() / value.array()).matrix();
   }
 
   /// Returns the variances of the parameters for white residuals of variance 1.
   [[nodiscard]] VectorXd variances() const { return vectors.cwiseAbs2() * value.cwiseInverse(); }
 };
 
-/// The normal equations of all rows, of the prior and of each block of time. The blocks have the
-/// same sum of leverages, if none is then shorter than half a block of equal lengths: residuals
-/// stay correlated for some time.
+/// The normal equations of all rows, of the prior and of windows of time. The blocks between the
+/// windows' middles have the same sum of leverages, if none is then shorter than half a block of
+/// equal lengths: residuals stay correlated for some time. A window falls linearly to zero over a
+/// block on both sides of its middle, and the windows' sum is 1. Residuals that positions'
+/// quantisation leaves are differences, and their sum over a window with sharp ends would be that
+/// of its ends.
 struct Normals {
-  MatrixXd rows;                 ///< normal matrix of all rows of the Jacobian
-  MatrixXd prior;                ///< rows of the prior
-  double alike = 1;              ///< as in `Prior`
-  std::vector<MatrixXd> blocks;  ///< normal matrices of the blocks
-  std::vector<VectorXd> slopes;  ///< of the blocks: columns' products with the residual
-  VectorXd slope, unsure;        ///< columns' products with the residual and with `unsure`
+  MatrixXd rows;                  ///< normal matrix of all rows of the Jacobian
+  MatrixXd prior;                 ///< rows of the prior
+  double alike = 1;               ///< as in `Prior`
+  std::vector<MatrixXd> windows;  ///< normal matrices, each row with the window's weight
+  std::vector<MatrixXd> squares;  ///< each row with the square of the weight
+  std::vector<MatrixXd> shared;   ///< each row with the product of this and the next weight
+  std::vector<VectorXd> slopes;   ///< of the windows: columns' products with the residual
+  VectorXd slope;                 ///< columns' products with the residual
+  MatrixXd unsure;                ///< columns' products with each deviation
 
   Normals(const MatrixXd& J, const VectorXd& residual, const Prior& known,
-          const VectorXd& deviation)
+          const MatrixXd& deviations)
       : rows(J.transpose() * J),
         prior(known.rows.rows() > 0 ? known.rows : MatrixXd(0, J.cols())),
         alike(known.alike),
+        windows(num_windows, MatrixXd::Zero(J.cols(), J.cols())),
+        squares(windows),
+        shared(windows),
+        slopes(num_windows, VectorXd::Zero(J.cols())),
         slope(J.transpose() * residual) {
     const Determined found(whole());
     const VectorXd leverage =
@@ -465,17 +500,17 @@ struct Normals {
     const Eigen::Index least = J.rows() / (2 * num_blocks);
     double left = leverage.sum();
     Eigen::Index from = 0, to = 0;
-    for (Eigen::Index b = num_blocks; b > 0; --b, from = to) {
-      const Eigen::Index last = J.rows() - (b - 1) * least;
-      to = b == 1 ? last : std::min(from + least, last);
+    for (int b = 0; b < num_blocks; ++b, from = to) {
+      const int rest = num_blocks - b;
+      const Eigen::Index last = J.rows() - (rest - 1) * least;
+      to = rest == 1 ? last : std::min(from + least, last);
       double sum = leverage.segment(from, to - from).sum();
-      while (to < last && sum < left / static_cast<double>(b)) sum += leverage[to++];
+      while (to < last && sum < left / rest) sum += leverage[to++];
       left -= sum;
-      const auto block = J.middleRows(from, to - from);
-      blocks.emplace_back(block.transpose() * block);
-      slopes.emplace_back(block.transpose() * residual.segment(from, to - from));
+      add(static_cast<std::size_t>(b), J.middleRows(from, to - from),
+          residual.segment(from, to - from));
     }
-    unsure = deviation.size() > 0 ? VectorXd(J.transpose() * deviation) : VectorXd(0 * slope);
+    unsure = deviations.size() > 0 ? MatrixXd(J.transpose() * deviations) : MatrixXd(0 * slope);
   }
 
   /// Returns the normal matrix of the rows and of the prior.
@@ -485,7 +520,9 @@ struct Normals {
   void transform(const MatrixXd& T) {
     rows = T.transpose() * rows * T;
     prior = prior * T;
-    for (MatrixXd& each : blocks) each = T.transpose() * each * T;
+    for (auto* const matrices : {&windows, &squares, &shared}) {
+      for (MatrixXd& each : *matrices) each = T.transpose() * each * T;
+    }
     for (VectorXd& each : slopes) each = T.transpose() * each;
     slope = T.transpose() * slope;
     unsure = T.transpose() * unsure;
@@ -494,7 +531,24 @@ struct Normals {
   /// Moves the estimate by x. The residual changes with it.
   void move(const VectorXd& x) {
     slope -= rows * x;
-    for (std::size_t b = 0; b < blocks.size(); ++b) slopes[b] -= blocks[b] * x;
+    for (std::size_t w = 0; w < windows.size(); ++w) slopes[w] -= windows[w] * x;
+  }
+
+ private:
+  /// Adds the block between the middles of windows b and b + 1.
+  void add(std::size_t b, const MatrixXd& block, const VectorXd& residual) {
+    const VectorXd next = (VectorXd::LinSpaced(block.rows(), 0, block.rows() - 1).array() + 0.5) /
+                          static_cast<double>(block.rows());
+    const MatrixXd after = next.asDiagonal() * block, before = block - after;
+    const MatrixXd both = before.transpose() * after, first = before.transpose() * before,
+                   second = after.transpose() * after;
+    windows[b] += first + both;
+    windows[b + 1] += second + both;
+    squares[b] += first;
+    squares[b + 1] += second;
+    shared[b] = both;
+    slopes[b] += before.transpose() * residual;
+    slopes[b + 1] += after.transpose() * residual;
   }
 };
 
@@ -505,36 +559,45 @@ struct Widths {
 };
 
 /// Returns the half widths of the 95 % intervals of C times the least-squares solution. They are
-/// the solution's changes when each block of time is left out, so correlated residuals count
-/// correctly, and those by the prior. Student's quantile has the degrees of freedom of that sum of
-/// squares for a white residual (R. Bell, D. McCaffrey, Bias reduction in standard errors for
-/// linear regression with multi-stage samples, Survey Methodology 28(2), 2002). The prior's
-/// variance is known and has no end of them (F. Satterthwaite, Biometrics Bulletin 2(6), 1946).
+/// the solution's changes when each window of time is left out, so correlated residuals count
+/// correctly, and those by the prior. The sum of squares is scaled to have no bias for white
+/// residuals, and Student's quantile has its degrees of freedom for those (R. Bell, D. McCaffrey,
+/// Bias reduction in standard errors for linear regression with multi-stage samples, Survey
+/// Methodology 28(2), 2002). The prior's variance is known and has no end of them (F.
+/// Satterthwaite, Biometrics Bulletin 2(6), 1946).
 Widths half_widths(const Normals& normals, const MatrixXd& C) {
   const MatrixXd N = normals.whole(), inverse = numerics::inverse(N);
-  std::vector<MatrixXd> without;  // solutions of the other blocks
-  Widths result{VectorXd(C.rows()), MatrixXd(C.rows(), num_blocks + normals.prior.rows())};
-  for (Eigen::Index b = 0; b < num_blocks; ++b) {
-    const auto at = static_cast<std::size_t>(b);
-    without.emplace_back(numerics::inverse(N - normals.blocks[at]) * C.transpose());
-    result.moves.col(b) = without.back().transpose() * normals.slopes[at];
+  std::vector<MatrixXd> without;  // solutions of the other windows
+  Widths result{VectorXd(C.rows()), MatrixXd(C.rows(), num_windows + normals.prior.rows())};
+  for (Eigen::Index w = 0; w < num_windows; ++w) {
+    const auto at = static_cast<std::size_t>(w);
+    without.emplace_back(numerics::inverse(N - normals.windows[at]) * C.transpose());
+    result.moves.col(w) = without.back().transpose() * normals.slopes[at];
   }
   result.moves.rightCols(normals.prior.rows()) =
       normals.alike * C * inverse * normals.prior.transpose();
   for (Eigen::Index i = 0; i < C.rows(); ++i) {
-    MatrixXd seen(N.rows(), num_blocks), covariance = MatrixXd::Zero(num_blocks, num_blocks);
-    for (std::size_t b = 0; b < normals.blocks.size(); ++b) {
-      const auto at = static_cast<Eigen::Index>(b);
-      seen.col(at) = normals.blocks[b] * without[b].col(i);
-      covariance(at, at) = seen.col(at).dot(without[b].col(i));
+    MatrixXd seen(N.rows(), num_windows), covariance = MatrixXd::Zero(num_windows, num_windows);
+    for (std::size_t w = 0; w < normals.windows.size(); ++w) {
+      const auto at = static_cast<Eigen::Index>(w);
+      const VectorXd x = without[w].col(i);
+      seen.col(at) = normals.windows[w] * x;
+      covariance(at, at) = x.dot(normals.squares[w] * x);
+      if (w == 0) continue;
+      covariance(at - 1, at) = covariance(at, at - 1) =
+          without[w - 1].col(i).dot(normals.shared[w - 1] * x);
     }
     covariance -= seen.transpose() * inverse * seen;
-    const double by_blocks =
-        result.moves.row(i).head(num_blocks).squaredNorm() * (1 - 1.0 / num_blocks);
+    const VectorXd c = inverse * C.row(i).transpose();
+    const double white = c.dot(normals.rows * c) / covariance.trace();
+    if (white > 0 && std::isfinite(white)) {
+      result.moves.row(i).head(num_windows) *= std::sqrt(white);
+    }
+    const double by_windows = result.moves.row(i).head(num_windows).squaredNorm();
     const double variance =
-        by_blocks + result.moves.row(i).tail(normals.prior.rows()).squaredNorm();
+        by_windows + result.moves.row(i).tail(normals.prior.rows()).squaredNorm();
     const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm() *
-                           std::pow(variance / std::max(1e-300, by_blocks), 2);
+                           std::pow(variance / std::max(1e-300, by_windows), 2);
     const double width = quantile(freedom) * std::sqrt(variance);
     result.half[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
   }
@@ -564,7 +627,7 @@ std::vector<Eigen::Index> inside(Eigen::Index size, const std::vector<bool>& at_
 /// Precision of some of the parameters, while the others are held.
 struct Part {
   Widths widths;
-  VectorXd unsure;
+  MatrixXd unsure;
   std::vector<bool> by_prior;
 
   /// @param kept numbers of these parameters
@@ -587,7 +650,7 @@ struct Part {
 
  private:
   void set_by_prior(const Normals& normals, const Determined& found) {
-    by_prior.assign(static_cast<std::size_t>(unsure.size()), false);
+    by_prior.assign(static_cast<std::size_t>(unsure.rows()), false);
     if (normals.prior.rows() == 0) return;
     constexpr double larger = 4;  // variance without the prior
     const Determined alone(normals.rows);
@@ -611,20 +674,20 @@ std::vector<bool> at_bound(const Parameters& parameters, const VectorXd& values)
 }
 
 Precision precision(const MatrixXd& J, const VectorXd& residual, const std::vector<bool>& at_bound,
-                    const Prior& prior, const VectorXd& unsure) {
+                    const Prior& prior, const MatrixXd& unsure) {
   const Normals normals(J, residual, prior, unsure);
   const Determined all(normals.rows);
   Precision result{VectorXd(J.cols()),
                    all.value.size(),
                    std::sqrt(all.value.maxCoeff() / all.value.minCoeff()),
                    all.free,
-                   MatrixXd::Zero(J.cols(), num_blocks + prior.rows.rows()),
+                   MatrixXd::Zero(J.cols(), num_windows + prior.rows.rows()),
                    std::vector<bool>(static_cast<std::size_t>(J.cols())),
-                   VectorXd::Zero(J.cols())};
+                   MatrixXd::Zero(J.cols(), normals.unsure.cols())};
   // Takes parameter i of the result from number `from` of a part.
   const auto take = [&](const Part& part, Eigen::Index from, Eigen::Index i) {
-    result.unsure[i] = part.unsure[from];
-    result.half_width[i] = widened(part.widths.half[from], std::abs(result.unsure[i]));
+    result.unsure.row(i) = part.unsure.row(from);
+    result.half_width[i] = widened(part.widths.half[from], result.unsure.row(i).lpNorm<1>());
     result.by_prior[static_cast<std::size_t>(i)] = part.by_prior[static_cast<std::size_t>(from)];
   };
   std::vector<Eigen::Index> free = inside(J.cols(), at_bound);
@@ -637,9 +700,26 @@ Precision precision(const MatrixXd& J, const VectorXd& residual, const std::vect
     if (at_bound.empty() || !at_bound[static_cast<std::size_t>(i)]) continue;
     free.push_back(i);
     take(Part(normals, free, true), std::ssize(free) - 1, i);
-    result.unsure[i] = 0;
+    result.unsure.row(i).setZero();
     free.pop_back();
   }
+  return result;
+}
+
+Precision precision_of_first(Eigen::Index size, const MatrixXd& J, const VectorXd& residual,
+                             std::vector<bool> at_bound, const Prior& prior,
+                             const MatrixXd& unsure) {
+  at_bound.resize(static_cast<std::size_t>(J.cols()), false);
+  Prior padded{MatrixXd::Zero(prior.rows.rows(), prior.rows.rows() > 0 ? J.cols() : 0),
+               prior.alike};
+  if (prior.rows.rows() > 0) padded.rows.leftCols(size) = prior.rows;
+  Precision result = precision(J, residual, at_bound, padded, unsure);
+  result.rank -= std::min(J.cols() - size, result.rank);
+  result.half_width.conservativeResize(size);
+  result.free = MatrixXd(result.free.topLeftCorner(size, size));
+  result.moves.conservativeResize(size, Eigen::NoChange);
+  result.by_prior.resize(static_cast<std::size_t>(size));
+  result.unsure.conservativeResize(size, Eigen::NoChange);
   return result;
 }
 
@@ -654,20 +734,58 @@ double Precision::half_width_of(const VectorXd& combination) const {
   double most = 1.96;
   for (Eigen::Index i = 0; i < combination.size(); ++i) {
     const double moved = moves.row(i).norm();
-    const double own = half_width[i] - std::abs(unsure[i]);
+    const double own = half_width[i] - unsure.row(i).lpNorm<1>();
     if (combination[i] != 0 && moved > 0) most = std::max(most, own / moved);
   }
-  return most * (combination.transpose() * moves).norm() + std::abs(combination.dot(unsure));
+  return most * (combination.transpose() * moves).norm() +
+         (combination.transpose() * unsure).lpNorm<1>();
 }
 
 namespace {
 
+/// The normal equations of the parameters for the least squares of them and of the rises' v_r: N
+/// and b lack what changes of v_r explain.
+struct WithTurns {
+  MatrixXd N;
+  VectorXd b;
+
+  explicit WithTurns(const Weighted& rows)
+      : N(rows.columns.transpose() * rows.columns), b(rows.columns.transpose() * rows.torque) {
+    if (rows.turns.cols() == 0) return;
+    turns_.emplace(rows.turns.transpose() * rows.turns);
+    both_ = rows.turns.transpose() * rows.columns;
+    seen_ = rows.turns.transpose() * rows.torque;
+    const MatrixXd half = turns_->vectors.transpose() * both_;
+    const VectorXd inverse = turns_->value.cwiseInverse();
+    N -= half.transpose() * inverse.asDiagonal() * half;
+    b -= half.transpose() * inverse.asDiagonal() * turns_->vectors.transpose() * seen_;
+  }
+
+  /// Returns the changes of v_r times the rises, for these values of the parameters.
+  [[nodiscard]] VectorXd turns(const VectorXd& values) const {
+    return turns_ ? VectorXd(turns_->solution(seen_ - both_ * values)) : VectorXd();
+  }
+
+ private:
+  std::optional<Determined> turns_;
+  MatrixXd both_;
+  VectorXd seen_;
+};
+
+/// Computes the precision of the parameters, with the v_r of each rise as one more that is unknown.
+Precision precision_of(const Weighted& rows, const Parameters& parameters, const Prior& prior,
+                       const LeastSquares& found) {
+  MatrixXd J(rows.columns.rows(), rows.columns.cols() + rows.turns.cols());
+  J << rows.columns, rows.turns;
+  const VectorXd left = rows.torque - rows.columns * found.values - rows.turns * found.turns;
+  return precision_of_first(parameters.size(), J, left, at_bound(parameters, found.values), prior,
+                            rows.unsure);
+}
+
 /// Computes which parameters are determined, alone or in sums, and how well.
 void set_intervals(const Weighted& rows, const Parameters& parameters, const Prior& prior,
                    LeastSquares& result) {
-  static_cast<Precision&>(result) =
-      precision(rows.columns, rows.torque - rows.columns * result.values,
-                at_bound(parameters, result.values), prior, rows.unsure);
+  static_cast<Precision&>(result) = precision_of(rows, parameters, prior, result);
   const Eigen::Index size = parameters.size();
   result.sums.resize(static_cast<std::size_t>(size));
   for (Eigen::Index i = 0; i < size; ++i) {
@@ -699,10 +817,10 @@ LeastSquares least_squares(const std::vector<Regression>& regressions, const Par
     const Weighted rows = weighted(regressions, weight, used);
     // Rows of one recording are as far apart as those of the others, if their loggers agree.
     const double alike = rows_alike(regressions.front());
-    PossibleValues found =
-        possible_values(rows.columns.transpose() * rows.columns / alike,
-                        rows.columns.transpose() * rows.torque / alike, parameters, model);
+    const WithTurns fit(rows);
+    PossibleValues found = possible_values(fit.N / alike, fit.b / alike, parameters, model);
     result.values = std::move(found.values);
+    result.turns = fit.turns(result.values);
     if (pass + 1 == passes) {
       set_intervals(rows, parameters, {std::move(found.prior), alike}, result);
     }

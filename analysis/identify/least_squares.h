@@ -18,10 +18,12 @@ enum class RowUse { fast, one_way, all };
 /// are differences of the filtered position.
 struct Regression {
   Eigen::MatrixXd columns;  ///< torque per parameter
+  Eigen::MatrixXd turns;    ///< derivatives of the columns of rises by their v_r, if unknown
   Eigen::VectorXd torque;   ///< torque beyond that of the robot with all unknowns zero [N m; N]
-  /// Largest deviation of `torque` because a table does not tell whether its torques are those of
-  /// instants or means over two rows [N m; N]; zero for the recording of a loop.
-  Eigen::VectorXd unsure;
+  /// Largest deviations of `torque` [N m; N], one of each column. The first one is there because a
+  /// table does not tell whether its torques are those of instants or means over two rows. It is
+  /// zero for the recording of a loop. The second one is that of `Recording::own_late`.
+  Eigen::MatrixXd unsure;
   Eigen::VectorXd applied;  ///< whole torque [N m; N]
   Eigen::VectorXd time_s;   ///< time of the row from the recording's start
   Eigen::VectorXi joint;    ///< joint of the row
@@ -76,20 +78,22 @@ struct Precision {
   /// Square root of the ratio of the largest to the least determined eigenvalue.
   double condition = 0;
   Eigen::MatrixXd free;  ///< projector onto the combinations that the residual does not determine
-  /// Changes of the parameters when each block of time is left out, a column per block, and after
-  /// them their changes by a standard deviation of each number of the prior.
+  /// Changes of the parameters when each window of time is left out, a column per window, and after
+  /// them their changes by a standard deviation of each number of the prior. The squares' sum has
+  /// no bias for white residuals.
   Eigen::MatrixXd moves;
   /// True of parameters whose standard deviation would be more than twice as large without the
   /// prior.
   std::vector<bool> by_prior;
-  /// Changes of the parameters by `Regression::unsure`, which `half_width` contains.
-  Eigen::VectorXd unsure;
+  /// Changes of the parameters by deviations of the data such as `Regression::unsure`, a column for
+  /// each. `half_width` contains them.
+  Eigen::MatrixXd unsure;
 
   /// Returns the half width of a combination of the parameters. Its degrees of freedom are the
   /// fewest of the parameters in it.
   [[nodiscard]] double half_width_of(const Eigen::VectorXd& combination) const;
 };
-/// Computes the precision from the variation of the estimate when blocks of time are left out. It
+/// Computes the precision from the variation of the estimate when windows of time are left out. It
 /// holds for residuals of any autocorrelation. A parameter at its bound is held there for the
 /// precision of the others. The half width of that parameter comes from an estimate in which it
 /// alone may leave its bound. The true value is then at most a half width from the bound.
@@ -97,10 +101,16 @@ struct Precision {
 /// @param residual in order of time
 /// @param at_bound parameters that are at their bound; empty: none is
 /// @param prior that the estimate used; no rows: none
-/// @param unsure deviations of the rows, which widen the intervals; empty: none
+/// @param unsure deviations of the rows, a column for each, which widen the intervals; empty: none
 Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& residual,
                     const std::vector<bool>& at_bound = {}, const Prior& prior = {},
-                    const Eigen::VectorXd& unsure = {});
+                    const Eigen::MatrixXd& unsure = {});
+
+/// Computes the precision of the first `size` parameters. J has columns of further unknowns after
+/// theirs, which are free and of which the prior tells nothing.
+Precision precision_of_first(Eigen::Index size, const Eigen::MatrixXd& J,
+                             const Eigen::VectorXd& residual, std::vector<bool> at_bound,
+                             const Prior& prior, const Eigen::MatrixXd& unsure = {});
 
 /// Least squares without weights, bounds or a prior.
 struct Fitted : Precision {
@@ -118,6 +128,9 @@ std::vector<bool> at_bound(const Parameters& parameters, const Eigen::VectorXd& 
 /// and a joint at rest may have any friction up to Coulomb's.
 struct LeastSquares : Precision {  ///< half widths are infinite where not determined
   Eigen::VectorXd values;
+  /// Change of each unknown v_r that lowers the residual, times the rise. The intervals contain
+  /// that v_r is unknown.
+  Eigen::VectorXd turns;
   /// For each parameter that is determined only in a sum: the other parameters of the sum. Empty:
   /// the parameter is determined by itself.
   std::vector<std::string> sums;

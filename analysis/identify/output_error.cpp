@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <utility>
@@ -12,8 +13,10 @@
 #include "base/failure.h"
 #include "base/parallel.h"
 #include "controller/registry.h"
+#include "identify/compensating_arm.h"
 #include "identify/physical_inertia.h"
 #include "in_process/in_process_loop.h"
+#include "numerics/decompositions.h"
 
 namespace tachless::identify {
 namespace {
@@ -21,6 +24,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr int most_iterations = 30;
 /// Share of an interval's half width; smaller steps mean convergence.
 constexpr double good_step = 0.02;
@@ -63,15 +67,21 @@ using Residual = VectorXd;
 
 class Problem {
  public:
-  Problem(const std::vector<Recording>& recordings, const Parameters& parameters)
-      : recordings_(recordings), parameters_(parameters), noise_(recordings.size()) {}
+  /// @param noise of each recording's encoders
+  Problem(const std::vector<Recording>& recordings, const Parameters& parameters,
+          std::vector<MatrixXd> noise)
+      : recordings_(recordings), parameters_(parameters), noise_(std::move(noise)) {}
 
   /// Returns the residual, or nothing (size 0) when a simulated run ends early.
+  /// @param values of the parameters, and then the v_r that are unknown
   [[nodiscard]] Residual residual(const VectorXd& values) const {
+    Parameters moved = parameters_;
+    moved.set_velocities(values.tail(moved.num_turning()));
+    const VectorXd own = values.head(moved.size());
     std::vector<MatrixXd> parts;
     Eigen::Index rows = 0;
     for (std::size_t i = 0; i < recordings_.size(); ++i) {
-      parts.push_back(simulated_residual(recordings_[i], parameters_, values, noise_[i]));
+      parts.push_back(simulated_residual(recordings_[i], moved, own, noise_[i]));
       if (parts.back().rows() < recordings_[i].num_ticks()) return {};
       rows += parts.back().size();
     }
@@ -121,10 +131,49 @@ class Problem {
     return result;
   }
 
+  /// Returns the change of the residual if the arms' own torques act as late as they may
+  /// (`Recording::own_late`), a column; no column if that is known or the run then ends early.
+  [[nodiscard]] MatrixXd change_by_own_torque(const VectorXd& values, const Residual& here) const {
+    const auto is_known = [](const Recording& each) { return each.own_late == 0; };
+    if (std::ranges::all_of(recordings_, is_known)) return {};
+    std::vector<Recording> later = recordings_;
+    for (Recording& each : later) each.own_late *= 2;
+    const Residual there = Problem(later, parameters_, noise_).residual(values);
+    if (there.size() == 0) return {};
+    return there - here;
+  }
+
  private:
   const std::vector<Recording>& recordings_;
   const Parameters& parameters_;
   std::vector<MatrixXd> noise_;
+};
+
+/// Derivatives of the residual, which later passes use again while their steps fall.
+struct Derivatives {
+  MatrixXd columns;             ///< empty: to be computed
+  VectorXd at{}, steps{};       ///< values where they were computed, and the steps of it
+  double last_step = infinity;  ///< largest one in half widths, of the pass before
+
+  [[nodiscard]] bool is_empty() const { return columns.size() == 0; }
+
+  /// Returns whether a pass with them, whose largest step is `step` half widths, did not come so
+  /// much nearer as one with new derivatives would.
+  [[nodiscard]] bool are_slow(double step) {
+    constexpr double least_fall = 0.25;
+    return step > least_fall * std::exchange(last_step, step);
+  }
+
+  /// Returns whether values are farther away than the steps of a few differences and than their
+  /// half widths, or a v_r than its step.
+  [[nodiscard]] bool are_far_from(const VectorXd& values, const VectorXd& half_width) const {
+    constexpr double few = 10;
+    const Eigen::Index size = half_width.size(), rises = values.size() - size;
+    const VectorXd moved = (values - at).cwiseAbs();
+    const VectorXd near = (few * steps.head(size)).cwiseMax(half_width);
+    return (moved.head(size).array() > near.array()).any() ||
+           (moved.tail(rises).array() > steps.tail(rises).array()).any();
+  }
 };
 
 /// Returns the residual of a simulation that ran to its end.
@@ -142,12 +191,14 @@ Matrix weighted(Matrix rows, const VectorXd& spread) {
   return rows;
 }
 
-/// Returns a step of each parameter that the simulation resolves. It is a share of the parameter's
-/// value or `scale`; for link parameters it depends on the link. A delay's step is 0.1 tick.
+/// Returns a step of each parameter and v_r that the simulation resolves. It is a share of the
+/// parameter's value or `scale`; for link parameters it depends on the link. A delay's step is 0.1
+/// tick.
 VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
                           const Parameters& parameters, const robot::Model& model) {
   VectorXd steps = (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
-  for (Eigen::Index i = 0; i < steps.size(); ++i) {
+  steps.tail(parameters.num_turning()) *= 10;
+  for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
     if (entry.kind == Kind::delay) steps[i] = 0.1;
     if (entry.kind != Kind::inertia && entry.kind != Kind::load) continue;
@@ -164,7 +215,75 @@ VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
   return steps;
 }
 
+/// Changes further terms of friction to those that take energy at every speed, as a plant demands.
+void keep_energy(const Parameters& parameters, VectorXd& values) {
+  constexpr double least_coulomb = 1e-6;  // [N m; N] where friction grows with the load
+  const Eigen::Index coulomb = parameters.first(Kind::coulomb);
+  for (Eigen::Index i = 0; coulomb >= 0 && i < parameters.size(); ++i) {
+    const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    if (!is_term(entry.kind)) continue;
+    double& dry = values[coulomb + entry.joint];
+    if (entry.kind == Kind::rise) {
+      values[i] = std::max(values[i], -dry);
+    } else {
+      values[i] = std::clamp(values[i], 0.0, 1.0);
+      dry = std::max(dry, least_coulomb);
+    }
+  }
+}
+
+/// Returns the values of the linear problem J x = y that are possible, and then the v_r, which
+/// change by a factor of two at most.
+/// @param here values and v_r at which J was computed
+PossibleValues possible_step(const MatrixXd& J, const VectorXd& y, const VectorXd& here,
+                             const Parameters& parameters, const robot::Model& model) {
+  const Eigen::Index size = parameters.size(), rises = parameters.num_turning();
+  const MatrixXd N = J.transpose() * J;
+  const VectorXd b = J.transpose() * y;
+  if (rises == 0) {
+    PossibleValues result = possible_values(N, b, parameters, model);
+    keep_energy(parameters, result.values);
+    return result;
+  }
+  MatrixXd turns = N.bottomRightCorner(rises, rises);
+  turns.diagonal() *= 1 + 1e-9;
+  turns.diagonal().array() += 1e-300;
+  const MatrixXd inverse = numerics::inverse(turns), both = N.topRightCorner(size, rises),
+                 own = N.topLeftCorner(size, size);
+  PossibleValues result =
+      possible_values(own - both * inverse * both.transpose(),
+                      b.head(size) - both * inverse * b.tail(rises), parameters, model);
+  const VectorXd from = here.tail(rises);
+  const VectorXd next = (inverse * (b.tail(rises) - both.transpose() * result.values))
+                            .cwiseMax(0.5 * from)
+                            .cwiseMin(2 * from);
+  result = possible_values(own, b.head(size) - both * next, parameters, model);
+  keep_energy(parameters, result.values);
+  result.values.conservativeResize(size + rises);
+  result.values.tail(rises) = next;
+  return result;
+}
+
+/// Returns the rows of `rows_of_fit`.
+/// @param all rows of all ticks
+MatrixXd thinned_rows(const MatrixXd& all, Eigen::Index joints) {
+  constexpr Eigen::Index most_ticks = 6000;
+  const Eigen::Index ticks = all.rows() / joints, step = (ticks + most_ticks - 1) / most_ticks;
+  MatrixXd result(joints * (ticks / step), all.cols());
+  for (Eigen::Index k = 0; k < ticks / step; ++k) {
+    result.middleRows(joints * k, joints) = all.middleRows(joints * k * step, joints);
+  }
+  return result;
+}
+
 }  // namespace
+
+VectorXd rows_of_fit(const std::vector<Recording>& recordings, const Parameters& parameters,
+                     const VectorXd& values, const Fit& fit) {
+  const Residual all = Problem(recordings, parameters, fit.noise).residual(values);
+  if (all.size() == 0) return fit.r;
+  return thinned_rows(weighted(all, fit.residual), fit.residual.size());
+}
 
 MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
                             const VectorXd& values, const MatrixXd& noise) {
@@ -176,13 +295,19 @@ MatrixXd simulated_residual(const Recording& recording, const Parameters& parame
   }
   MatrixXd result(recording.num_ticks(), recording.q.cols());
   Eigen::Index done = 0;
+  const auto on_tick = [&](const in_process::TickRecord& record) {
+    if (const auto* const q = messages::parts_of(record.measurement)[0]) {
+      result.row(done) = recording.q.row(done) - q->transpose();
+    }
+    return ++done < recording.num_ticks();
+  };
   try {
-    in_process::run_in_process(plant, std::move(law), [&](const in_process::TickRecord& record) {
-      if (const auto* const q = messages::parts_of(record.measurement)[0]) {
-        result.row(done) = recording.q.row(done) - q->transpose();
-      }
-      return ++done < recording.num_ticks();
-    });
+    if (recording.own.size() > 0) {
+      CompensatingArm arm(plant, recording.scenario, recording.own_late);
+      in_process::run_in_process(without_mechanics(plant), std::move(law), on_tick, arm);
+    } else {
+      in_process::run_in_process(plant, std::move(law), on_tick);
+    }
   } catch (const base::Failure& failure) {
     if (failure.code() != base::ExitCode::protective_stop) throw;
   }
@@ -191,50 +316,70 @@ MatrixXd simulated_residual(const Recording& recording, const Parameters& parame
 
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const VectorXd& start, const Report& report) {
-  Problem problem(recordings, parameters);
+  const Eigen::Index size = parameters.size(), rises = parameters.num_turning();
+  Problem problem(recordings, parameters, std::vector<MatrixXd>(recordings.size()));
   Fit fit;
-  fit.values = start;
-  Residual here = runs(problem.residual(fit.values));
+  VectorXd at(size + rises);
+  at << start, parameters.velocities();
+  Residual here = runs(problem.residual(at));
   // Scale of a parameter: its start value, or a thousandth of the largest start value if that is
   // more.
-  VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
+  VectorXd scale = at.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
+  scale.tail(rises) = at.tail(rises);
   const robot::Model& model = *recordings.front().scenario.model;
+  Derivatives derivatives;
   VectorXd left;
-  for (int iteration = 0; iteration < most_iterations; ++iteration) {
-    report(fmt::format("simulating {} loops, pass {} of at most {}", parameters.size() + 1,
-                       iteration + 1, most_iterations));
+  bool done = false;
+  for (int iteration = 0; iteration < most_iterations && !done; ++iteration) {
+    const bool anew = derivatives.is_empty();
+    report(fmt::format("simulating {}, pass {} of at most {}",
+                       anew ? fmt::format("{} loops", at.size() + 1) : "a loop", iteration + 1,
+                       most_iterations));
     if (iteration < noise_passes) {
       problem.set_noise(here);
-      here = runs(problem.residual(fit.values));
+      here = runs(problem.residual(at));
     }
     const VectorXd spread = problem.spread(here).cwiseMax(1e-12);
-    const MatrixXd J = weighted(
-        problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
-        spread);
+    if (anew) {
+      const VectorXd steps = difference_steps(at, scale, parameters, model);
+      derivatives = {problem.jacobian(at, here, steps), at, steps};
+    }
+    const MatrixXd J = weighted(derivatives.columns, spread);
     const Residual r = weighted(here, spread);
-    const PossibleValues next =
-        possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r), parameters, model);
-    static_cast<Precision&>(fit) = precision(J, r, at_bound(parameters, fit.values), {next.prior});
+    const PossibleValues next = possible_step(J, J * at - r, at, parameters, model);
+    static_cast<Precision&>(fit) =
+        precision_of_first(size, J, r, at_bound(parameters, at.head(size)), {next.prior},
+                           weighted(problem.change_by_own_torque(at, here), spread));
     fit.residual = spread;
     fit.noise = problem.noise();
-    const VectorXd step = next.values - fit.values;
-    left = step.cwiseAbs();
+    const VectorXd step = next.values - at;
+    left = step.head(size).cwiseAbs();
     double best = r.squaredNorm(), shrink = 1;
     bool moved = false;
-    for (int attempt = 0; attempt < 6 && !moved; ++attempt, shrink /= 3) {
-      const VectorXd candidate = fit.values + shrink * step;
+    for (int attempt = 0; attempt < (anew ? 6 : 2) && !moved; ++attempt, shrink /= 3) {
+      const VectorXd candidate = at + shrink * step;
       const Residual there = problem.residual(candidate);
       if (there.size() == 0 || weighted(there, spread).squaredNorm() >= best) continue;
       best = weighted(there, spread).squaredNorm();
-      const VectorXd change = candidate - fit.values;
-      fit.values = candidate;
+      const VectorXd change = (candidate - at).head(size);
+      at = candidate;
       here = there;
       moved = true;
-      if ((change.cwiseAbs().array() <= good_step * fit.half_width.array()).all()) return fit;
+      done = (change.cwiseAbs().array() <= good_step * fit.half_width.array()).all();
     }
-    if (!moved) break;
+    fit.J = thinned_rows(J, spread.size());
+    if (!moved && anew) break;
+    const bool slow =
+        derivatives.are_slow((left.array() / fit.half_width.cwiseMax(1e-300).array()).maxCoeff());
+    if (!anew && (!moved || (done ? derivatives.are_far_from(at, fit.half_width) : slow))) {
+      derivatives = {};
+      done = false;
+    }
   }
-  fit.half_width += left;  // no convergence: the estimate would still change by this step
+  fit.values = at.head(size);
+  fit.velocities = at.tail(rises);
+  fit.r = thinned_rows(weighted(here, fit.residual), fit.residual.size());
+  if (!done) fit.half_width += left;  // the estimate would still change by this step
   return fit;
 }
 

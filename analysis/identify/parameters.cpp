@@ -135,6 +135,26 @@ Eigen::Index Parameters::first(Kind kind) const {
   return found == entries_.end() ? -1 : found - entries_.begin();
 }
 
+Eigen::Index Parameters::num_turning() const {
+  return std::ranges::count(entries_, true, &Entry::turns);
+}
+
+Eigen::VectorXd Parameters::velocities() const {
+  Eigen::VectorXd result(num_turning());
+  Eigen::Index at = 0;
+  for (const Entry& each : entries_) {
+    if (each.turns) result[at++] = each.velocity;
+  }
+  return result;
+}
+
+void Parameters::set_velocities(const Eigen::VectorXd& velocities) {
+  Eigen::Index at = 0;
+  for (Entry& each : entries_) {
+    if (each.turns) each.velocity = velocities[at++];
+  }
+}
+
 scenario::Scenario Parameters::plant(const scenario::Scenario& scenario,
                                      const Eigen::VectorXd& values) const {
   scenario::Scenario changed = scenario;

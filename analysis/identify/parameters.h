@@ -68,6 +68,7 @@ class Parameters {
     int component = 0;          ///< index into an `Inertial`
     double velocity = 1;        ///< v_r of a rise
     bool at_reversals = false;  ///< as in `FrictionTerm`
+    bool turns = false;         ///< v_r is unknown too
   };
 
   /// @param controlled the recordings are of the scenario's own law (`Recording::controlled`).
@@ -83,6 +84,25 @@ class Parameters {
 
   /// Returns the index of the first entry of a kind, or -1 if there is none.
   [[nodiscard]] Eigen::Index first(Kind kind) const;
+
+  /// Returns the number of rises whose v_r is unknown.
+  [[nodiscard]] Eigen::Index num_turning() const;
+
+  /// Makes the v_r of every rise unknown.
+  void free_velocities() {
+    for (Entry& each : entries_) each.turns = each.kind == Kind::rise;
+  }
+  /// Returns the v_r that are unknown, in the entries' order.
+  [[nodiscard]] Eigen::VectorXd velocities() const;
+  /// Sets the v_r that are unknown, in the entries' order.
+  void set_velocities(const Eigen::VectorXd& velocities);
+
+  /// Sets the v_r of entry i, a rise.
+  /// @param turns v_r is unknown
+  void set_velocity(Eigen::Index i, double velocity, bool turns) {
+    entries_[static_cast<std::size_t>(i)].velocity = velocity;
+    entries_[static_cast<std::size_t>(i)].turns = turns;
+  }
 
   /// Returns `scenario` with these values in its plant, with ideal encoders and with native
   /// mechanics.

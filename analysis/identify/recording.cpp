@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "base/failure.h"
+#include "identify/least_squares.h"
+#include "plant/own_torque.h"
 
 namespace tachless::identify {
 namespace {
@@ -16,11 +18,13 @@ using base::bad_usage;
 
 constexpr double shortest_s = 2;
 constexpr double most_saturated = 0.01;  ///< share of the ticks
+constexpr double speed_hz = 40;  ///< of the low-pass before the speed of the arm's own torque
 
 /// Sets the initial state of the recorded run. A real arm begins near the scenario's start
 /// (plant::GuardedRobot::start_tolerance) under a torque that holds it. An emulated arm begins at
 /// the scenario's start, and its first reading differs by encoder errors only.
-void begin_as_recorded(Recording& recording) {
+/// @param of_driver the run is one of a driver's arm
+void begin_as_recorded(Recording& recording, bool of_driver) {
   const scenario::Scenario& scenario = recording.scenario;
   const plant::EncoderSpec& encoder = scenario.plant.encoder;
   plant::InitialState& initial = recording.scenario.plant.initial;
@@ -31,8 +35,11 @@ void begin_as_recorded(Recording& recording) {
   if (((first - initial.position_rad).cwiseAbs().array() > off.array()).any()) {
     initial.position_rad = first;
   }
-  if (scenario.loop.command_delay > 0 && initial.torque == plant::InitialTorque::zero) {
+  if (initial.torque != plant::InitialTorque::zero) return;
+  if (scenario.loop.command_delay > 0) {
     initial.torque_Nm = recording.tau.row(0).transpose();
+  } else if (of_driver && !scenario.gives("plant.initial.torque")) {
+    initial.torque = plant::InitialTorque::hold;  // until the arm takes the first torque
   }
 }
 
@@ -104,6 +111,33 @@ FilledTicks fill(const Ticks& ticks) {
   return filled;
 }
 
+Eigen::MatrixXd sent_torque(const Recording& recording) {
+  if (recording.own.size() == 0) return recording.tau;
+  return recording.tau - recording.own;
+}
+
+void set_own_torque(Recording& recording, bool of_log) {
+  const plant::OwnTorque own(recording.scenario);
+  if (!own.any()) return;
+  const double h = recording.scenario.loop.period_s;
+  const Eigen::Index last = recording.num_ticks() - 1;
+  const Eigen::MatrixXd smooth = low_passed(recording.q, h, speed_hz);
+  recording.own.resizeLike(recording.tau);
+  for (Eigen::Index k = 0; k <= last; ++k) {
+    const Eigen::Index from = std::max<Eigen::Index>(0, k - 1), to = std::min(last, k + 1);
+    const Vector v =
+        (smooth.row(to) - smooth.row(from)).transpose() / (h * static_cast<double>(to - from));
+    recording.own.row(k) = own.at(recording.q.row(k).transpose(), v).transpose();
+  }
+  if (!of_log) return;
+  recording.own_late = 0.25;
+  if (recording.controlled) return;  // the simulated arm does it
+  const Eigen::MatrixXd change =
+      recording.own_late * (recording.own.bottomRows(last) - recording.own.topRows(last));
+  recording.own.bottomRows(last) -= change;
+  recording.tau.bottomRows(last) -= change;
+}
+
 Recording with_torques_moved(const Recording& recording, double ticks) {
   Recording result = recording;
   result.moved = ticks;
@@ -113,8 +147,13 @@ Recording with_torques_moved(const Recording& recording, double ticks) {
   const Eigen::Index first = std::max<Eigen::Index>(0, shift + more),
                      rows = recording.num_ticks() - first - std::max<Eigen::Index>(0, -shift);
   result.q = recording.q.middleRows(first, rows);
-  result.tau = (1 - part) * recording.tau.middleRows(first - shift, rows) +
-               part * recording.tau.middleRows(first - shift - more, rows);
+  const Eigen::MatrixXd sent = sent_torque(recording);
+  result.tau = (1 - part) * sent.middleRows(first - shift, rows) +
+               part * sent.middleRows(first - shift - more, rows);
+  if (recording.own.size() > 0) {
+    result.own = recording.own.middleRows(first, rows);
+    result.tau += result.own;
+  }
   return result;
 }
 
@@ -157,6 +196,7 @@ Ticks read_ticks(logger::RunLog& log, bool to_stop, TorqueSource source) {
           log.path().string());
     }
     result.tick.push_back(record.tick);
+    result.of_driver = result.of_driver && truth.q == positions;
     q.add(positions);
     tau.add(source == TorqueSource::commanded ? truth.tau : told_torque(record, source, log));
     result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
@@ -192,7 +232,10 @@ Recording read_recording(const std::filesystem::path& log, TorqueSource source) 
   }
   require_usable(result);
   result.controlled = source == TorqueSource::commanded && result.missed == 0;
-  if (result.controlled) begin_as_recorded(result);
+  const bool sent = source == TorqueSource::commanded || source == TorqueSource::accepted;
+  const bool of_driver = ticks.of_driver && result.scenario.loop.mode == scenario::Mode::realtime;
+  if (result.controlled) begin_as_recorded(result, of_driver);
+  if (sent && of_driver) set_own_torque(result, /*of_log=*/true);
   if (source == TorqueSource::behind_gear) leave_links_alone(result.scenario);
   return result;
 }

@@ -38,6 +38,12 @@ struct Recording {
   double moved = 0;
   bool loaded = true;       ///< the arm carried the load that is to be identified
   std::int64_t missed = 0;  ///< ticks without a reading, which were filled, or without a command
+  /// Part of `tau` that the arm adds itself (robot.compensates) [N m; N]. It acts at once, while
+  /// the rest may act late. Empty: there is none.
+  Eigen::MatrixXd own{};
+  /// Ticks from a position until the part of `own` of that position acts, in the mean. Nothing
+  /// tells it more exactly than from 0 to twice this number.
+  double own_late = 0;
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
 };
@@ -48,6 +54,7 @@ struct Ticks {
   /// Ticks without a command; ticks with a torque at its limit.
   std::int64_t missed = 0, saturated = 0;
   std::vector<std::int64_t> tick;  ///< of each row
+  bool of_driver = true;           ///< the state of the arm is what was read, as a driver logs it
 };
 
 /// Rows of all ticks from the first to the last one of a log.
@@ -71,6 +78,12 @@ class TickRows {
  private:
   std::vector<double> numbers_;
 };
+
+/// Computes the torque that the arm of the scenario adds itself, from the recorded positions.
+/// @param of_log a tick of the recording is one of the loop. An arm's controller that runs at the
+/// loop's rate holds the torque over each tick, in the mean half a tick late. A faster one follows
+/// the position. The middle is taken: a quarter tick. The torque of a table follows the position.
+void set_own_torque(Recording& recording, bool of_log);
 
 /// Reads positions and torques from a log.
 /// @param to_stop whether to leave out the ticks from a protective stop on
@@ -97,8 +110,12 @@ Recording read_recording(const std::filesystem::path& log,
 /// @throw base::Failure(bad_usage) with one line: file, line, fault and allowed values
 Recording read_table(const std::filesystem::path& description);
 
-/// Returns a table's recording with its torques moved by so many ticks. Torques between two rows
-/// are those of the cubic through four rows. Rows without a torque are left out.
+/// Returns the torques of a recording without those that the arm adds itself.
+Eigen::MatrixXd sent_torque(const Recording& recording);
+
+/// Returns a table's recording with its torques moved by so many ticks, except those that the arm
+/// adds itself. Torques between two rows are interpolated linearly. Rows without a torque are left
+/// out.
 /// @param recording a table whose torques have not been moved
 Recording with_torques_moved(const Recording& recording, double ticks);
 

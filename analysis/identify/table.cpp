@@ -225,6 +225,7 @@ Recording read_table(const std::filesystem::path& description) {
     throw bad_usage(refused.what());
   }
   require_usable(result);
+  set_own_torque(result, /*of_log=*/false);
   return result;
 }
 

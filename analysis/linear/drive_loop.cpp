@@ -94,8 +94,8 @@ double drive_modulus(const SplitLoop& loop) {
   const Lifted whole = lifted(loop);
   MatrixXd balanced = whole.A;
   const Eigen::VectorXd scale = balance(balanced), inverse = scale.cwiseInverse();
-  const FrequencyResponse response(numerics::complex_schur(balanced),
-                                   inverse.asDiagonal() * whole.B, whole.C * scale.asDiagonal());
+  const FrequencyResponse response(numerics::real_schur(balanced), inverse.asDiagonal() * whole.B,
+                                   whole.C * scale.asDiagonal());
   const auto w = frequencies(numerics::eigenvalues(balanced), loop.period_s, points);
   return least_over(w, [&](double at) {
     return 1 / norm(response.at(std::polar(1.0, at * loop.period_s)) + whole.D);

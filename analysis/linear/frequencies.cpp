@@ -43,13 +43,52 @@ double spectral_radius(const Eigen::MatrixXd& map) {
 
 FrequencyResponse::FrequencyResponse(const numerics::Schur& A, const Eigen::MatrixXd& B,
                                      const Eigen::MatrixXd& C)
-    : A_(A.T), B_(A.U.adjoint() * B), C_(C * A.U) {}
+    : T_(A.T.transpose()),
+      B_(Eigen::MatrixXd::Zero(2 * B.cols(), B.rows())),
+      C_((C * A.U).transpose()) {
+  B_.topRows(B.cols()) = (A.U.transpose() * B).transpose();
+}
 
 Eigen::MatrixXcd FrequencyResponse::at(const std::complex<double>& z) const {
-  Eigen::MatrixXcd resolvent = -A_;
-  resolvent.diagonal().array() += z;
-  const Eigen::MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
-  return C_ * state;
+  const Index states = B_.cols(), inputs = B_.rows() / 2;
+  // A column of each state: the real parts of its response to all inputs, then the imaginary parts.
+  Eigen::MatrixXd state = B_;
+  const auto add_later = [&](Index i, Index later) {
+    const Index rest = states - later;
+    state.col(i).noalias() += state.rightCols(rest) * T_.col(i).tail(rest);
+  };
+  const auto part = [&](Index i, Index input) {
+    return std::complex(state(input, i), state(inputs + input, i));
+  };
+  const auto set = [&](Index i, Index input, const std::complex<double>& value) {
+    state(input, i) = value.real();
+    state(inputs + input, i) = value.imag();
+  };
+  for (Index i = states - 1; i >= 0; --i) {
+    add_later(i, i + 1);
+    if (i == 0 || T_(i - 1, i) == 0) {
+      const std::complex<double> by = 1.0 / (z - T_(i, i));
+      for (Index k = 0; k < inputs; ++k) set(i, k, by * part(i, k));
+      continue;
+    }
+    // Rows j and i of (z - T) are (z - T_jj, -T_ji) and (-T_ij, z - T_ii).
+    const Index j = i - 1;
+    add_later(j, i + 1);
+    const double T_ji = T_(i, j), T_ij = T_(j, i);
+    const std::complex<double> at_j = z - T_(j, j), at_i = z - T_(i, i);
+    const std::complex<double> by = 1.0 / (at_j * at_i - T_ji * T_ij);
+    for (Index k = 0; k < inputs; ++k) {
+      const std::complex<double> of_j = by * part(j, k), of_i = by * part(i, k);
+      set(j, k, at_i * of_j + T_ji * of_i);
+      set(i, k, at_j * of_i + T_ij * of_j);
+    }
+    --i;
+  }
+  const Eigen::MatrixXd all = C_.transpose() * state.transpose();
+  Eigen::MatrixXcd response(C_.cols(), inputs);
+  response.real() = all.leftCols(inputs);
+  response.imag() = all.rightCols(inputs);
+  return response;
 }
 
 std::vector<double> frequencies(const VectorXcd& poles, double period_s, int num_points,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "numerics/decompositions.h"
+#include "numerics/golden_section.h"
 
 /// The frequencies at which a sampled loop is evaluated, and the least value over them.
 namespace tachless::linear {
@@ -23,8 +24,9 @@ Eigen::VectorXd balance(Eigen::MatrixXd& map);
 Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
 double spectral_radius(const Eigen::MatrixXd& map);
 
-/// The response C (z - A)^-1 B of x' = A x + B u, y = C x over one period. It is computed in
-/// Schur's coordinates, in which each frequency costs one back substitution.
+/// The response C (z - A)^-1 B of x' = A x + B u, y = C x over one period. It is computed in the
+/// coordinates of the real Schur form. Each frequency costs one back substitution, in which only
+/// the blocks of the diagonal are complex.
 class FrequencyResponse {
  public:
   FrequencyResponse() = default;
@@ -32,7 +34,9 @@ class FrequencyResponse {
   [[nodiscard]] Eigen::MatrixXcd at(const std::complex<double>& z) const;
 
  private:
-  Eigen::MatrixXcd A_, B_, C_;
+  Eigen::MatrixXd T_;  ///< transpose of T
+  Eigen::MatrixXd B_;  ///< transpose of U' B, with rows of zeros for the imaginary parts
+  Eigen::MatrixXd C_;  ///< transpose of C U
 };
 
 /// Returns rising frequencies from well below the slowest mode to half the sampling rate, and the
@@ -59,16 +63,9 @@ double least_over(const std::vector<double>& w, const F& f) {
   double least = minima.front().first;
   for (std::size_t m = 0; m < std::min(refined, minima.size()); ++m) {
     const std::size_t k = minima[m].second;
-    double low = w[k == 0 ? 0 : k - 1], high = w[std::min(k + 1, w.size() - 1)];
-    for (int i = 0; i < 30; ++i) {
-      const double third = (high - low) / 3;
-      if (f(low + third) < f(high - third)) {
-        high -= third;
-      } else {
-        low += third;
-      }
-    }
-    least = std::min(least, f((low + high) / 2));
+    const double at = numerics::largest_between(
+        [&](double x) { return -f(x); }, w[k == 0 ? 0 : k - 1], w[std::min(k + 1, w.size() - 1)]);
+    least = std::min(least, f(at));
   }
   return least;
 }

@@ -163,10 +163,13 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   B_ = loop.B;
   C_ = measured_rows(law.measured, n_, A_.rows());
   displaced_ = displaced(plant, A_.rows());
-  over_frequency_ = {numerics::complex_schur(A_), B_, C_};
+  const numerics::ComplexSchur schur = numerics::complex_schur(A_);
+  T_ = schur.T;
+  input_ = schur.U.adjoint() * B_;
+  output_ = C_ * schur.U;
   if (!keeps_responses) return;
   w_ = kept_frequencies(period_s);
-  for (const double w : w_) at_w_.push_back(over_frequency_.at(std::polar(1.0, w * period_s)));
+  for (const double w : w_) at_w_.push_back(solved_response(w));
 }
 
 MatrixXd RestLoop::closed(const LinearLaw& law) const {
@@ -185,7 +188,14 @@ MatrixXd RestLoop::starts(const LinearLaw& law) const {
 MatrixXcd RestLoop::response(double w) const {
   const auto kept = std::ranges::lower_bound(w_, w);
   if (kept != w_.end() && *kept == w) return at_w_[static_cast<std::size_t>(kept - w_.begin())];
-  return over_frequency_.at(std::polar(1.0, w * period_s_));
+  return solved_response(w);
+}
+
+MatrixXcd RestLoop::solved_response(double w) const {
+  MatrixXcd resolvent = -T_;
+  resolvent.diagonal().array() += std::polar(1.0, w * period_s_);
+  const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(input_);
+  return output_ * state;
 }
 
 RestLoop::ReturnDifference RestLoop::return_difference(const FeedbackAt& at) const {
@@ -276,15 +286,33 @@ void RestLoop::add_rows(const FeedbackAt& at, const Feedback& feedback, double l
   }
 }
 
+VectorXd Errors::last_unsettled_s() const {
+  const Index n = std::llround(std::sqrt(error.cols()));
+  VectorXd last = VectorXd::Zero(n);
+  for (Index k = 0; k < error.rows(); ++k) {
+    for (Index joint = 0; joint < n; ++joint) {
+      const double largest = error.row(k).segment(joint * n, n).cwiseAbs().maxCoeff();
+      if (!(largest <= settled)) last[joint] = time_s[static_cast<std::size_t>(k)];
+    }
+  }
+  return last;
+}
+
 Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, double end_s,
               int most_instants) {
-  const double h = loop.period_s();
-  const Index n = loop.num_joints();
+  return errors(loop.closed(feedback), loop.starts(feedback), loop.period_s(), begin_s, end_s,
+                most_instants);
+}
+
+Errors errors(const MatrixXd& map, const MatrixXd& starts, double period_s, double begin_s,
+              double end_s, int most_instants) {
+  const double h = period_s;
+  const Index n = starts.cols();
   auto first = std::max<long long>(1, std::llround(begin_s / h));
   const auto last = std::max(first + 1, std::llround(end_s / h));
   long long stride = 1;
   while ((last - first) / stride > most_instants) stride *= 2;
-  MatrixXd power = loop.closed(feedback), step = power, state = loop.starts(feedback), here;
+  MatrixXd power = map, step = power, state = starts, here;
   for (long long bit = 1, rest = first; bit <= std::max(first, stride); bit *= 2) {
     if (bit == stride) step = power;
     if (rest % 2 == 1) state = power * state;

@@ -47,7 +47,7 @@ class Gains {
     }
     const std::array into = {MatrixXd(open.B * S), MatrixXd(into_law * angles)};
     const std::array out_of = {MatrixXd(inverse_S * torque), MatrixXd(inverse_angles * measured)};
-    const numerics::Schur schur = numerics::complex_schur(map);
+    const numerics::Schur schur = numerics::real_schur(map);
     for (std::size_t i = 0; i < 4; ++i) from_to_[i] = {schur, into[i / 2], out_of[i % 2]};
     w_ = frequencies(balanced_eigenvalues(map), period_s, 400);
   }

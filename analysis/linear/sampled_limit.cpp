@@ -11,6 +11,7 @@
 #include "linear/gain_rows.h"
 #include "numerics/decompositions.h"
 #include "numerics/golden_section.h"
+#include "numerics/sign_change.h"
 
 namespace tachless::linear {
 namespace {
@@ -31,12 +32,18 @@ class Response {
     // The decomposition is that of the balanced loop. Otherwise the rounding of a law's large
     // states would hide its small ones.
     const numerics::Schur A =
-        numerics::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
-    peaks_ = A.T.diagonal();
+        numerics::real_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
+    peaks_ = numerics::eigenvalues(A.T);
     response_ = {A, inverse.asDiagonal() * open.B, open.C * scale.asDiagonal()};
   }
 
-  [[nodiscard]] const VectorXcd& eigenvalues(double w) const { return at(w).eigenvalues; }
+  /// Returns the spectral radius of the closed loop.
+  [[nodiscard]] double radius() const { return poles_.cwiseAbs().maxCoeff(); }
+  [[nodiscard]] const VectorXcd& eigenvalues(double w) const {
+    Value& here = at(w);
+    if (here.eigenvalues.size() == 0) here.eigenvalues = numerics::eigenvalues(here.L);
+    return here.eigenvalues;
+  }
   [[nodiscard]] double modulus(double w) const {
     return (eigenvalues(w).array() + 1).abs().minCoeff();
   }
@@ -52,15 +59,12 @@ class Response {
  private:
   struct Value {
     MatrixXcd L;
-    VectorXcd eigenvalues;
+    VectorXcd eigenvalues;  ///< empty: not asked for yet
   };
   /// Returns L at w. Three searches look at the same grid, so that each value is computed once.
-  [[nodiscard]] const Value& at(double w) const {
+  [[nodiscard]] Value& at(double w) const {
     const auto [found, is_new] = known_.try_emplace(w);
-    if (is_new) {
-      found->second.L = -response_.at(std::polar(1.0, w * period_s_));
-      found->second.eigenvalues = numerics::eigenvalues(found->second.L);
-    }
+    if (is_new) found->second.L = -response_.at(std::polar(1.0, w * period_s_));
     return found->second;
   }
 
@@ -80,27 +84,19 @@ MatrixXd starts(const SampledLoop& loop, const LinearLaw& law) {
   return state;
 }
 
-/// When the errors from each of `starts` are last above 1 %, in steps of several periods where
-/// it takes long.
-Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
-                               double period_s, double decay_per_s) {
-  constexpr double part = 0.01, most_steps = 2000;
-  const Index n = loop.plant.num_joints;
+/// Returns when the errors after each joint is displaced are settled [s]. Instants are several
+/// periods apart where settling takes long.
+Eigen::VectorXd settling_times(const MatrixXd& map, const MatrixXd& starts, double period_s,
+                               double decay_per_s) {
+  constexpr int most_instants = 2000;
   // Several slowest modes together need longer than one; more than threefold none has been seen.
   // Each turn of the loop examines less than a quarter of the time before, down to single periods.
-  double longest_s = -3 * std::log(part) / decay_per_s;
+  double longest_s = -3 * std::log(settled) / decay_per_s;
   while (true) {
-    MatrixXd step = map;
     double step_s = period_s;
-    for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-    MatrixXd state = starts(loop, law);
-    Eigen::VectorXd settled_s = Eigen::VectorXd::Zero(n);
-    for (double t = step_s; t <= longest_s; t += step_s) {
-      state = step * state;
-      for (Index k = 0; k < n; ++k) {
-        if (state.col(k).head(n).cwiseAbs().maxCoeff() > part) settled_s[k] = t;
-      }
-    }
+    while (longest_s > most_instants * step_s) step_s *= 2;
+    const Eigen::VectorXd settled_s =
+        errors(map, starts, period_s, step_s, longest_s, most_instants).last_unsettled_s();
     // The slowest mode may be a small part of the error: then once more, closer.
     const double last_s = settled_s.maxCoeff() + step_s;
     if (step_s == period_s || last_s > longest_s / 4) return settled_s;
@@ -190,23 +186,27 @@ class Crossings {
     return now;
   }
 
-  void add(double low, VectorXcd at_low, double high, Index i, Margins& margins) const {
-    constexpr int bisections = 40;
-    const bool outside = std::abs(at_low[i]) > 1;
-    for (int k = 0; k < bisections; ++k) {
-      const double middle = (low + high) / 2;
-      const VectorXcd at_middle = followed(middle, at_low);
-      if ((std::abs(at_middle[i]) > 1) != outside) {
-        high = middle;
-      } else {
-        low = middle;
-        at_low = at_middle;
-      }
-    }
-    double lag = std::arg(-at_low[i]);
+  /// Adds the crossing of eigenvalue `i` from `low`, where the eigenvalues are `before`, to `high`.
+  void add(double low, const VectorXcd& before, double high, Index i, Margins& margins) const {
+    constexpr double accuracy = 1e-12;  // of the interval
+    const double sign = std::abs(before[i]) > 1 ? -1 : 1;
+    // Eigenvalues keep their places if they are followed from the nearest known frequency below.
+    std::map<double, VectorXcd> known = {{low, before}};
+    const auto at = [&](double w) -> const VectorXcd& {
+      if (const auto found = known.find(w); found != known.end()) return found->second;
+      const VectorXcd& below = std::prev(known.lower_bound(w))->second;
+      return known.emplace(w, followed(w, below)).first->second;
+    };
+    const auto beyond = [&](double w) { return sign * (std::abs(at(w)[i]) - 1); };
+    const double w = numerics::last_negative(beyond, {low, beyond(low)}, {high, beyond(high)},
+                                             accuracy * (high - low));
+    // Eigenvalues that change places from one frequency to the next do not cross the circle.
+    constexpr double off_circle = 1e-3;
+    if (std::abs(beyond(w)) > off_circle) return;
+    double lag = std::arg(-at(w)[i]);
     margins.phase_deg = std::min(margins.phase_deg, std::abs(lag) * 180 / std::numbers::pi);
     if (lag < 0) lag += 2 * std::numbers::pi;
-    margins.delay_s = std::min(margins.delay_s, lag / low);
+    margins.delay_s = std::min(margins.delay_s, lag / w);
   }
 
   const Response& response_;
@@ -215,17 +215,23 @@ class Crossings {
 
 /// Returns the gain nearest to 1 that makes a stable loop unstable, in steps of `factor` up to
 /// `most`, and refined to 1e-7. Returns nothing where none was found.
+/// @param excess spectral radius less 1, by the gain
+/// @param here excess at the gain 1
 /// @param near gains from 1 to this one are taken as stable if the last step before it is
-template <class Stable>
-std::optional<double> unstable_gain(const Stable& stable, double factor, double most, double near) {
+template <class Excess>
+std::optional<double> unstable_gain(const Excess& excess, numerics::ValueAt here, double factor,
+                                    double most, double near) {
+  constexpr double accuracy = 1e-7;
   const auto is_before = [&](double gain, double end) {
     return factor > 1 ? gain < end : gain > end;
   };
   double gain = 1;
   while (is_before(gain, most) && is_before(gain * factor, near)) gain *= factor;
-  if (gain != 1 && !stable(gain)) gain = 1;
-  for (; is_before(gain, most); gain *= factor) {
-    if (!stable(gain * factor)) return edge(gain, gain * factor, 20, stable);
+  if (const double there = gain == 1 ? here.value : excess(gain); there < 0) here = {gain, there};
+  while (is_before(here.x, most)) {
+    const numerics::ValueAt next{here.x * factor, excess(here.x * factor)};
+    if (!(next.value < 0)) return numerics::last_negative(excess, here, next, accuracy * here.x);
+    here = next;
   }
   return {};
 }
@@ -309,7 +315,8 @@ Modes modes(const SampledLoop& loop, double period_s) {
   result.decay_per_s = decay;
   result.settling_s = result.settling_mean_s = infinity;
   if (result.stable) {
-    const Eigen::VectorXd each = settling_times(loop, law, map, period_s, result.decay_per_s);
+    const Eigen::VectorXd each =
+        settling_times(map, starts(loop, law), period_s, result.decay_per_s);
     result.settling_s = each.maxCoeff();
     result.settling_mean_s = each.mean();
   }
@@ -317,18 +324,17 @@ Modes modes(const SampledLoop& loop, double period_s) {
 }
 
 double modulus_margin(const SampledLoop& loop, double period_s) {
-  const CutLoop open = cut(loop, period_s);
-  if (spectral_radius(open.closed()) >= 1) return 0;
-  const Response response(open, period_s);
+  const Response response(cut(loop, period_s), period_s);
+  if (!(response.radius() < 1)) return 0;
   return least_over(response.frequencies(), [&](double w) { return response.modulus(w); });
 }
 
 Margins margins(const SampledLoop& loop, double period_s) {
   Margins result;
   const CutLoop open = cut(loop, period_s);
-  const auto stable = [&](double gain) { return spectral_radius(open.closed(gain)) < 1; };
-  if (!stable(1)) return result;
   const Response response(open, period_s);
+  const numerics::ValueAt at_1{1, response.radius() - 1};
+  if (!(at_1.value < 0)) return result;
   const std::vector<double> w = response.frequencies();
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
@@ -336,10 +342,12 @@ Margins margins(const SampledLoop& loop, double period_s) {
   Crossings crossings(response);
   crossings.find(response.frequencies(true), result);
   constexpr double factor = 1.1, largest_gain = 1e4, smallest_gain = 0.01;
-  result.gain =
-      unstable_gain(stable, factor, largest_gain, crossings.gain_above()).value_or(infinity);
-  result.least_gain =
-      unstable_gain(stable, 1 / factor, smallest_gain, crossings.gain_below()).value_or(0);
+  const auto excess = [&](double gain) { return spectral_radius(open.closed(gain)) - 1; };
+  const auto limit = [&](double by, double most, double near) {
+    return unstable_gain(excess, at_1, by, most, near);
+  };
+  result.gain = limit(factor, largest_gain, crossings.gain_above()).value_or(infinity);
+  result.least_gain = limit(1 / factor, smallest_gain, crossings.gain_below()).value_or(0);
   return result;
 }
 

@@ -2,14 +2,25 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <utility>
 
 #include "linear/linear_loop.h"
+#include "lyapunov/examined_weights.h"
 #include "numerics/decompositions.h"
 
 namespace tachless::lyapunov {
+
+/// Bounds on the parts of matrices that may be missing between two postures.
+struct Slack {
+  Eigen::MatrixXd M;         ///< of the links' M
+  Eigen::MatrixXd decrease;  ///< of Mm without delta
+  Eigen::MatrixXd delta;     ///< of sym C(q, delta), |delta|_L = 1
+  double V = 0;              ///< of V's matrix
+};
+
 namespace {
 
 using Eigen::Index;
@@ -47,19 +58,6 @@ MatrixXd whitened(const MatrixXd& L, const MatrixXd& A) {
   const MatrixXd left = lower.solve(A);
   return symmetric_part(lower.solve(left.transpose()));
 }
-
-/// Bounds on the parts of matrices that may be missing between two postures.
-struct Slack {
-  MatrixXd M;         ///< of the links' M
-  MatrixXd decrease;  ///< of Mm without delta
-  MatrixXd delta;     ///< of sym C(q, delta), |delta|_L = 1
-
-  /// Returns the bound for V's matrix.
-  [[nodiscard]] double of_lyapunov(const Weights& weights) const {
-    const auto size = weights.eps_1.array().square() + weights.eps_2.array().square();
-    return numerics::spectral_norm(M) * (1 + std::sqrt(size.maxCoeff()));
-  }
-};
 
 /// Returns the matrices A_j with C(q, L x) = sum_j x_j A_j. An empty L stands for the identity.
 std::vector<MatrixXd> combined(const std::vector<MatrixXd>& C, const MatrixXd& L) {
@@ -104,6 +102,8 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
     result.decrease += curvature * condition.B_d * root_of_squares_scaled(of_decrease, scale);
     result.delta += curvature * root_of_squares_scaled(of_C, scale_M);
   }
+  const auto size = weights.eps_1.array().square() + weights.eps_2.array().square();
+  result.V = numerics::spectral_norm(result.M) * (1 + std::sqrt(size.maxCoeff()));
   return result;
 }
 
@@ -117,53 +117,119 @@ std::vector<Index> coordinates(Index num_errors, Index from, Index to) {
   return all;
 }
 
-/// Parts of the condition that are the same at all postures. Only the links' rows and columns of Mm
-/// depend on the posture. The rotors' are eliminated once: with L L' the rotors' corner of Mm and C
-/// the links' rows of the rotors' columns, Mm is positive definite where the links' corner less C
-/// (L L')^-1 C' is.
-struct Constant {
-  Constant(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights)
+/// S = diag(Kp, Kd B^-1) - N' M N with delta = N (e, nu), as a function of the links' M.
+class PositionPart {
+ public:
+  PositionPart(const ErrorSystem& system, const Weights& weights)
+      : links_(system.num_links()), at_no_inertia_(stiffness_of(system)) {
+    const Index N = system.num_errors();
+    const Weights each = weights.of(N);
+    by_ = {each.eps_1, -each.eps_2};
+    for (Index i = links_; i < N; ++i) {
+      const double J = system.rotor_inertia[i - links_];
+      for (Index a = 0; a < 2; ++a) {
+        for (Index b = 0; b < 2; ++b)
+          at_no_inertia_(a * N + i, b * N + i) -= by(a)[i] * J * by(b)[i];
+      }
+    }
+  }
+
+  /// Returns the Cholesky factor of S. S is antitone and its inverse convex in M, so that the
+  /// extremes over a chord, enlarged by the slack, are at its ends.
+  [[nodiscard]] Eigen::LLT<MatrixXd> factor(const MatrixXd& links_M) const {
+    MatrixXd S = at_no_inertia_;
+    const Index N = S.rows() / 2;
+    for (Index a = 0; a < 2; ++a) {
+      for (Index b = 0; b < 2; ++b) {
+        S.block(a * N, b * N, links_, links_) -=
+            by(a).head(links_).asDiagonal() * links_M * by(b).head(links_).asDiagonal();
+      }
+    }
+    return Eigen::LLT<MatrixXd>(S);
+  }
+
+ private:
+  /// E1 or -E2, the blocks of N.
+  [[nodiscard]] const VectorXd& by(Index block) const {
+    return by_[static_cast<std::size_t>(block)];
+  }
+
+  Index links_;
+  MatrixXd at_no_inertia_;  ///< S where the links' M is 0
+  std::array<VectorXd, 2> by_;
+};
+
+}  // namespace
+
+/// Only the links' rows and columns of Mm depend on the posture. The rotors' are eliminated once:
+/// with L L' the rotors' corner of Mm and C the links' rows of the rotors' columns, Mm is positive
+/// definite where the links' corner less C (L L')^-1 C' is.
+struct ConstantParts {
+  ConstantParts(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights)
       : slack(slack_of(condition, system, weights)),
         of_delta(delta_scale(system, weights)),
-        decrease(decrease_constant(system, weights) - slack.decrease) {
-    const Index N = system.num_errors(), n = system.num_links();
-    links = coordinates(N, 0, n);
-    rotors = coordinates(N, n, N);
+        decrease(decrease_constant(system, weights) - slack.decrease),
+        of_links{{}, {}, system.a.head(system.num_links()), system.b.head(system.num_links()), {}},
+        links_weights(weights.of(system.num_errors()).of(system.num_links())),
+        links(coordinates(system.num_errors(), 0, system.num_links())),
+        rotors(coordinates(system.num_errors(), system.num_links(), system.num_errors())),
+        corner(decrease(links, links)),
+        known(condition.postures.inertia.size()) {
     if (rotors.empty()) return;
     of_rotors.compute(decrease(rotors, rotors));
     positive = of_rotors.info() == Eigen::Success;
-    if (positive) coupling = of_rotors.matrixL().solve(MatrixXd(decrease(rotors, links)));
+    if (!positive) return;
+    coupling = of_rotors.matrixL().solve(MatrixXd(decrease(rotors, links)));
+    by_rotors = coupling.transpose() * coupling;
   }
 
   /// Returns the Cholesky factor of the links' corner of a matrix with the rotors eliminated.
   /// Returns nothing if the matrix is not positive definite.
-  [[nodiscard]] std::optional<Eigen::LLT<MatrixXd>> factor(const MatrixXd& Mm) const {
+  [[nodiscard]] std::optional<Eigen::LLT<MatrixXd>> factor(const MatrixXd& of_corner) const {
     if (!positive) return {};
-    MatrixXd corner = Mm(links, links);
-    if (!rotors.empty()) corner.noalias() -= coupling.transpose() * coupling;
-    Eigen::LLT<MatrixXd> found(corner);
+    Eigen::LLT<MatrixXd> found(rotors.empty() ? of_corner : of_corner - by_rotors);
     if (found.info() != Eigen::Success) return {};
     return found;
   }
   /// Returns the states of all coordinates for columns of the links', with the rotors where they
   /// make the quadratic form least.
-  [[nodiscard]] MatrixXd states(const MatrixXd& of_links) const {
-    MatrixXd all(std::ssize(links) + std::ssize(rotors), of_links.cols());
-    all(links, Eigen::all) = of_links;
+  [[nodiscard]] MatrixXd states(const MatrixXd& in_links) const {
+    MatrixXd all(std::ssize(links) + std::ssize(rotors), in_links.cols());
+    all(links, Eigen::all) = in_links;
     if (!rotors.empty()) {
-      all(rotors, Eigen::all) = -of_rotors.matrixU().solve(coupling * of_links);
+      all(rotors, Eigen::all) = -of_rotors.matrixU().solve(coupling * in_links);
     }
     return all;
   }
+  /// Returns Mm with this corner of the links.
+  [[nodiscard]] MatrixXd whole(const MatrixXd& of_corner) const {
+    MatrixXd Mm = decrease;
+    Mm(links, links) = of_corner;
+    return Mm;
+  }
+
+  /// The corner of a posture of the set, once it was asked for.
+  struct Known {
+    bool asked = false;
+    std::optional<MatrixXd> corner;
+  };
 
   Slack slack;
-  MatrixXd of_delta;  ///< as of `delta_scale`
-  MatrixXd decrease;  ///< Mm without the links' inertia, v_ref and delta, less its slack
+  MatrixXd of_delta;     ///< as of `delta_scale`
+  MatrixXd decrease;     ///< Mm without the links' inertia, v_ref and delta, less its slack
+  ErrorSystem of_links;  ///< the links' filters, without what does not belong to M and C
+  Weights links_weights;
   std::vector<Index> links, rotors;
+  MatrixXd corner;  ///< the links' part of `decrease`
   Eigen::LLT<MatrixXd> of_rotors;
   MatrixXd coupling;     ///< L^-1 C'
+  MatrixXd by_rotors;    ///< C (L L')^-1 C'
   bool positive = true;  ///< whether the rotors' corner is positive definite
+  /// One for each posture. Only one thread at a time looks at a posture.
+  mutable std::vector<Known> known;
 };
+
+namespace {
 
 /// Returns the square root of sum A_j^2, A_j = L^-1 D_j L^-T, with D_j the links' rows and columns
 /// of `decrease_of_coriolis` of C_j. D_j is U E' + E U', where E has the last n columns of the
@@ -197,24 +263,44 @@ MatrixXd root_of_coriolis(const MatrixXd& L, const Weights& weights,
   return square_root(sum);
 }
 
-/// Returns a matrix that is positive definite only if Mm at delta = 0 is, for every v_ref of the
-/// condition. Returns nothing when the congruence fails; Mm is then not positive definite.
-std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
-                                    const Weights& weights, const numerics::Inertia& inertia,
-                                    const Constant& constant) {
-  MatrixXd at_rest = constant.decrease + decrease_of_inertia(system, weights, inertia.M);
+/// Returns the links' corner of Mm at rest.
+MatrixXd corner_at_rest(const numerics::Inertia& inertia, const ConstantParts& constant) {
+  return constant.corner +
+         decrease_of_inertia(constant.of_links, constant.links_weights, inertia.M);
+}
+
+/// Returns the links' corner of a matrix that is positive definite only if Mm at delta = 0 is, for
+/// every v_ref of the condition. Returns nothing when the congruence fails; Mm is then not positive
+/// definite.
+std::optional<MatrixXd> new_corner_at(const MatrixCondition& condition, const ErrorSystem& system,
+                                      const numerics::Inertia& inertia,
+                                      const ConstantParts& constant) {
+  MatrixXd at_rest = corner_at_rest(inertia, constant);
   if (condition.B_d == 0) return at_rest;
   if (system.v_ref.size() > 0) {  // known
     const MatrixXd Cd = combined(inertia.C, system.v_ref)[0];
-    return at_rest + decrease_of_coriolis(system, weights, Cd);
+    return at_rest + decrease_of_coriolis(constant.of_links, constant.links_weights, Cd);
   }
   const auto factor = constant.factor(at_rest);
   if (!factor) return {};
   const MatrixXd L = factor->matrixL();
   const MatrixXd root =
-      root_of_coriolis(L, weights.of(system.num_links()), combined(inertia.C, condition.v_scale));
-  at_rest(constant.links, constant.links) -= condition.B_d * (L * root * L.transpose());
+      root_of_coriolis(L, constant.links_weights, combined(inertia.C, condition.v_scale));
+  at_rest -= condition.B_d * (L * root * L.transpose());
   return at_rest;
+}
+
+/// Returns the same. At a posture of the condition's set it is computed once.
+std::optional<MatrixXd> corner_at(const MatrixCondition& condition, const ErrorSystem& system,
+                                  const numerics::Inertia& inertia, const ConstantParts& constant) {
+  const numerics::Inertia* const first = condition.postures.inertia.data();
+  const std::less<> before;
+  if (before(&inertia, first) || !before(&inertia, first + constant.known.size())) {
+    return new_corner_at(condition, system, inertia, constant);
+  }
+  ConstantParts::Known& known = constant.known[static_cast<std::size_t>(&inertia - first)];
+  if (!known.asked) known = {true, new_corner_at(condition, system, inertia, constant)};
+  return known.corner;
 }
 
 /// How many states that bind are given: the eigenvalues near the least one.
@@ -222,11 +308,11 @@ constexpr Index few = 3;
 
 /// Returns rho at a posture.
 /// @param states receives the states that bind rho, if it is given
-double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-              const numerics::Inertia& inertia, const Constant& constant,
+double rho_at(const MatrixCondition& condition, const ErrorSystem& system,
+              const numerics::Inertia& inertia, const ConstantParts& constant,
               MatrixXd* states = nullptr) {
   const Index n = system.num_links();
-  const auto F = decrease_at(condition, system, weights, inertia, constant);
+  const auto F = corner_at(condition, system, inertia, constant);
   const auto factor = F ? constant.factor(*F) : std::nullopt;
   if (!factor) return 0;
   // F - rho E D E' > 0 exactly when rho lambda_max(H' D H) < 1, H H' = E' F^-1 E.
@@ -252,24 +338,24 @@ bool is_positive(const MatrixXd& A) { return A.llt().info() == Eigen::Success; }
 /// Returns the rate at a posture, or infinity where it is above `enough`.
 /// @param states receives the states that bind it, if it is given
 double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const numerics::Inertia& inertia, const Constant& constant,
+               double rho, const numerics::Inertia& inertia, const ConstantParts& constant,
                double enough, MatrixXd* states = nullptr) {
-  const Index N = system.num_errors(), n = system.num_links();
+  const Index n = system.num_links();
   // P of the posture, enlarged by its change up to the next posture.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
   Eigen::LLT<MatrixXd> half_P(P / 2);
   if (half_P.info() != Eigen::Success) return -infinity;
-  if (const double slack = constant.slack.of_lyapunov(weights); slack > 0) {
-    P.diagonal().array() += slack;
+  if (constant.slack.V > 0) {
+    P.diagonal().array() += constant.slack.V;
     half_P.compute(P / 2);
   }
-  auto F = decrease_at(condition, system, weights, inertia, constant);
-  const bool certified = F.has_value();
+  auto corner = corner_at(condition, system, inertia, constant);
+  const bool certified = corner.has_value();
   // Not certified: how far from it, to guide a search.
-  if (!certified) F = constant.decrease + decrease_of_inertia(system, weights, inertia.M);
+  if (!certified) corner = corner_at_rest(inertia, constant);
   if (certified && rho != 0) {
     // After the congruence by which rho is found: positive inside of it.
-    const auto factor = constant.factor(*F);
+    const auto factor = constant.factor(*corner);
     if (!factor) return -infinity;
     const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
     const Eigen::LLT<MatrixXd> root(factor->solve(E).bottomRows(n));
@@ -278,11 +364,12 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
       of_delta.push_back(root.matrixU() * C * root.matrixL());
     }
     const MatrixXd half = root.matrixU().solve(root_of_squares(of_delta));
-    F->block(2 * N, 2 * N, n, n) -=
+    corner->bottomRightCorner(n, n) -=
         rho * (root.matrixU().solve(half.transpose()) + constant.slack.delta);
   }
-  if (certified && std::isfinite(enough) && is_positive(*F - enough / 2 * P)) return infinity;
-  const MatrixXd scaled = whitened(half_P.matrixLLT(), *F);
+  const MatrixXd F = constant.whole(*corner);
+  if (certified && std::isfinite(enough) && is_positive(F - enough / 2 * P)) return infinity;
+  const MatrixXd scaled = whitened(half_P.matrixLLT(), F);
   if (states != nullptr) {
     *states = half_P.matrixU().solve(numerics::symmetric_eigen(scaled).vectors.leftCols(few));
   }
@@ -292,27 +379,19 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
 
 /// Extremes of V over the postures.
 struct Shape {
-  double alpha_2 = 0;  ///< V <= alpha_2 |x|^2
   VectorXd inertia;    ///< largest M_ii
   VectorXd inverse_S;  ///< largest (S^-1)_ii of the position errors
   VectorXd feedback;   ///< largest g' S^-1 g of Kp e + Kd nu = g' (e, nu), of each joint
 };
 
-/// Returns the Cholesky factor of S at a posture. S is antitone and its inverse convex in M, so
-/// that the extremes over a chord, enlarged by the slack, are at its ends.
-Eigen::LLT<MatrixXd> factor_of_S(const ErrorSystem& system, const Weights& weights,
-                                 const MatrixXd& links_M) {
-  const MatrixXd G = delta_of(system, weights).transpose();
-  return Eigen::LLT<MatrixXd>(stiffness_of(system) - G * system.inertia(links_M) * G.transpose());
-}
-
 /// Returns the largest w over the postures; infinity where V is not positive definite.
 double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
-                 const Weights& weights, const Constant& constant) {
+                 const Weights& weights, const ConstantParts& constant) {
   const MatrixXd G = delta_of(system, weights).topRows(system.num_links());
   const MatrixXd in_L = constant.of_delta.triangularView<Eigen::Lower>().solve(G);
+  const PositionPart part(system, weights);
   const auto negative = [&](const numerics::Inertia& inertia, double enough) {
-    const auto S = factor_of_S(system, weights, inertia.M + constant.slack.M);
+    const auto S = part.factor(inertia.M + constant.slack.M);
     if (S.info() != Eigen::Success) return -infinity;
     const MatrixXd half = S.matrixL().solve(in_L.transpose());
     if (-half.squaredNorm() > enough) return infinity;
@@ -321,27 +400,29 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
   return -condition.postures.smallest(negative, condition.refine).value;
 }
 
-std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
-                              const Weights& weights, const Slack& slack) {
-  const Index N = system.num_errors();
-  Shape result;
+/// Returns the least alpha_2 of a system with V <= alpha_2 |x|^2 at all postures.
+double largest_V(const MatrixCondition& condition, const ErrorSystem& system,
+                 const Weights& weights, const Slack& slack) {
   const auto negative = [&](const numerics::Inertia& inertia, double enough) {
     const MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
     const MatrixXd above = -2 * enough * MatrixXd::Identity(P.rows(), P.cols()) - P;
     if (std::isfinite(enough) && is_positive(above)) return infinity;
     return -numerics::largest_eigenvalue(P) / 2;
   };
-  result.alpha_2 = -condition.postures.smallest(negative, condition.refine).value;
-  result.alpha_2 += slack.of_lyapunov(weights) / 2;
-  result.inertia = VectorXd::Zero(N);
-  result.inverse_S = VectorXd::Zero(N);
-  result.feedback = VectorXd::Zero(N);
+  return -condition.postures.smallest(negative, condition.refine).value + slack.V / 2;
+}
+
+std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
+                              const Weights& weights, const Slack& slack) {
+  const Index N = system.num_errors();
+  Shape result{VectorXd::Zero(N), VectorXd::Zero(N), VectorXd::Zero(N)};
   MatrixXd rows = MatrixXd::Zero(2 * N, 2 * N);  // columns: the position errors, and each g
   rows.topLeftCorner(N, N).setIdentity();
   rows.topRightCorner(N, N) = system.kp;
   rows.bottomRightCorner(N, N) = system.kd;
+  const PositionPart part(system, weights);
   for (const numerics::Inertia& inertia : condition.postures.inertia) {
-    const auto S = factor_of_S(system, weights, inertia.M + slack.M);
+    const auto S = part.factor(inertia.M + slack.M);
     if (S.info() != Eigen::Success) return {};
     const VectorXd size = S.matrixL().solve(rows).colwise().squaredNorm();
     result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
@@ -359,25 +440,16 @@ struct Level {
   [[nodiscard]] double value() const { return w > 0 ? rho.value * rho.value / (2 * w) : infinity; }
 };
 
-/// Returns the constant parts of the condition for each of its systems.
-std::vector<Constant> constants_of(const MatrixCondition& condition, const Weights& weights) {
-  std::vector<Constant> result;
-  for (const ErrorSystem& system : condition.systems) {
-    result.emplace_back(condition, system, weights);
-  }
-  return result;
-}
-
-/// @param constants as of `constants_of`
+/// @param constants one of each system
 std::optional<Level> level_of(const MatrixCondition& condition, const Weights& weights,
-                              const std::vector<Constant>& constants) {
+                              const std::vector<ConstantParts>& constants) {
   Level result;
   for (std::size_t i = 0; i < constants.size(); ++i) {
     const ErrorSystem& system = condition.systems[i];
-    const Constant& constant = constants[i];
+    const ConstantParts& constant = constants[i];
     const numerics::Extreme rho = condition.postures.smallest(
         [&](const numerics::Inertia& inertia, double /*enough*/) {
-          return rho_at(condition, system, weights, inertia, constant);
+          return rho_at(condition, system, inertia, constant);
         },
         condition.refine);
     if (!(rho.value > 0)) return {};
@@ -395,20 +467,27 @@ MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights) {
   return (N * stiffness_of(system).llt().solve(N.transpose())).llt().matrixL();
 }
 
-double MatrixCondition::level(const Weights& weights) const {
-  const auto found = level_of(*this, weights, constants_of(*this, weights));
+ExaminedWeights::ExaminedWeights(const MatrixCondition& condition, const Weights& weights)
+    : condition_(condition), weights_(weights) {
+  for (const ErrorSystem& system : condition.systems) {
+    constants_.emplace_back(condition, system, weights);
+  }
+}
+
+ExaminedWeights::~ExaminedWeights() = default;
+
+double ExaminedWeights::level() const {
+  const auto found = level_of(condition_, weights_, constants_);
   return found ? found->value() : -infinity;
 }
 
-std::optional<Region> MatrixCondition::region(const Weights& weights) const {
-  const std::vector<Constant> constants = constants_of(*this, weights);
-  const auto level = level_of(*this, weights, constants);
+std::optional<Region> ExaminedWeights::region_without_ball() const {
+  const auto level = level_of(condition_, weights_, constants_);
   if (!level) return {};
   Shape V;
-  for (std::size_t i = 0; i < systems.size(); ++i) {
-    auto shape = shape_of(*this, systems[i], weights, constants[i].slack);
+  for (std::size_t i = 0; i < constants_.size(); ++i) {
+    auto shape = shape_of(condition_, condition_.systems[i], weights_, constants_[i].slack);
     if (!shape) return {};
-    V.alpha_2 = std::max(V.alpha_2, shape->alpha_2);
     V.inertia = shape->inertia;  // does not depend on the gains
     if (V.inverse_S.size() > 0) {
       shape->inverse_S = shape->inverse_S.cwiseMax(V.inverse_S);
@@ -422,35 +501,61 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   region.q = level->rho.q;
   region.w = level->w;
   region.level = level->value();
-  region.ball = std::sqrt(region.level / V.alpha_2);
   const double diameter = std::sqrt(2 * region.level);
-  region.e_at_rest = diameter * systems[0].kp.diagonal().cwiseInverse().cwiseSqrt();
+  region.e_at_rest = diameter * condition_.systems[0].kp.diagonal().cwiseInverse().cwiseSqrt();
   region.edot = diameter * V.inertia.cwiseInverse().cwiseSqrt();
   region.e_reached = diameter * V.inverse_S.cwiseSqrt();
   region.feedback = V.feedback.cwiseSqrt();
   return region;
 }
 
-double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
-                           const numerics::Inertia& inertia, MatrixXd& states) const {
-  const Constant constant(*this, system, weights);
-  return goal == Goal::rate
-             ? rate_at(*this, system, weights, 0, inertia, constant, infinity, &states)
-             : rho_at(*this, system, weights, inertia, constant, &states);
+std::optional<Region> ExaminedWeights::region() const {
+  auto found = region_without_ball();
+  if (found) found->ball = ball(found->level);
+  return found;
 }
 
-numerics::Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
+double ExaminedWeights::ball(double level) const {
+  double alpha_2 = 0;
+  for (std::size_t i = 0; i < constants_.size(); ++i) {
+    alpha_2 = std::max(alpha_2,
+                       largest_V(condition_, condition_.systems[i], weights_, constants_[i].slack));
+  }
+  return std::sqrt(level / alpha_2);
+}
+
+numerics::Extreme ExaminedWeights::slowest(double rho) const {
   numerics::Extreme least{infinity, {}};
-  for (const ErrorSystem& system : systems) {
-    const Constant constant(*this, system, weights);
-    const numerics::Extreme of_system = postures.smallest(
+  for (std::size_t i = 0; i < constants_.size(); ++i) {
+    const numerics::Extreme of_system = condition_.postures.smallest(
         [&](const numerics::Inertia& inertia, double enough) {
-          return rate_at(*this, system, weights, rho, inertia, constant, enough);
+          return rate_at(condition_, condition_.systems[i], weights_, rho, inertia, constants_[i],
+                         enough);
         },
-        refine);
+        condition_.refine);
     if (of_system.value < least.value) least = of_system;
   }
   return least;
+}
+
+double MatrixCondition::level(const Weights& weights) const {
+  return ExaminedWeights(*this, weights).level();
+}
+
+std::optional<Region> MatrixCondition::region(const Weights& weights) const {
+  return ExaminedWeights(*this, weights).region();
+}
+
+double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
+                           const numerics::Inertia& inertia, MatrixXd& states) const {
+  const ConstantParts constant(*this, system, weights);
+  return goal == Goal::rate
+             ? rate_at(*this, system, weights, 0, inertia, constant, infinity, &states)
+             : rho_at(*this, system, inertia, constant, &states);
+}
+
+numerics::Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
+  return ExaminedWeights(*this, weights).slowest(rho);
 }
 
 }  // namespace tachless::lyapunov

@@ -10,6 +10,7 @@
 
 #include "controller/law/loria_ortega_adaptive.h"
 #include "linear/scenario_loop.h"
+#include "lyapunov/examined_weights.h"
 #include "lyapunov/law_loop.h"
 #include "lyapunov/weighted_region.h"
 #include "numerics/decompositions.h"
@@ -223,12 +224,13 @@ class ErrorLoop {
 
   /// Returns the certified region of these weights, without what `completed` adds.
   std::optional<CertifiedRegion> certified(const Weights& weights) {
-    const auto region = fine().region(weights);
+    const ExaminedWeights examined(fine(), weights);
+    const auto region = examined.region();
     if (!region) return {};
     auto result = within_bounds(weights, *region);
     if (!result) return {};
     // The search for the slowest posture may find one at which V grows that the region's missed.
-    const double rate = fine().rate(weights, 0);
+    const double rate = examined.slowest(0).value;
     if (!(rate > 0)) return {};
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
     result->rate = loop_.weights ? 0 : rate;

@@ -1,11 +1,12 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include "base/parallel.h"
 #include "linear/linear_loop.h"
-#include "lyapunov/matrix_condition.h"
+#include "lyapunov/examined_weights.h"
 #include "numerics/linear_programme.h"
 
 // Rate and sqrt(2 level) are the least quotient num / den over postures and states. For the rate
@@ -120,7 +121,8 @@ class WeightSearch {
     return 1000 * std::sqrt(on_.systems[0].kp.diagonal().maxCoeff());
   }
 
-  VectorXd improved(VectorXd x) {
+  /// Returns better weights than x, and their merit.
+  std::pair<VectorXd, double> improved(VectorXd x) {
     cuts_.clear();
     double best = merit(x), radius = first_step;
     add_cuts(x);
@@ -142,7 +144,7 @@ class WeightSearch {
         best = found;
       }
     }
-    return x;
+    return {x, best};
   }
 
  private:
@@ -229,18 +231,19 @@ double merit(Goal goal, const Certified& c) {
 }
 
 /// Improves the weights x. Postures that bind the result join the coarse ones. Returns `best` at
-/// least.
+/// least, without its ball.
 std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
                                   VectorXd x, std::optional<Certified> best) {
   constexpr int rounds = 6;  // a cap: a round adds the posture that forbids the last result
   WeightSearch search(coarse, goal);
   for (int round = 0; round < rounds; ++round) {
     if (best && std::isinf(search.merit(x))) x << best->weights.eps_1, best->weights.eps_2;
-    x = search.improved(x);
-    const double promised = search.merit(x);
+    double promised = 0;
+    std::tie(x, promised) = search.improved(x);
     const Weights weights = weights_of(x);
-    const numerics::Extreme slowest = fine.slowest(weights, 0);
-    const auto region = fine.region(weights);
+    const ExaminedWeights examined(fine, weights);
+    const numerics::Extreme slowest = examined.slowest(0);
+    const auto region = examined.region_without_ball();
     if (region) {
       Certified found{weights, *region, slowest.value};
       const double kept = merit(goal, found);
@@ -254,19 +257,19 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
   return best;
 }
 
-}  // namespace
-
-std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
-                                      Goal goal, const std::optional<Weights>& from) {
+/// Returns `best_weights` without the region's ball.
+std::optional<Certified> searched(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
+                                  const std::optional<Weights>& from) {
   const auto from_weights = [&](const Weights& weights, std::optional<Certified> best) {
     VectorXd x(2 * weights.eps_1.size());
     x << weights.eps_1, weights.eps_2;
     return improved(coarse, fine, goal, x, std::move(best));
   };
   if (from) {
-    const auto region = fine.region(*from);
+    const ExaminedWeights examined(fine, *from);
+    const auto region = examined.region_without_ball();
     if (!region) return from_weights(*from, {});
-    return from_weights(*from, Certified{*from, *region, fine.rate(*from, 0)});
+    return from_weights(*from, Certified{*from, *region, examined.slowest(0).value});
   }
   const auto from_grid = [&](Goal wanted) {
     return improved(coarse, fine, wanted, start(coarse, WeightSearch(coarse, wanted)), {});
@@ -275,6 +278,15 @@ std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondit
   if (best || goal == Goal::rate) return best;
   best = from_grid(Goal::rate);  // where few weights have a level, those of a positive rate do
   return best ? from_weights(best->weights, best) : best;
+}
+
+}  // namespace
+
+std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
+                                      Goal goal, const std::optional<Weights>& from) {
+  auto best = searched(coarse, fine, goal, from);
+  if (best) best->region.ball = ExaminedWeights(fine, best->weights).ball(best->region.level);
+  return best;
 }
 
 }  // namespace tachless::lyapunov

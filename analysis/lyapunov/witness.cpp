@@ -399,8 +399,8 @@ std::string witness(const scenario::Scenario& scenario, const Vector& errors) {
     json["torque_limit"] = json_of(Vector(given->cwiseMin(std::numeric_limits<double>::max())));
   }
   // The checksum is that of the text whose checksum is empty.
-  json["checksum"] = fmt::format("{:016x}", base::fnv(json.dump(1) + "\n"));
-  return json.dump(1) + "\n";
+  json["checksum"] = fmt::format("{:016x}", base::fnv(base::json_text(json, 1) + "\n"));
+  return base::json_text(json, 1) + "\n";
 }
 
 }  // namespace tachless::lyapunov

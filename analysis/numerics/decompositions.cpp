@@ -73,7 +73,12 @@ double smallest_singular_value(const MatrixXcd& A) {
 
 MatrixXcd complex_inverse(const MatrixXcd& A) { return A.inverse(); }
 
-Schur complex_schur(const MatrixXd& A) {
+Schur real_schur(const MatrixXd& A) {
+  const Eigen::RealSchur<MatrixXd> schur(A);
+  return {schur.matrixT(), schur.matrixU()};
+}
+
+ComplexSchur complex_schur(const MatrixXd& A) {
   const Eigen::ComplexSchur<MatrixXd> schur(A);
   return {schur.matrixT(), schur.matrixU()};
 }

@@ -45,11 +45,18 @@ struct Singular {
 };
 Singular singular(const Eigen::MatrixXd& A);
 
-/// Schur form A = U T U* with U unitary and T upper triangular.
+/// Real Schur form A = U T U' with U orthogonal. T is upper triangular but for blocks of two rows
+/// on its diagonal, which have a pair of complex eigenvalues each.
 struct Schur {
+  Eigen::MatrixXd T, U;
+};
+Schur real_schur(const Eigen::MatrixXd& A);
+
+/// Schur form A = U T U* with U unitary and T upper triangular.
+struct ComplexSchur {
   Eigen::MatrixXcd T, U;
 };
-Schur complex_schur(const Eigen::MatrixXd& A);
+ComplexSchur complex_schur(const Eigen::MatrixXd& A);
 
 /// Returns exp(A).
 Eigen::MatrixXd exponential(const Eigen::MatrixXd& A);

@@ -188,18 +188,7 @@ Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
 }
 
 Inertia inertia_at(const robot::Model& model, const Vector& q) {
-  const int n = model.num_joints;
-  Inertia result{robot::mass_matrix(model, q), {}};
-  result.C.assign(static_cast<std::size_t>(n), Eigen::MatrixXd(n, n));
-  for (int j = 0; j < n; ++j) {
-    for (int k = 0; k <= j; ++k) {  // C(q, e_j) e_k is C(q, e_k) e_j
-      const Vector product =
-          robot::coriolis_product(model, q, Vector::Unit(n, j), Vector::Unit(n, k));
-      result.C[static_cast<std::size_t>(j)].col(k) = product;
-      result.C[static_cast<std::size_t>(k)].col(j) = product;
-    }
-  }
-  return result;
+  return {robot::mass_matrix(model, q), robot::coriolis_matrices(model, q)};
 }
 
 std::vector<Eigen::MatrixXd> coriolis_along(const std::vector<Eigen::MatrixXd>& C,

@@ -31,8 +31,8 @@ Vector vector_of(const Numbers& numbers) {
 }  // namespace
 
 struct Guards::Impl {
-  explicit Impl(std::shared_ptr<const Loop::Impl> of)
-      : loop(std::move(of)),
+  explicit Impl(std::shared_ptr<const Loop::Impl> examined)
+      : loop(std::move(examined)),
         scenario(loop->scenario),
         period_s(scenario.loop.period_s),
         limits(limits_of(scenario)),

@@ -253,10 +253,10 @@ std::string SweepPlan::json() const {
 SweepPlan SweepPlan::from_json(const std::string& json, const std::string& source) {
   SweepPlan plan;
   try {
-    const auto read = nlohmann::json::parse(json);
+    const auto read = base::parse_json(json);
     if (read.at("version") != plan_version) {
       throw base::bad_usage("{}: a plan of version {}; this program reads version {}", source,
-                            read.at("version").dump(), plan_version);
+                            base::json_text(read.at("version")), plan_version);
     }
     plan.name = read.at("name");
     plan.source = read.at("source");

@@ -15,6 +15,10 @@
 namespace tachless::base {
 namespace {
 
+/// spdlog makes its registry at the first use. This first use is before main, so that no two
+/// threads meet in it: a thread sanitizer cannot see how spdlog's own library guards it.
+[[maybe_unused]] const spdlog::logger* const registry_is_made = spdlog::default_logger_raw();
+
 /// Returns a line for people. A line that quotes a long text keeps its begin and its end, where the
 /// remedy stands.
 std::string shown(std::string_view line) {

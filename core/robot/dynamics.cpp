@@ -227,6 +227,13 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
   return newton_euler<two, true>(model, gravity, poses, x, y, a);
 }
 
+/// Returns C(q,x) y at the joint poses of q.
+Vector coriolis_product(const Model& model, const Pose<double>* poses, const Vector& x,
+                        const Vector& y) {
+  return newton_euler<true, true>(model, Eigen::Vector3d::Zero(), poses, x, y,
+                                  Vector(Vector::Zero(model.num_joints)));
+}
+
 }  // namespace
 
 template <class Scalar>
@@ -252,8 +259,9 @@ MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
 }
 
 Vector coriolis_product(const Model& model, const Vector& q, const Vector& x, const Vector& y) {
-  return newton_euler<true, double>(model, Eigen::Vector3d::Zero(), q, x, y,
-                                    Vector::Zero(model.num_joints));
+  Pose<double>* const poses = TACHLESS_PER_BODY(Pose<double>);
+  set_joint_poses(model, q, poses);
+  return coriolis_product(model, poses, x, y);
 }
 
 Vector gravity_torque(const Model& model, const Vector& q) {
@@ -262,9 +270,25 @@ Vector gravity_torque(const Model& model, const Vector& q) {
 }
 
 Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v) {
-  Matrix C(model.num_joints, model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) {
-    C.col(j) = coriolis_product(model, q, v, Vector::Unit(model.num_joints, j));
+  const int n = model.num_joints;
+  Pose<double>* const poses = TACHLESS_PER_BODY(Pose<double>);
+  set_joint_poses(model, q, poses);
+  Matrix C(n, n);
+  for (int j = 0; j < n; ++j) C.col(j) = coriolis_product(model, poses, v, Vector::Unit(n, j));
+  return C;
+}
+
+std::vector<Eigen::MatrixXd> coriolis_matrices(const Model& model, const Vector& q) {
+  const int n = model.num_joints;
+  Pose<double>* const poses = TACHLESS_PER_BODY(Pose<double>);
+  set_joint_poses(model, q, poses);
+  std::vector<Eigen::MatrixXd> C(static_cast<std::size_t>(n), Eigen::MatrixXd(n, n));
+  for (int j = 0; j < n; ++j) {
+    for (int k = 0; k <= j; ++k) {  // C(q, e_j) e_k is C(q, e_k) e_j
+      const Vector product = coriolis_product(model, poses, Vector::Unit(n, j), Vector::Unit(n, k));
+      C[static_cast<std::size_t>(j)].col(k) = product;
+      C[static_cast<std::size_t>(k)].col(j) = product;
+    }
   }
   return C;
 }

@@ -1,12 +1,14 @@
 #pragma once
 
+#include <vector>
+
 #include "robot/jet.h"
 #include "robot/model.h"
 
 /// Mechanics of a constant model: inertia matrix by composite bodies, inverse dynamics by recursive
 /// Newton-Euler, forward dynamics, energy. The functions are free functions of values, templates
-/// for the scalars double and Jet2. They allocate nothing. Friction, springs and drives are left
-/// out.
+/// for the scalars double and Jet2. Only `coriolis_matrices` allocates. Friction, springs and
+/// drives are left out.
 ///
 /// C is defined by the Christoffel symbols: Mdot - 2C is skew-symmetric and C(q,x) y = C(q,y) x, so
 /// C(q,x) y is the polarisation of the quadratic term C(q,v) v that the recursion computes. With
@@ -44,6 +46,10 @@ Vector gravity_torque(const Model& model, const Vector& q);
 
 /// Returns C(q,v), column by column as C(q,v) e_j.
 Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v);
+
+/// Returns the matrices C(q, e_j) of all joints j [kg m2; kg m; kg]. C(q,x) = sum_j x_j C(q, e_j).
+/// The matrices have the bits of `coriolis_product`.
+std::vector<Eigen::MatrixXd> coriolis_matrices(const Model& model, const Vector& q);
 
 /// Returns the acceleration [rad/s2; m/s2] under torque `tau` [N m; N] at (q, v):
 /// M(q)^-1 (tau - C(q,v) v - g(q)) (paper, eq. 2).

@@ -133,8 +133,8 @@ void require_known(const Place& place, const std::vector<std::string_view>& name
   if (place.node == nullptr || place.node->kind != YamlNode::Kind::map) return;
   for (const std::string& key : place.node->keys) {
     if (std::ranges::find(names, key) != names.end()) continue;
-    const std::string of = place.path.empty() ? "a scenario" : place.path;
-    std::string known = fmt::format("known keys of {}: {}", of, base::joined(names));
+    const std::string place_text = place.path.empty() ? "a scenario" : place.path;
+    std::string known = fmt::format("known keys of {}: {}", place_text, base::joined(names));
     if (const auto near = base::nearest(key, names)) {
       known = fmt::format("nearest known key is {}{}{}", place.path, place.path.empty() ? "" : ".",
                           *near);

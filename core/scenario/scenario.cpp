@@ -200,15 +200,15 @@ void take_rotors(Scenario& scenario, robot::Model& model, std::optional<robot::M
   if (believed) believed->rotor_inertia.setZero();
 }
 
-/// Takes the child `name` out of the map `of`; nothing without it.
-std::optional<YamlNode> taken(YamlNode* of, std::string_view name) {
-  if (of == nullptr || of->kind != YamlNode::Kind::map) return {};
-  const auto key = std::ranges::find(of->keys, name);
-  if (key == of->keys.end()) return {};
-  const auto value = of->children.begin() + (key - of->keys.begin());
+/// Takes the child `name` out of `map`; nothing without it.
+std::optional<YamlNode> taken(YamlNode* map, std::string_view name) {
+  if (map == nullptr || map->kind != YamlNode::Kind::map) return {};
+  const auto key = std::ranges::find(map->keys, name);
+  if (key == map->keys.end()) return {};
+  const auto value = map->children.begin() + (key - map->keys.begin());
   YamlNode result = std::move(*value);
-  of->children.erase(value);
-  of->keys.erase(key);
+  map->children.erase(value);
+  map->keys.erase(key);
   return result;
 }
 

@@ -150,7 +150,7 @@ std::string to_json(const Statistics& statistics) {
 
 Statistics statistics_from_json(const std::string& text) {
   try {
-    const Json json = Json::parse(text);
+    const Json json = base::parse_json<Json>(text);
     const auto name = json.at("role").get<std::string>();
     int role = 0;
     while (role < messages::num_roles && messages::name(static_cast<messages::Role>(role)) != name)

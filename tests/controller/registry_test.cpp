@@ -131,6 +131,7 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
   scenario::Scenario scenario = rigid_scenario();
   scenario.loop.period_s = 2e-3;
   scenario.loop.command_delay = 1;
+  scenario.plant.encoder.latency_ticks = 2;
   scenario.controller.filter = law::Discretisation::tustin;
   scenario.controller.filter_start = law::FilterStart::zero;
   scenario.controller.feedforward_lead = controller::FeedforwardLead::half_tick_plus_delay;
@@ -138,7 +139,7 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
   EXPECT_EQ(settings.period_s, 2e-3);
   EXPECT_EQ(settings.filter, law::Discretisation::tustin);
   EXPECT_EQ(settings.filter_start, law::FilterStart::zero);
-  EXPECT_EQ(settings.feedforward_lead_s, 1.5 * 2e-3);
+  EXPECT_EQ(settings.feedforward_lead_s, 3.5 * 2e-3);
 
   const messages::PositionMeasurement measured{pair(0.3, -0.4)};
   const Vector zero = pair(0, 0);

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/json_text.h"
 #include "logger/export.h"
 #include "logger/mcap.h"
 #include "tests/support/damaged_log.h"
@@ -97,7 +98,7 @@ struct McapFile {
     const auto id = record.number<std::uint16_t>();
     schemas[id] = record.text();
     EXPECT_EQ(record.text(), "jsonschema");
-    EXPECT_EQ(json::parse(record.text())["type"], "object");
+    EXPECT_EQ(base::parse_json(record.text())["type"], "object");
   }
   void channel(Bytes record) {
     const auto id = record.number<std::uint16_t>();
@@ -157,7 +158,7 @@ TEST_F(Mcap, HoldsEveryMessageOfARunWithItsNumbersInFull) {
   EXPECT_THAT(file.by_index, ::testing::UnorderedElementsAreArray(file.in_order));
   std::map<std::string, std::vector<json>> messages;
   for (const Message& each : file.in_order) {
-    messages[each.topic].push_back(json::parse(each.data));
+    messages[each.topic].push_back(base::parse_json(each.data));
     EXPECT_EQ(each.sequence + 1, messages[each.topic].size());
   }
   EXPECT_EQ(file.schemas.at(7), "foxglove.JointStates");

@@ -19,8 +19,9 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 BOUNDS = {"memory": 2000, "depth": 200000}
 
 
-def check(model, defines, trace=None):
-    """Spin's report of a search that ends at the first error."""
+def check(model, defines, trace=None, to_its_end=False):
+    """Spin's report of a search that ends at the first error. Optimised code pays for searches to their end alone: to
+    compile it takes longer than to find an error."""
     with tempfile.TemporaryDirectory() as folder:
 
         def run(*command):
@@ -35,8 +36,8 @@ def check(model, defines, trace=None):
             defines = [*defines, "TRACE"]
         shutil.copy(os.path.join(HERE, model), folder)
         run("spin", "-a", *(f"-D{each}" for each in defines), model)
-        run("gcc", "-O1", "-w", "-DSAFETY", "-DCOLLAPSE", "-DVECTORSZ=32768", f"-DMEMLIM={BOUNDS['memory']}", "-o", "pan",
-            "pan.c")
+        run("gcc", "-O1" if to_its_end else "-O0", "-w", "-DSAFETY", "-DCOLLAPSE", "-DVECTORSZ=32768",
+            f"-DMEMLIM={BOUNDS['memory']}", "-o", "pan", "pan.c")
         return run("./pan", "-w22", f"-m{BOUNDS['depth']}", *(["-E"] if trace is not None else []))
 
 
@@ -52,10 +53,10 @@ def error_in(report):
 
 class Ticks(unittest.TestCase):
     def test_runs_end_well_or_with_a_fault(self):
-        self.assertEqual(error_in(check("ticks.pml", [])), "")
+        self.assertEqual(error_in(check("ticks.pml", [], to_its_end=True)), "")
 
     def test_nor_does_a_forged_end_or_acknowledgement_end_a_run_well(self):
-        self.assertEqual(error_in(check("ticks.pml", ["FORGED"])), "")
+        self.assertEqual(error_in(check("ticks.pml", ["FORGED"], to_its_end=True)), "")
         self.assertIn("referred==2", error_in(check("ticks.pml", ["FORGED", "MUTANT=6"])))
 
     def test_each_broken_rule_is_an_error(self):

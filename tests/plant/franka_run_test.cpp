@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/json_text.h"
 #include "plant/drivers/franka/emulated_arm.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
@@ -263,8 +264,8 @@ TEST_F(FrankaRun, IsReplayedBitForBitAndHasTheDriversFigures) {
     EXPECT_EQ((*programs_)[role].wait(), 0) << (*programs_)[role].errors();
   }
   EXPECT_EQ(plant().wait(), 0) << plant().errors();
-  const auto statistics = nlohmann::json::parse(contents(programs_->statistics_path("plant")));
-  const std::string text = statistics.dump();
+  const auto statistics = base::parse_json(contents(programs_->statistics_path("plant")));
+  const std::string text = base::json_text(statistics);
   for (const char* figure : {"success_rate_mean", "success_rate_lowest", "torques_limited",
                              "answer_median_us", "end_effector_kg", "load_kg"}) {
     EXPECT_THAT(text, HasSubstr(figure));

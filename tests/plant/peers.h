@@ -50,6 +50,7 @@ class Peers : public bus::Transport {
   }
 
   std::function<void(std::int64_t tick)> on_measurement;
+  std::function<void(std::int64_t tick)> on_truth = [](std::int64_t) {};
   std::function<void()> on_run_info = [] {};
   std::function<void()> on_first_announcement = [] {};
 
@@ -73,6 +74,12 @@ class Peers : public bus::Transport {
     std::vector<std::byte> bytes(sound.begin(), sound.end());
     std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
     queue("ARM_COMMAND", bytes, std::move(sender));
+  }
+  /// Acknowledges as the logger that all ticks up to this one are recorded.
+  /// @param missing bit i: tick + 1 + i is incomplete
+  void acknowledge(std::int64_t tick, std::uint64_t missing = 0) {
+    messages::Codec<messages::LogAck> codec(layout_);
+    queue("ARM_LOG_ACK", codec.encode({0, run_, tick}, {missing}), "logger's address");
   }
   /// Time from a measurement to its torque, even while the plant sleeps.
   std::chrono::microseconds answering_time{0};
@@ -127,6 +134,7 @@ class Peers : public bus::Transport {
       truths.emplace_back();
       ASSERT_EQ(truths_.decode(payload, stamp, truths.back()), messages::Rejection::none);
       truth_ticks.push_back(stamp.tick);
+      on_truth(stamp.tick);
     } else if (channel == "ARM_ARM_TORQUE") {
       arm_torques.emplace_back();
       ASSERT_EQ(arm_torques_.decode(payload, stamp, arm_torques.back()), messages::Rejection::none);

@@ -343,10 +343,12 @@ TEST(RobotDriver, WithoutAReadingHoldsTheLastTorqueForAMissedTick) {
   EXPECT_EQ(std::ranges::count(peers.truth_ticks, 11), 0) << "no old state is told as a new one";
 }
 
+/// In periods of 10 ms, a machine that stands still for 10 ms changes nothing.
 TEST(RobotDriver, IsStoppedWhenItHasNoReadingForTooLong) {
   Recording before_the_start;
   before_the_start.state.missing = true;
-  const scenario::Scenario s = limited({"loop.max_missed=5"});
+  const scenario::Scenario s =
+      limited({"loop.max_missed=5", "loop.period_s=0.01", "loop.duration_s=0.3"});
   Peers peers(s);
   Recording robot;
   robot.at = 10;

@@ -50,10 +50,10 @@ std::string garbage(std::mt19937_64& random, int length, bool with_sync_words);
 void set_data_length(std::string& bytes, std::size_t event_offset, std::uint32_t length);
 void set_data_length(DamagedLog& damaged, std::size_t event_offset, std::uint32_t length);
 
-/// Number of damaged logs of a test: the environment's TACHLESS_DAMAGED_LOGS, else 10,000, or 1,000
+/// Number of damaged logs of a test: the environment's TACHLESS_DAMAGED_LOGS, else 5,000, or 1,000
 /// under a slow sanitizer.
 struct DamagePlan {
-  std::uint64_t logs = 10'000;
+  std::uint64_t logs = 5'000;
   bool thorough = false;  ///< requested by the user: every check covers all logs
 };
 /// @throw std::invalid_argument if the variable is not a number

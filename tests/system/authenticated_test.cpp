@@ -14,8 +14,7 @@
 #include "messages/wire.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::authenticated_test {
 namespace {
 
 using system_test::FourPrograms;
@@ -87,3 +86,4 @@ TEST(AKey, ThatCannotBeReadIsRefusedAtOnce) {
 }
 
 }  // namespace
+}  // namespace tachless::authenticated_test

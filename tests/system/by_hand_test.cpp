@@ -21,8 +21,7 @@
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::by_hand_test {
 namespace {
 
 using ::testing::AllOf;
@@ -153,3 +152,4 @@ TEST(ByHand, InterruptedControllerEndsTheRunAndTheLogStaysReadable) {
 }
 
 }  // namespace
+}  // namespace tachless::by_hand_test

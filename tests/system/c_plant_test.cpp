@@ -13,8 +13,7 @@
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
 
-using namespace tachless;
-
+namespace tachless::c_plant_test {
 namespace {
 
 using Words = std::vector<std::string>;
@@ -82,3 +81,4 @@ TEST(APlantInC, RunsWithTheOtherThreeWithoutAKey) {
 }
 
 }  // namespace
+}  // namespace tachless::c_plant_test

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/failure.h"
+#include "base/json_text.h"
 #include "controller/law_socket.h"
 #include "logger/run_log.h"
 #include "reference/make_trajectory.h"
@@ -24,8 +25,7 @@
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::external_law_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -39,6 +39,11 @@ using Words = std::vector<std::string>;
 
 class ExternalLaw : public ::testing::Test {
  protected:
+  struct Recorded {
+    int code;
+    std::string output, errors;
+  };
+
   ~ExternalLaw() override { unsetenv("OWN_LAW"); }
 
   Program start(const Words& words) { return {"tachless", words, directory_.path()}; }
@@ -73,8 +78,21 @@ class ExternalLaw : public ::testing::Test {
     while (recorded.next(record)) all.push_back(record.command.value().tau);
     return all;
   }
-  /// Runs the law of the program, for a later replay.
-  void record() { ASSERT_EQ(tachless(with_program(run("own"))), 0) << errors_; }
+  /// Copies the run of the program's law under the name `own`. The first test that asks runs it.
+  void record() {
+    static const TemporaryDirectory kept;
+    static const Recorded recorded = [&] {
+      const int code = tachless(with_program(run("own")));
+      if (code == 0) fs::copy(directory_ / "own", kept / "own", fs::copy_options::recursive);
+      return Recorded{code, output_, errors_};
+    }();
+    output_ = recorded.output;
+    errors_ = recorded.errors;
+    ASSERT_EQ(recorded.code, 0) << errors_;
+    if (!fs::exists(directory_ / "own")) {
+      fs::copy(kept / "own", directory_ / "own", fs::copy_options::recursive);
+    }
+  }
   int replay_misbehaving(const char* how) {
     setenv("OWN_LAW", how, 1);
     return tachless(with_program({"replay", log("own")}));
@@ -91,7 +109,7 @@ TEST_F(ExternalLaw, CommandsWhatItWouldInsideAndIsCalledByItsName) {
   const auto inside = torques("inside"), own = torques("own");
   ASSERT_EQ(own.size(), 2000U);
   EXPECT_TRUE(inside == own);
-  const auto summary = nlohmann::json::parse(contents(directory_ / "own/summary.json"));
+  const auto summary = base::parse_json(contents(directory_ / "own/summary.json"));
   EXPECT_EQ(summary["law"], "own_law (external)");
   const std::string report = contents(directory_ / "own/report.html");
   EXPECT_THAT(report, AllOf(HasSubstr("own_law (external)"), HasSubstr("no function is evaluated"),
@@ -129,9 +147,9 @@ TEST_F(ExternalLaw, IsComparedWithTheRecordedOne) {
 TEST_F(ExternalLaw, IsCertifiedByItsAnswers) {
   const Words certify = {"certify", scenarios + "paper_rigid.yaml", "--json"};
   ASSERT_EQ(tachless(certify), 0) << errors_;
-  const auto inside = nlohmann::json::parse(output_)["sampled"];
+  const auto inside = base::parse_json(output_)["sampled"];
   ASSERT_EQ(tachless(with_program(certify)), 0) << errors_;
-  const auto all = nlohmann::json::parse(output_);
+  const auto all = base::parse_json(output_);
   EXPECT_EQ(all["law"], "own_law (external)");
   const auto& own = all["sampled"];
   EXPECT_EQ(own["stable"], true);
@@ -154,7 +172,7 @@ TEST_F(ExternalLaw, IsCertifiedByItsAnswers) {
 TEST_F(ExternalLaw, IsPredictedBeforeItRuns) {
   record();
   EXPECT_THAT(errors_, HasSubstr("stable at 20 kHz with 0 ticks of delay: limit 101.9 µs"));
-  const auto summary = nlohmann::json::parse(contents(directory_ / "own/summary.json"));
+  const auto summary = base::parse_json(contents(directory_ / "own/summary.json"));
   EXPECT_EQ(summary["predicted"]["stable"], true);
   const Words unstable = run("no", {"--set", "loop.period_s=0.0002"});
   EXPECT_EQ(tachless(with_program(unstable)), 2);
@@ -291,3 +309,4 @@ TEST(ExternalPlant, LeavesTheLogOfTheEmulatorInLockstep) {
 }
 
 }  // namespace
+}  // namespace tachless::external_law_test

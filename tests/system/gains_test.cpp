@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/json_text.h"
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
 #include "messages/wire.h"
@@ -21,8 +22,7 @@
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::gains_test {
 namespace {
 
 using system_test::FourPrograms;
@@ -68,11 +68,11 @@ const std::vector<std::string> may_change = {"--set", "controller.gains_may_chan
 TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   play(may_change);
   ASSERT_EQ(change({"arm", "kp=[300, 100]", "--json"}), 0) << said;
-  const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  const auto first = base::parse_json(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(first.at("gains").get<std::string>(), HasSubstr("kp=300,100"));
   // Gains that are not named stay as the first change has left them.
   ASSERT_EQ(change({"ARM", "kd=[40, 12]", "--json"}), 0) << said;
-  const auto second = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  const auto second = base::parse_json(said.substr(0, said.rfind('}') + 1));
   EXPECT_THAT(second.at("gains").get<std::string>(),
               AllOf(HasSubstr("kp=300,100"), HasSubstr("kd=40,12")));
   // The plant has begun that tick, but may not have ended it. A run that ends now may lack it.
@@ -162,7 +162,7 @@ TEST_F(GainsInARun, AreChangedWhateverElseIsSentOnTheRunsChannels) {
 TEST_F(GainsInARun, AreNotReplacedByASenderThatHasSeenOthers) {
   play(may_change);
   ASSERT_EQ(change({"arm", "kd=[40, 12]", "--json"}), 0) << said;
-  const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  const auto first = base::parse_json(said.substr(0, said.rfind('}') + 1));
   const std::string in_force = first.at("gains");
   wait_until("later ticks are in the log",
              [&, size = run.log_size()] { return run.log_size() > size + 50'000; });
@@ -211,3 +211,4 @@ TEST_F(GainsInARun, NeedTheKeyOfTheBus) {
 }
 
 }  // namespace
+}  // namespace tachless::gains_test

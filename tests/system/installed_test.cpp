@@ -14,8 +14,7 @@
 #include "tests/support/shell.h"
 #include "tests/support/temporary_directory.h"
 
-using namespace tachless;
-
+namespace tachless::installed_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -151,3 +150,4 @@ TEST_F(Installed, OwnLawOfTheExampleGivesTheTorquesOfTheOneBuiltIn) {
 }
 
 }  // namespace
+}  // namespace tachless::installed_test

@@ -22,8 +22,7 @@
 #include "tests/system/oversleep.h"
 #include "tests/system/small_disk.h"
 
-using namespace tachless;
-
+namespace tachless::logger_faults_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -204,3 +203,4 @@ TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
 }
 
 }  // namespace
+}  // namespace tachless::logger_faults_test

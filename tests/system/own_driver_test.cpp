@@ -21,8 +21,7 @@
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::own_driver_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -279,3 +278,4 @@ TEST(IiwaDriver, RampsAnArmFromWhereItStandsToTheStart) {
 }
 
 }  // namespace
+}  // namespace tachless::own_driver_test

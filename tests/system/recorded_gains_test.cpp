@@ -20,8 +20,7 @@
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::recorded_gains_test {
 namespace {
 
 using system_test::FourPrograms;
@@ -153,3 +152,4 @@ TEST_F(ARecordedSession, DoesNotDecideWhichLoopIsAnalysed) {
 }
 
 }  // namespace
+}  // namespace tachless::recorded_gains_test

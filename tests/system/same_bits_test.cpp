@@ -10,6 +10,7 @@
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
 
+namespace tachless::same_bits_test {
 namespace {
 
 class SameBits : public testing::TestWithParam<const char*> {
@@ -48,3 +49,4 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, SameBits,
                          [](const auto& each) { return std::string(each.param); });
 
 }  // namespace
+}  // namespace tachless::same_bits_test

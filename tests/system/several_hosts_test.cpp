@@ -15,13 +15,13 @@
 #include <thread>
 #include <vector>
 
+#include "base/json_text.h"
 #include "logger/run_log.h"
 #include "messages/truth/plant_truth.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_hosts.h"
 
-using namespace tachless;
-
+namespace tachless::several_hosts_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -40,7 +40,7 @@ std::vector<std::string> set(const std::vector<std::string>& values) {
 }
 
 nlohmann::json statistics(const FourPrograms& run, const std::string& role) {
-  return nlohmann::json::parse(contents(run.statistics_path(role)));
+  return base::parse_json(contents(run.statistics_path(role)));
 }
 
 /// Waits until the log has `bytes`: the run is under way.
@@ -408,3 +408,4 @@ TEST_F(RealtimeOnFourHosts, EndsNamingThePlantWhenItIsKilled) {
 }
 
 }  // namespace
+}  // namespace tachless::several_hosts_test

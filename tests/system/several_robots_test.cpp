@@ -16,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/json_text.h"
 #include "logger/run_log.h"
 #include "tests/support/packet_loss.h"
 #include "tests/support/private_network.h"
@@ -23,8 +24,7 @@
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::several_robots_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -85,7 +85,7 @@ class SeveralRobots : public ::testing::Test {
     EXPECT_TRUE(contents(out() / "right/lcmlog") == expected[1]);
   }
   [[nodiscard]] nlohmann::json summary(const std::string& robot) const {
-    return nlohmann::json::parse(contents(out() / robot / "summary.json"));
+    return base::parse_json(contents(out() / robot / "summary.json"));
   }
 
   /// Waits until the robot's log has so many bytes.
@@ -148,7 +148,7 @@ TEST_F(SeveralRobots, LeaveTheSameLogsWhenPacketsAreLostWithAKeyAndInOneProcess)
     EXPECT_EQ(run(two_arms(), {"--duration", "0.1", "--key-file", key, "--json"}), 0) << errors_;
   }
   expect_logs(alone);
-  const auto told = nlohmann::json::parse(output_);
+  const auto told = base::parse_json(output_);
   EXPECT_GT(told.at("left").at("resends"), 0);
   EXPECT_EQ(told, (nlohmann::json{{"left", summary("left")}, {"right", summary("right")}}));
   fs::remove_all(out());
@@ -242,3 +242,4 @@ TEST_F(SeveralRobots, InOneProcessAreNotBegunAfterOneThatFails) {
 }
 
 }  // namespace
+}  // namespace tachless::several_robots_test

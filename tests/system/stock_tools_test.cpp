@@ -17,13 +17,13 @@
 #include <string_view>
 #include <vector>
 
+#include "base/json_text.h"
 #include "bus/udp_transport.h"
 #include "logger/log_file.h"
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
 
-using namespace tachless;
-
+namespace tachless::stock_tools_test {
 namespace {
 
 using ::testing::AllOf;
@@ -85,8 +85,8 @@ TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
   recorder.signal(SIGINT);
   EXPECT_EQ(recorder.wait(), 0) << recorder.errors();
 
-  const Json info = Json::parse(tachless({"info", "--json", stock}, directory));
-  ASSERT_TRUE(info["run"].is_object()) << info.dump(1);
+  const Json info = base::parse_json(tachless({"info", "--json", stock}, directory));
+  ASSERT_TRUE(info["run"].is_object()) << base::json_text(info, 1);
   EXPECT_EQ(info["run"]["id"], 8);
   EXPECT_EQ(info["run"]["mode"], "realtime");
   EXPECT_EQ(info["run"]["scenario"], "practical_rigid");
@@ -136,7 +136,7 @@ TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
     const std::string output = watch.output();
     const std::size_t end = output.rfind('\n');
     const std::size_t last = end == 0 ? std::string::npos : output.rfind('\n', end - 1);
-    heard = Json::parse(output.substr(last + 1, end - last));
+    heard = base::parse_json(output.substr(last + 1, end - last));
     counted.clear();
     for (const auto& entry : heard["channels"]) counted[entry["channel"]] = entry["messages"];
     return counted == expected || heard["lost_here"] != 0 || !watch.running();
@@ -156,3 +156,4 @@ TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
 }
 
 }  // namespace
+}  // namespace tachless::stock_tools_test

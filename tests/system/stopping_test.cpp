@@ -20,10 +20,11 @@
 #include <vector>
 
 #include "base/child.h"
+#include "base/json_text.h"
 #include "tests/support/program.h"
 #include "tests/support/temporary_directory.h"
 
-namespace tachless::system_test {
+namespace tachless::system_test::stopping_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -110,7 +111,7 @@ class Launched {
   }
   /// "robot_stopped" of summary.json.
   [[nodiscard]] nlohmann::json robot_stopped() const {
-    return nlohmann::json::parse(contents(directory_ / "out/summary.json"))["robot_stopped"];
+    return base::parse_json(contents(directory_ / "out/summary.json"))["robot_stopped"];
   }
 
  private:
@@ -309,4 +310,4 @@ TEST(Stopping, NeverBecomesNecessaryWhereATimeInMillisecondsIsRefused) {
 }
 
 }  // namespace
-}  // namespace tachless::system_test
+}  // namespace tachless::system_test::stopping_test

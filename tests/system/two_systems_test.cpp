@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "base/json_text.h"
 #include "bus/udp_transport.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
-using namespace tachless;
-
+namespace tachless::two_systems_test {
 namespace {
 
 using system_test::FourPrograms;
@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 std::map<std::string, std::int64_t> rejected(const FourPrograms& run) {
   std::map<std::string, std::int64_t> result;
   for (const char* role : roles) {
-    const auto json = nlohmann::json::parse(contents(run.statistics_path(role)));
+    const auto json = base::parse_json(contents(run.statistics_path(role)));
     for (const auto& [reason, count] : json.at("rejected").items()) {
       result[reason] += count.get<std::int64_t>();
     }
@@ -88,7 +88,7 @@ TEST(TwoSystemsOnOneMachine, DoNotDisturbEachOtherOnOneBusWhenTheirRobotsHaveTwo
 TEST(TwoSystemsOnOneMachine, AreRefusedTheSecondOfOneRobotAndLeaveTheFirstAlone) {
   FourPrograms first("practical_rigid.yaml", {"--run-id", "7"});
   FourPrograms second("practical_rigid.yaml", {"--run-id", "8"});
-  first.settings = second.settings = {"--set", "loop.duration_s=60"};
+  first.settings = second.settings = {"--set", "loop.duration_s=15"};
   bus::UdpTransport bus;
   bus.subscribe("ARM_COMMAND");
   first.start_all();
@@ -102,3 +102,4 @@ TEST(TwoSystemsOnOneMachine, AreRefusedTheSecondOfOneRobotAndLeaveTheFirstAlone)
 }
 
 }  // namespace
+}  // namespace tachless::two_systems_test

@@ -65,13 +65,13 @@ DesignInput::Urdf DesignInput::read_urdf(const scenario::RobotFile& file) const 
          robot::improbable_numbers(file.urdf, source, file.options.locked)) {
       base::log_warning(doubt);
     }
-    scenario::UrdfScenario of{
+    scenario::UrdfScenario made{
         scenario_name(options_.output.empty() ? options_.file : options_.output),
         path_from(options_.output, options_.file),
         options_.period_s > 0 ? options_.period_s : 1e-3};
-    of.from = options_.from.empty() ? scenario::start_posture(file, model) : from_posture(model);
-    of.adds_gravity = file.adds_gravity;
-    Urdf urdf{file.urdf, scenario::urdf_scenario(model, of), {}, false};
+    made.from = options_.from.empty() ? scenario::start_posture(file, model) : from_posture(model);
+    made.adds_gravity = file.adds_gravity;
+    Urdf urdf{file.urdf, scenario::urdf_scenario(model, made), {}, false};
     if (is_scene(options_.file, file)) {
       urdf.in_mujoco = plant::has_mujoco_module();
       base::log_info(urdf.in_mujoco

@@ -23,6 +23,8 @@ using base::ExitCode;
 using base::Failure;
 using scenario::Scenario;
 
+/// Longest time without torque [s]: 18 mm of free fall. `fall_reach` ends the trial of most arms
+/// before.
 constexpr double fall_s = 0.06;
 /// Readings of a fall with which the form of the fall is compared. A drive may take its first
 /// torque two ticks late, and a fall of a few readings is then as if gravity were wrong.
@@ -47,7 +49,10 @@ constexpr std::size_t most_tried = 8;    ///< signs that are tried for an arm th
 /// Motion in a trial of gravity's whole torque beyond which the soft law would not hold the arm
 /// [rad; m].
 constexpr double held = 1.8e-3;
+/// Lengths of a motion of one joint and of all joints [s]: two and nearly three periods of the
+/// slowest sine.
 constexpr double joint_s = 3, all_s = 4;
+/// Longest time for which no torque is sent [s]. An arm that falls freely moves 2 mm in it.
 constexpr double longest_unsent_s = 0.02;
 
 /// The largest motion [rad; m] and share of the allowed speed of a pulse that the URDF's inertia
@@ -65,8 +70,8 @@ constexpr double same_answer = 1.6;  ///< ratio of two answers that are the same
 /// Explained share of a motion that is an answer, and the share of the work that has its sign.
 constexpr double answer_share = 0.5, work_share = 0.5;
 /// Ratio of the answer to the model's beyond which the torque has another scale, and the share of
-/// the motion that an unexpected answer has to explain, without and with a drift beside it.
-constexpr double other_scale = 3, alone_share = 0.98, against_share = 0.85;
+/// the motion that an unexpected answer has to explain, with friction or with a drift beside it.
+constexpr double other_scale = 3, slides_share = 0.98, against_share = 0.85;
 
 /// The sines of a motion: frequency [Hz] and share of the allowed speed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
@@ -134,10 +139,7 @@ class Procedure {
       return false;
     }
     if (fall_.moved && !fall_.falls) {
-      add_misfit(found_, "robot.urdf",
-                 "the arm moves without torque, but not as gravity pulls at the URDF's masses; see "
-                 "robot.base, plant.payload, rotor inertias, flexible joints, masses, "
-                 "joint_offsets_rad");
+      name_unknown_fall();
       return false;
     }
     if (!fall_.falls.value_or(false)) return true;
@@ -156,15 +158,32 @@ class Procedure {
     return false;
   }
 
+  void name_unknown_fall() {
+    const Vector as_stated = Vector::Ones(rotor_.size()), none = Vector::Zero(rotor_.size());
+    const Vector pull = arm_.gravity(as_stated, arm_.start()).cwiseAbs();
+    const Vector seen = arm_.inertial(as_stated, arm_.start(), none, fall_.acceleration);
+    Eigen::Index most = 0;
+    pull.maxCoeff(&most);
+    const Commissioned::Joint& joint = found_.joints[static_cast<std::size_t>(most)];
+    add_misfit(
+        found_, "robot.urdf",
+        fmt::format("without torque the arm moves, and gravity at the URDF's masses does "
+                    "not explain how: {} moves as by about {:.2g} {}, gravity is {:.2g} {}; "
+                    "see robot.base, plant.payload, rotor inertias, flexible joints, masses, "
+                    "joint_offsets_rad, cogging, brakes",
+                    joint.name, std::abs(seen[most]), joint.unit, pull[most], joint.unit));
+  }
+
   /// Returns true if each joint moves as in the fall, as far as a share of gravity's torque lets
   /// it.
-  [[nodiscard]] bool as_expected(const Trial& trial, const GravityShare& of) const {
+  [[nodiscard]] bool as_expected(const Trial& trial, const GravityShare& expected) const {
     const Eigen::Index end = std::min(trial.q.rows(), free_.q.rows()) - 1;
     for (Eigen::Index i = 0; i < trial.q.cols(); ++i) {
       const double fell = runs_.turned_by()[i] * (free_.q(end, i) - free_.q(0, i)),
                    moved = trial.q(end, i) - trial.q(0, i);
       const double along = fell < 0 ? -moved : moved, error = share_counts * runs_.count()[i];
-      if (along > of.most * std::abs(fell) + error || along < of.least * std::abs(fell) - error)
+      if (along > expected.most * std::abs(fell) + error ||
+          along < expected.least * std::abs(fell) - error)
         return false;
     }
     return true;
@@ -172,15 +191,16 @@ class Procedure {
 
   /// Sends a share of gravity's torque for a moment.
   /// @return whether its signs and scale are right enough to go on
-  bool hold(const GravityShare& of) {
-    report_(fmt::format("a moment with {:.3g} of gravity's torque", of.share));
+  bool hold(const GravityShare& applied) {
+    report_(fmt::format("a moment with {:.3g} of gravity's torque", applied.share));
     const ArmHypotheses arm(runs_.scenario());
-    const Trial trial = runs_.still(of.share, fall_reach(), fall_s);
+    const Trial trial = runs_.still(applied.share, fall_reach(), fall_s);
     scale_ = scale_of_hold(arm, runs_.turned_by().cwiseProduct(fall_.acceleration), fall_.onset,
-                           trial, of.share, runs_.count(), runs_.period_s());
+                           trial, applied.share, runs_.count(), runs_.period_s());
     const double moved = (trial.q.bottomRows(1) - trial.q.topRows(1)).cwiseAbs().maxCoeff();
-    bool fits = of.share < 1 ? as_expected(trial, of) : trial.stopped.empty() && moved < held;
-    for (std::size_t j = 0; fits && of.share == 1 && j < answers_.size(); ++j) {
+    bool fits =
+        applied.share < 1 ? as_expected(trial, applied) : trial.stopped.empty() && moved < held;
+    for (std::size_t j = 0; fits && applied.share == 1 && j < answers_.size(); ++j) {
       // These joints answer as they should: the soft law may hold them.
       const double error = std::abs(scale_[static_cast<Eigen::Index>(j)] - 1);
       if (error < hold_error) found_.joints[j].answers = answers_[j] = true;
@@ -303,16 +323,15 @@ class Procedure {
         springs_ = true;
         return name_spring(joint, answer.spring_hz);
       }
-      const double ratio = answer.response * arm_.least_inertia()[i];
+      const double ratio = response_of(answer) * arm_.least_inertia()[i];
       const bool faster = is_faster(answer, ratio, runs_.count()[i]);
       const bool against = is_against(answer, runs_.count()[i]);
       if (!faster && sign_of(answer, runs_.count()[i]) > 0) return answered(i, answer);
       // An answer that the model does not expect has to be the same for twice the torque. A drift
       // looks like half of it then.
       if (faster || against) {
-        const double before = std::exchange(unexpected, answer.response);
-        if (before * answer.response > 0 && answer.response / before < same_answer &&
-            before / answer.response < same_answer) {
+        const double now = response_of(answer), before = std::exchange(unexpected, now);
+        if (before * now > 0 && now / before < same_answer && before / now < same_answer) {
           joint.scale = against ? -1 : ratio;
           joint.answers = true;
           return;
@@ -352,17 +371,22 @@ class Procedure {
                            joint.name, hz));
   }
 
+  /// Returns the response that explains a motion from rest if friction is taken into account.
+  static double response_of(const Answer& answer) {
+    return answer.slides > slides_share ? answer.sliding : answer.response;
+  }
   static bool is_faster(const Answer& answer, double ratio, double count) {
-    return ratio > other_scale && answer.alone > alone_share && answer.work > 0 &&
+    return ratio > other_scale && answer.slides > slides_share && answer.work > 0 &&
            answer.moved > answer_counts * count;
   }
   static bool is_against(const Answer& answer, double count) {
     const bool rubs = answer.work < -work_share && answer.fits > against_share &&
                       answer.explained > against_share;
     // A drift is explained by a constant torque. The pulses have to be seen beside it.
-    const bool is_alone = answer.alone > alone_share && answer.own > share_counts * count;
-    return answer.response < 0 && answer.work < 0 && answer.moved > answer_counts * count &&
-           (is_alone || rubs);
+    const bool slides =
+        answer.slides > slides_share && answer.sliding < 0 && answer.own > share_counts * count;
+    return answer.work < 0 && answer.moved > answer_counts * count &&
+           (slides || (rubs && answer.response < 0));
   }
 
   /// Returns the sign of an answer, 0: not determined.
@@ -382,9 +406,11 @@ class Procedure {
     const auto j = static_cast<std::size_t>(i);
     Commissioned::Joint& joint = found_.joints[j];
     joint.answers = answers_[j] = true;
-    if (!(answer.explained > answer_share)) return;  // friction: the model's inertia is the guess
-    faster_[i] = std::max(1.0, answer.response * arm_.inertia()[i]);
-    const double heavier = 1 / answer.response - arm_.inertia()[i];
+    const bool seen = answer.explained > answer_share;
+    if (seen) faster_[i] = std::max(1.0, answer.response * arm_.inertia()[i]);
+    // The model's inertia is the guess if friction hides the response.
+    if (!seen && answer.slides <= slides_share) return;
+    const double heavier = 1 / response_of(answer) - arm_.inertia()[i];
     const auto& stated = scenario_.robot.rigid_rotor_inertia_kgm2;
     if ((stated.size() > 0 && stated[i] > 0) || !std::isfinite(scenario_.model->effort_limit[i]))
       return;
@@ -441,24 +467,28 @@ class Procedure {
     std::vector<Vector> possible;
     for (const Vector& each : best.signs) possible.push_back(runs_.turned_by().cwiseProduct(each));
     for (std::size_t j = 0; j < answers_.size(); ++j) {
-      const Explanation::Joint& of = best.joints[j];
-      heavier.push_back(of.clean ? of.heavier : 0);
-      clean = clean && (of.clean || !answers_[j]);
+      const Explanation::Joint& explained = best.joints[j];
+      heavier.push_back(explained.clean ? explained.heavier : 0);
+      clean = clean && (explained.clean || !answers_[j]);
       if (!answers_[j]) continue;
       Commissioned::Joint& joint = found_.joints[j];
-      joint.viscous = of.viscous;
-      joint.dry = of.dry;
-      joint.noise = of.noise;
+      joint.viscous = explained.viscous;
+      joint.dry = explained.dry;
+      joint.noise = explained.noise;
       joint.assumed_rotor = rotor_[static_cast<Eigen::Index>(j)];
       const auto i = static_cast<Eigen::Index>(j);
       const bool told = std::ranges::all_of(
           possible, [&](const Vector& each) { return each[i] == possible.front()[i]; });
       if (told) joint.turns = possible.front()[i] < 0;
-      if (!of.clean || of.scale <= 0) continue;
-      joint.scale = of.scale;
-      joint.delay = of.delay;
+      if (!explained.clean || explained.scale <= 0) continue;
+      joint.scale = explained.scale;
+      joint.delay = explained.delay;
     }
     if (!fall_.falls.value_or(false) && best.gravity) found_.adds_gravity = !*best.gravity;
+    // A load that only the maker does not know may fall as the whole arm would.
+    const bool told = std::ranges::any_of(
+        found_.joints, [](const Commissioned::Joint& each) { return each.scale.has_value(); });
+    if (!told) found_.adds_gravity.reset();
     judge_delay(scenario_, best.delay, found_);
     judge_friction(scenario_, runs_.speed(), best, found_);
     compare_signs(scenario_, possible, found_);

@@ -18,18 +18,19 @@ namespace tachless::commission {
 
 /// The data of a run on the arm, one row per tick, in the scenario's coordinates.
 struct Trial {
-  Eigen::MatrixXd q;         ///< measured [rad; m]
-  Eigen::MatrixXd tau;       ///< torque sent over the tick [N m; N]
-  std::string stopped = {};  ///< why the run ended early; empty: it did not
-  std::int64_t missed = 0;   ///< commands that did not arrive
-  bool arm_is_clock = false;
-  int repeated = 0;  ///< times that the run was carried out again
+  Eigen::MatrixXd q;          ///< measured [rad; m]
+  Eigen::MatrixXd tau;        ///< torque sent over the tick [N m; N]
+  std::string stopped = {};   ///< why the run ended early; empty: it did not
+  std::int64_t missed = 0;    ///< commands that did not arrive
+  bool arm_is_clock = false;  ///< the arm's clock set the ticks, not the computer's
 };
 
 /// A function that carries out a run of `scenario`, which is the commissioned scenario changed by
-/// `overrides`. The torques of its trial contain those that the arm adds according to `scenario`.
-using Trials = std::function<Trial(const scenario::Scenario& scenario,
-                                   const std::vector<std::string>& overrides)>;
+/// `overrides`. The trial's torques include the torques that the arm adds according to `scenario`.
+/// The function returns nothing if ticks were late or are missing. The arm may have moved by then.
+/// The next run begins from its new position.
+using Trials = std::function<std::optional<Trial>(const scenario::Scenario& scenario,
+                                                  const std::vector<std::string>& overrides)>;
 
 /// Reaction of an arm's drives to a tick without a command.
 enum class Unsent { held, zeroed, ends_the_run };
@@ -42,14 +43,16 @@ struct Commissioned {
   /// The findings on one joint.
   struct Joint {
     std::string name, unit;
-    std::optional<bool> answers{};  ///< whether its torque moves it by ten counts
-    std::optional<bool> turns{};    ///< whether it turns against robot.joint_signs
+    std::optional<bool> answers{};  ///< true: its torque moves it by ten counts
+    std::optional<bool> turns{};    ///< true: it turns against robot.joint_signs
     /// Acting torque over sent torque, if rotor, links and payload are as the scenario states.
     std::optional<double> scale{};
-    double viscous = 0, dry = 0;    ///< friction as sent torque [N m s/rad; N s/m], [N m; N]
+    /// Friction, in units of the sent torque [N m s/rad; N s/m], [N m; N].
+    double viscous = 0, dry = 0;
     std::optional<double> delay{};  ///< delay beyond the loop's own [ticks]
-    double assumed_rotor = 0;       ///< in the trials, where the scenario states none [kg m^2; kg]
-    double noise = 0;               ///< unexplained torque, rms below 15 Hz [N m; N]
+    /// Rotor inertia that the trials assume if the scenario states none [kg m^2; kg].
+    double assumed_rotor = 0;
+    double noise = 0;  ///< unexplained torque, rms below 15 Hz [N m; N]
   };
 
   std::vector<Joint> joints;
@@ -57,7 +60,7 @@ struct Commissioned {
   std::optional<int> delay;  ///< delay from reading to torque [ticks]
   std::optional<Unsent> unsent;
   std::string unsent_text;  ///< why the run ended when no torque was sent
-  double delay_spread = 0;  ///< between the joints [ticks]
+  double delay_spread = 0;  ///< largest less smallest delay of the joints [ticks]
   std::int64_t missed = 0;  ///< missed commands
   int repeated = 0;         ///< trials that were carried out again
   bool arm_is_clock = false;
@@ -70,22 +73,26 @@ struct Commissioned {
 /// Commissions an arm with a sequence of short trials. In each of them the plant's guards stop a
 /// joint at a tenth of its speed limit, or 0.02 rad (m) from its reference.
 ///
-/// 1. A moment without torque, which ends as soon as a joint has moved by some counts. 2. If the
-/// arm falls: moments with a growing share of gravity's torque, which check signs and scale of
-/// torque. 3. Pulses of growing torque on one joint after the other, without feedback, until each
-/// joint answers. 4. A run for each joint in turn, then a run of all joints: slow sines about the
-/// start under a soft law, which sends gravity's torque only if the arm fell. 5. If gravity is
-/// determined: another run of all joints, in which a tenth of the torques is not sent.
+/// 1. It sends no torque until a joint has moved by some counts, for a moment at most. 2. If the
+/// arm fell, it sends a growing share of gravity's torque for a moment each, and checks signs and
+/// scale of the torque. 3. It sends pulses of growing torque to one joint after the other, without
+/// feedback, until each joint answers. 4. It moves each joint in turn, then all joints, by slow
+/// sines about the start. A soft law follows the sines, and sends gravity's torque only if the arm
+/// fell. 5. If gravity is determined, it moves all joints again and leaves out a tenth of the
+/// torques.
 ///
 /// The function explains the sent torques with the URDF's mechanics under all combinations of
 /// signs, gravity and delay. It accepts the combination with the least residual if the margin to
 /// the others is clear.
 /// @throw base::Failure(bad_usage) when the joints are flexible, or for more than eight joints
 /// @throw base::Failure(protective_stop) when a joint runs away for an unknown reason
+/// @throw base::Failure(check_said_no) when ticks were late or missing again and again
 Commissioned commission(const scenario::Scenario& scenario, const Trials& trials,
                         const identify::Report& report);
 
+/// Returns the findings as text for people. @param name the scenario's name
 std::string text(const Commissioned& found, const std::string& name);
+/// Sets `json` to the findings. null stands for a number that is not determined.
 void to_json(nlohmann::ordered_json& json, const Commissioned& found);
 
 }  // namespace tachless::commission

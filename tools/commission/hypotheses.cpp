@@ -33,7 +33,8 @@ constexpr double near_one = 0.15, clearly_better = 0.5;
 /// Share of the squared residuals that a spring must not exceed, and the frequency above which it
 /// cannot be seen in motions below 8 Hz.
 constexpr double spring_better = 0.1, stiffest_hz = 25;
-constexpr double not_rigid = 0.1;  ///< least share of a motion that rigid joints do not explain
+constexpr double not_rigid = 0.1;   ///< least share of a motion that rigid joints do not explain
+constexpr int friction_steps = 40;  ///< shares of the largest torque that are tried as friction
 constexpr double softest_hz = 7.5, hz_ratio = 1.1;  ///< of the springs that are tried
 /// Least shares of the expected fall, in squares: an arm with a fifth of it moved, and an arm with
 /// less than a twentieth did not fall.
@@ -229,11 +230,52 @@ VectorXd swing(const VectorXd& force, double w, double h) {
   return x;
 }
 
+/// Returns the motion from rest of a unit mass with dry friction under a force.
+VectorXd slide(const VectorXd& force, double friction, double h) {
+  VectorXd x(force.size());
+  double position = 0, speed = 0;
+  for (Eigen::Index k = 0; k < force.size(); ++k) {
+    const double along = speed != 0 ? speed : force[k];
+    const double before = speed;
+    if (before != 0 || std::abs(force[k]) > friction)
+      speed += h * (force[k] - std::copysign(friction, along));
+    if (speed * before < 0) speed = 0;
+    position += h * speed;
+    x[k] = position;
+  }
+  return x;
+}
+
 /// Returns t^2 / 2 from tick `onset` on.
 VectorXd parabola(Eigen::Index ticks, int onset, double h) {
   const VectorXd t = VectorXd::LinSpaced(ticks, 0, static_cast<double>(ticks - 1));
   return ((t.array() - onset).cwiseMax(0) * h).square() / 2;
 }
+
+/// The best explanation of a joint's motion by a mass with dry friction.
+struct Sliding {
+  double share = 0;     ///< of the motion since the start that it explains alone
+  double response = 0;  ///< as in `Answer`
+  /// Sum of squares of the last motion that other columns beside it do not explain.
+  double left = std::numeric_limits<double>::infinity();
+
+  /// Tries frictions below the largest force of the last motion.
+  /// @param others columns that explain the last motion
+  void add(const VectorXd& force, double largest, const MatrixXd& others, const VectorXd& all,
+           double h) {
+    for (int step = 0; step < friction_steps; ++step) {
+      const VectorXd motion = slide(force, largest * step / friction_steps, h);
+      const double squares = std::max(1e-300, motion.squaredNorm()), along = motion.dot(all);
+      MatrixXd columns(others.rows(), others.cols() + 1);
+      columns << others, motion.tail(others.rows());
+      left = std::min(left, beyond(columns, all.tail(others.rows())).squaredNorm());
+      const double explained = along * along / squares / std::max(1e-300, all.squaredNorm());
+      if (explained <= share) continue;
+      share = explained;
+      response = along / squares;
+    }
+  }
+};
 
 /// Returns the expected sum of squares of the rounding of positions to counts.
 double rounding_of(const VectorXd& counts, Eigen::Index ticks) {
@@ -355,9 +397,6 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, const Vector& coun
     }
     explained.push_back(best);
   }
-  const VectorXd f = parabola(ticks, result.onset, h);
-  result.acceleration =
-      ((trial.q.rowwise() - trial.q.row(0)).transpose() * f) / std::max(1e-300, f.squaredNorm());
   const Vector stated = arm.fall(Vector::Ones(n));
   const VectorXd least = parabola(ticks, longest_delay - 1, h);  // seen after the longest delay
   const double expected = (least * weight.cwiseProduct(stated).transpose()).squaredNorm();
@@ -366,9 +405,13 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, const Vector& coun
     return (x - f * (f.transpose() * x) / std::max(1e-300, f.squaredNorm())).squaredNorm();
   };
   double rigid = moved, spring = moved;
+  int of_rigid = 0;
   for (int delay = 0; delay < longest_delay; ++delay) {
     const VectorXd f = parabola(ticks, delay, h);
-    rigid = std::min(rigid, unexplained(f));
+    if (unexplained(f) < rigid) {
+      rigid = unexplained(f);
+      of_rigid = delay;
+    }
     spring = std::min(spring, unexplained(f.cwiseAbs2()));
   }
   result.springs = rigid > no_parabola * moved && spring < quartic_better * rigid &&
@@ -385,6 +428,10 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, const Vector& coun
   }
   const bool visible = least[ticks - 1] * stated.cwiseAbs().maxCoeff() > smallest_fall;
   if (!stopped && visible && moved < no_fall_share * expected) result.falls = false;
+  if (!result.falls.value_or(false)) result.onset = of_rigid;
+  const VectorXd f = parabola(ticks, result.onset, h);
+  result.acceleration =
+      ((trial.q.rowwise() - trial.q.row(0)).transpose() * f) / std::max(1e-300, f.squaredNorm());
   if (!result.falls.value_or(false)) return result;
   result.certain = result.signs;
   for (std::size_t k = 0; k < explained.size(); ++k) {
@@ -449,6 +496,8 @@ Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index ticks, dou
   best.work = power.sum() / std::max(1e-300, power.lpNorm<1>());
   const double moved = beyond(drift, q).squaredNorm();
   double least = std::numeric_limits<double>::infinity(), least_of_spring = least, hz_of_spring = 0;
+  Sliding sliding;
+  const VectorXd all = trial.q.col(joint).array() - trial.q(0, joint);
   for (Eigen::Index delay = 0; delay <= longest_delay; ++delay) {
     const VectorXd acts = delayed(tau, from, ticks, delay);
     MatrixXd other(ticks, 4);
@@ -463,10 +512,9 @@ Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index ticks, dou
       best.response = response;
       best.explained = response * own.dot(rest) / std::max(1e-300, rest.squaredNorm());
       best.fits = 1 - left / std::max(1e-300, moved);
-      const VectorXd all = trial.q.col(joint).array() - trial.q(0, joint);
-      const VectorXd motion = swing(delayed(tau, 0, trial.q.rows(), delay), 0, h);
-      best.alone = 1 - beyond(motion, all).squaredNorm() / std::max(1e-300, all.squaredNorm());
     }
+    const VectorXd force = delayed(tau, 0, trial.q.rows(), delay);
+    sliding.add(force, acts.lpNorm<Eigen::Infinity>(), other, all, h);
     for (double hz = softest_hz; hz < stiffest_hz; hz *= hz_ratio) {
       const double w = 2 * std::numbers::pi * hz;
       MatrixXd springy(ticks, 7);
@@ -481,8 +529,10 @@ Answer answer_of(const Trial& trial, Eigen::Index joint, Eigen::Index ticks, dou
   }
   const double floor = static_cast<double>(ticks) * count * count;  // of what the encoder resolves
   const bool rigid = least < not_rigid * moved;
-  if (!rigid && std::max(least_of_spring, floor) < spring_better * least)
+  if (!rigid && std::max(least_of_spring, floor) < spring_better * std::min(least, sliding.left))
     best.spring_hz = hz_of_spring;
+  best.slides = sliding.share;
+  best.sliding = sliding.response;
   return best;
 }
 

@@ -85,8 +85,9 @@ struct Answer {
   double response = 0;   ///< [1/(kg m^2); 1/kg]
   double explained = 0;  ///< share of the motion beyond the others that the response explains
   double fits = 0;       ///< share of the motion beyond the drift that is explained
-  /// Share of the whole trial's motion that the response explains without drift or compliance.
-  double alone = 0;
+  /// Share of the whole trial's motion that a mass with dry friction explains without drift or
+  /// compliance, and its response.
+  double slides = 0, sliding = 0;
   double spring_hz = 0;  ///< of a spring that explains the motion far better; 0: none does
   double work = 0;       ///< of the torque, over the sum of its magnitudes
 };

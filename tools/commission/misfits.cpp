@@ -44,11 +44,11 @@ void judge_friction(const Scenario& scenario, const Vector& speed, const Explana
   double seen = 0, expected = 0;
   for (std::size_t j = 0; j < explanation.joints.size(); ++j) {
     const auto i = static_cast<Eigen::Index>(j);
-    const Explanation::Joint& of = explanation.joints[j];
+    const Explanation::Joint& joint = explanation.joints[j];
     const double v = 0.2 * speed[i];
     const double there = drive.coulomb_friction_Nm[i] + v * drive.viscous_friction_Nms_per_rad[i];
-    if (!(there > 5 * of.resolution) || of.scale <= 0) continue;
-    seen += of.scale * (of.dry + v * of.viscous) / there;
+    if (!(there > 5 * joint.resolution) || joint.scale <= 0) continue;
+    seen += joint.scale * (joint.dry + v * joint.viscous) / there;
     expected += 1;
   }
   if (expected == 0) return;

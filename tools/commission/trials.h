@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -85,13 +86,19 @@ class ArmRuns {
   bool arm_is_clock = false;
 
  private:
-  Trial run(const SoftLaw& law, const std::string& reference, const Vector& reach,
-            double duration_s, std::vector<std::string> changes = {});
+  std::optional<Trial> run(const SoftLaw& law, const std::string& reference, const Vector& reach,
+                           double duration_s, std::vector<std::string> changes = {});
   /// Returns where the arm began, in the coordinates of the present signs.
   [[nodiscard]] Vector began() const;
   /// Finds where the arm is, once it rests, by runs that send nothing.
   void look();
-  Trial carry_out(const std::vector<std::string>& changes);
+  std::optional<Trial> carry_out(const std::vector<std::string>& changes);
+  /// Carries out a run from where the arm is. Repeats it if ticks were late or are missing.
+  /// @param run makes its settings by `last_`, and carries it out
+  Trial from_here(const std::function<std::optional<Trial>()>& run);
+  /// Calls `run` until it returns a trial.
+  /// @throw base::Failure(check_said_no) if it returns nothing more than `most_repeats` times
+  Trial until_done(const std::function<std::optional<Trial>()>& run);
 
   const scenario::Scenario& scenario_;
   const Trials& trials_;

@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/json_text.h"
 #include "base/text.h"
 #include "bus/authenticated.h"
 
@@ -66,7 +67,7 @@ std::string text_of(const MessageField& field) {
     text =
         fmt::format("\"{}{}\"", printable(value.substr(0, shown)), shown < value.size() ? "…" : "");
   } else {
-    text = field.value.dump();
+    text = base::json_text(field.value);
   }
   return fmt::format("{} {}{}{}", field.name, text, field.unit.empty() ? "" : " ", field.unit);
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/file_text.h"
+#include "base/json_text.h"
 #include "certify/prediction.h"
 #include "controller/registry.h"
 #include "controller/stepped_law.h"
@@ -67,9 +68,9 @@ class Motion {
         identify::regression(recording, identify::Parameters(scenario, {}));
     std::vector<ModelTorque> result(static_cast<std::size_t>(n));
     for (Eigen::Index row = 0; row < found.joint.size(); ++row) {
-      ModelTorque& of = result[static_cast<std::size_t>(found.joint[row])];
-      of.applied.add(found.time_s[row], found.applied[row]);
-      of.model.add(found.time_s[row], found.applied[row] - found.torque[row]);
+      ModelTorque& torque = result[static_cast<std::size_t>(found.joint[row])];
+      torque.applied.add(found.time_s[row], found.applied[row]);
+      torque.model.add(found.time_s[row], found.applied[row] - found.torque[row]);
     }
     const Eigen::VectorXd error = found.residual(Eigen::VectorXd(0));
     for (Eigen::Index i = 0; i < n; ++i) {
@@ -86,7 +87,7 @@ class Motion {
 
 nlohmann::json read_outcome(const RecordedRun& run) {
   const auto text = base::file_text(run.log.parent_path() / "summary.json");
-  nlohmann::json json = nlohmann::json::parse(text.value_or(""), nullptr, false);
+  const nlohmann::json json = base::json_or_null(text.value_or(""));
   const bool ours = json.is_object() && json.contains("run_id") &&
                     json["run_id"].is_number_integer() &&
                     json["run_id"].get<std::int64_t>() == run.run_id;

@@ -13,7 +13,7 @@ namespace tachless::report {
 
 /// Facts on a robot at `position`. An empty `position` puts each joint as near to 0 as its range
 /// allows.
-/// @throw base::Failure(bad_usage) when `position` has neither zero numbers nor one per joint
+/// @throw base::Failure(bad_usage) unless `position` is empty or has one number per joint
 struct RobotFacts {
   RobotFacts(robot::Model read, const std::vector<double>& position);
 
@@ -25,8 +25,9 @@ struct RobotFacts {
   /// Condition number of M(q) in SI units, also for mixed joint types.
   double condition_number = 0;
   std::vector<std::string> warnings;  ///< the model's warnings, and joints outside their range
-  Vector rotor_inertia;               ///< [kg m2]; `inertia` has it for rigid joints alone
-  /// Names of numbers and their sources: a key, and a place in a file. Empty for a URDF alone.
+  Vector rotor_inertia;               ///< [kg m2]; `inertia` includes it for rigid joints alone
+  /// Names of numbers, and the scenario's key or the URDF's element that each comes from. Empty for
+  /// a URDF alone.
   std::vector<std::pair<std::string, std::string>> sources;
 };
 

@@ -209,8 +209,9 @@ void EmulatedArm::move() {
   for (int i = 0; i < steps_a_tick; ++i) {
     const Vector friction = v_.unaryExpr([](double v) { return base::tanh(friction_slope * v); });
     const Vector tau = given + external_ - trouble_.friction_Nm * friction;
-    v_ += step_s * robot::forward_dynamics(model_, q_, v_, tau);
-    q_ += step_s * v_;
+    const Vector a = robot::forward_dynamics(model_, q_, v_, tau);
+    q_ += step_s * (v_ + 0.5 * step_s * a);
+    v_ += step_s * a;
   }
 }
 

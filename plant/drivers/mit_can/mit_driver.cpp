@@ -301,11 +301,11 @@ void MitDriver::count_silence() {
 }
 
 template <class SetpointOf>
-void MitDriver::command_each(const SetpointOf& of) {
+void MitDriver::command_each(const SetpointOf& set_point) {
   for (std::size_t i = 0; i < motors_.size(); ++i) {
     Motor& motor = motors_[i];
     motor.answered = false;
-    send(command(motor.drive, of(static_cast<Eigen::Index>(i)), motor.torque_rest));
+    send(command(motor.drive, set_point(static_cast<Eigen::Index>(i)), motor.torque_rest));
   }
   expecting_ = true;
 }

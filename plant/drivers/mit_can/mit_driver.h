@@ -145,9 +145,9 @@ class MitDriver final : public plant::DriveLoopDriver {
   void settle();
   void set_brake();
   void send_brake();
-  /// Sends each motor its set point, `of(index)`.
+  /// Sends each motor its set point, `set_point(index)`.
   template <class SetpointOf>
-  void command_each(const SetpointOf& of);
+  void command_each(const SetpointOf& set_point);
 
   const scenario::Scenario& scenario_;
   Settings settings_;

@@ -17,7 +17,7 @@
 #include "reference/make_trajectory.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::certify {
+namespace tachless::certify::cases_test {
 namespace {
 
 using linear::testing::shipped;
@@ -179,4 +179,4 @@ TEST(GoldenSection, FindsAMaximumInsideAndAtAnEnd) {
 }
 
 }  // namespace
-}  // namespace tachless::certify
+}  // namespace tachless::certify::cases_test

@@ -10,7 +10,7 @@
 
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::certify {
+namespace tachless::certify::certify_test {
 namespace {
 
 using namespace linear;
@@ -212,4 +212,4 @@ TEST(Certify, NamesTheReasonWhereALawCannotBeLinearised) {
 }
 
 }  // namespace
-}  // namespace tachless::certify
+}  // namespace tachless::certify::certify_test

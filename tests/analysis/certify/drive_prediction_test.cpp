@@ -7,7 +7,7 @@
 #include "certify/certify.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::certify {
+namespace tachless::certify::drive_prediction_test {
 namespace {
 
 using linear::testing::shipped;
@@ -41,4 +41,4 @@ TEST(DrivePrediction, IsNotThereWithoutTheKey) {
 }
 
 }  // namespace
-}  // namespace tachless::certify
+}  // namespace tachless::certify::drive_prediction_test

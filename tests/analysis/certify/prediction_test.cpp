@@ -10,7 +10,7 @@
 #include "robot/dynamics.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::certify {
+namespace tachless::certify::prediction_test {
 namespace {
 
 using namespace linear;
@@ -280,4 +280,4 @@ TEST(Prediction, TorqueOfACountIsTheLargestOverThePostures) {
 }
 
 }  // namespace
-}  // namespace tachless::certify
+}  // namespace tachless::certify::prediction_test

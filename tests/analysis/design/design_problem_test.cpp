@@ -3,10 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <new>
 #include <span>
@@ -15,6 +17,7 @@
 #include <vector>
 
 #include "base/failure.h"
+#include "design/gain_point.h"
 #include "scenario/gains.h"
 #include "tests/analysis/linear/answers.h"
 #include "tests/analysis/linear/scenarios.h"
@@ -74,7 +77,6 @@ TEST(DesignProblem, RuleOfAMatrixHasFrictionOnce) {
   EXPECT_LT((more - Eigen::Vector4d(20 * 30, 0, 0, 20 * 5)).norm(), 1e-9);
 }
 
-/// A gain cannot hold 9 x 9 numbers, so the matrix stays diagonal, with the friction.
 /// Gains for half the bandwidth: a quarter of kp, half of kd, the same filters.
 TEST(DesignProblem, SofterGainsHaveHalfTheBandwidth) {
   const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
@@ -90,6 +92,7 @@ TEST(DesignProblem, SofterGainsHaveHalfTheBandwidth) {
   EXPECT_TRUE(softer.at("a").isApprox(gains.at("a"), 1e-12));
 }
 
+/// A gain cannot hold 9 x 9 numbers, so the matrix stays diagonal, with the friction.
 TEST(DesignProblem, RuleOfAMatrixIsDiagonalForNineJoints) {
   scenario::Scenario scenario = bare(robot::testing::chain_urdf(9), "loria_ortega_matrix");
   scenario.plant.drive.viscous_friction_Nms_per_rad.setConstant(3);
@@ -204,6 +207,82 @@ TEST(GainSearch, DoesNotBeginAtUnstableGains) {
   EXPECT_EQ(found.settling_s, infinity);
   EXPECT_EQ(found.theta, theta);
   EXPECT_EQ(told, 0);
+}
+
+/// The problem of practical_rigid at the postures of its motion, with gains by the rule of thumb.
+class RuledGains : public ::testing::Test {
+ protected:
+  RuledGains() {
+    law.choose_variables();
+    theta = law.theta_of(law.by_rule(20, 10));
+  }
+
+  const scenario::Scenario scenario = linear::testing::shipped("practical_rigid");
+  DesignProblem law{scenario, {}};
+  VectorXd theta;
+};
+
+TEST_F(RuledGains, AreJudgedAsThePredictionJudgesThem) {
+  const GainProblem problem = law.at(law.first_rests());
+  const scenario::Scenario with = law.with(law.gains(theta));
+  const ScenarioLoop loop(with);
+  double settling_s = 0, modulus = infinity;
+  for (std::size_t i = 0; i < law.first_rests().size(); ++i) {
+    const SampledLoop at = loop.at(law.first_rests()[i]);
+    modulus = std::min(modulus, modulus_margin(at, with.loop.period_s));
+    if (i >= problem.settling.size()) continue;
+    settling_s = std::max(settling_s, modes(at, with.loop.period_s).settling_s);
+  }
+  const FoundGains found = judged(problem, theta);
+  // Instants are at most 1 % of the settling time apart (num_instants_judged).
+  EXPECT_NEAR(found.settling_s, settling_s, 0.01 * settling_s);
+  // A grid of frequencies has no value below the refined least one. The minimum is flat.
+  EXPECT_GE(found.modulus, modulus * (1 - 1e-6));
+  EXPECT_LE(found.modulus, modulus * 1.02);
+}
+
+/// With all gains at a bound, a bound is worth the slope of the largest error.
+TEST_F(RuledGains, BindingsAreTheSlopesOfTheErrorAtABound) {
+  GainProblem problem = law.at(law.first_rests());
+  problem.lower = problem.upper = theta;
+  const FoundGains found = judged(problem, theta);
+  ASSERT_GT(found.modulus, problem.margin + 0.01);  // the margin does not bind
+  const std::vector<Binding> all = bindings(problem, found);
+  const auto error = [&](const VectorXd& at) {
+    return GainPoint(problem, at).log_errors(found.settling_s).maxCoeff();
+  };
+  constexpr double step = 1e-4;
+  std::size_t seen = 0;
+  for (Eigen::Index i = 0; i < theta.size(); ++i) {
+    VectorXd moved = theta;
+    moved[i] += step;
+    const double slope = std::abs(error(moved) - error(theta)) / step;
+    const double share = slope * std::log(1.1) / std::log(100);
+    const auto binding = std::ranges::find(all, static_cast<std::size_t>(i), &Binding::which);
+    if (share < 1.01e-3) continue;  // too little to be told
+    ASSERT_NE(binding, all.end()) << i;
+    EXPECT_EQ(binding->kind, Binding::Kind::bound);
+    EXPECT_NEAR(binding->settling_share, share, 0.01 * share) << i;  // forward differences
+    ++seen;
+  }
+  EXPECT_EQ(seen, all.size());
+  EXPECT_GT(seen, 0U);
+  EXPECT_TRUE(std::ranges::is_sorted(all, std::greater(), &Binding::settling_share));
+}
+
+TEST_F(RuledGains, AreMadeFasterUntilTheMarginBinds) {
+  GainProblem problem = law.at(law.first_rests());
+  // The fastest gains have a margin of 0.52, and nothing binds there.
+  problem.margin = 0.6;
+  problem.most_gain.setConstant(infinity);
+  const FoundGains found = faster_gains(
+      problem, theta, 40, [](GainProblem&, const VectorXd&) { return false; },
+      [](int, const FoundGains&) {});
+  EXPECT_LT(found.settling_s, judged(problem, theta).settling_s);
+  EXPECT_GE(found.modulus, problem.margin);
+  const std::vector<Binding> all = bindings(problem, found);
+  EXPECT_TRUE(std::ranges::any_of(
+      all, [](const Binding& each) { return each.kind == Binding::Kind::margin; }));
 }
 
 }  // namespace

@@ -81,6 +81,45 @@ TEST(Structure, DefaultBandwidthLetsAWeakArmComeBackFromAFarStart) {
   EXPECT_TRUE(returns_from_beside(scheduled.scenario, *scheduled.design));
 }
 
+/// Returns a design whose gain `w` is the bandwidth.
+Design design_of(double hz) {
+  Design design;
+  design.gains["w"] = Vector::Constant(1, hz);
+  return design;
+}
+
+/// A design of a smaller bandwidth that fails leaves the usual one, with a warning.
+TEST(Structure, KeepsTheUsualBandwidthWhereASmallerOneHasNoGains) {
+  int complete = 0;
+  const Design found = within_default_bandwidth(
+      [&](double hz, const Suits& suits) {
+        if (hz < 0.7 * default_bandwidth_hz) {
+          throw base::Failure(base::ExitCode::check_said_no, "no gains of {} Hz", hz);
+        }
+        complete += suits && !suits(design_of(hz)) ? 0 : 1;
+        return design_of(hz);
+      },
+      [](const Design&) { return false; });
+  EXPECT_EQ(found.gains.at("w")[0], default_bandwidth_hz);
+  EXPECT_EQ(complete, 1);  // the usual one, after the smaller ones were refused
+  EXPECT_THAT(found.warnings, ::testing::ElementsAre(HasSubstr("from 10 down to 8 Hz")));
+}
+
+/// Gains that do not suit are not judged over the joints' range; those of the first bandwidth that
+/// suits are.
+TEST(Structure, CompletesTheFirstDesignThatComesBack) {
+  std::vector<double> complete;
+  const Design found = within_default_bandwidth(
+      [&](double hz, const Suits& suits) {
+        if (!suits || suits(design_of(hz))) complete.push_back(hz);
+        return design_of(hz);
+      },
+      [](const Design& design) { return design.gains.at("w")[0] < 7; });
+  EXPECT_NEAR(found.gains.at("w")[0], 6.4, 1e-9);
+  EXPECT_THAT(complete, ::testing::ElementsAre(::testing::DoubleNear(6.4, 1e-9)));
+  EXPECT_THAT(found.warnings, ::testing::ElementsAre(HasSubstr("6.4 Hz in place of 10")));
+}
+
 TEST(Structure, RefusesWhereNoStructureHasGains) {
   DesignGoal goal;
   goal.count_Nm = 1e-9;  // no gain has so little torque per encoder count

@@ -14,7 +14,7 @@
 #include "tests/analysis/identify/hidden_arm.h"
 #include "tests/analysis/identify/table_of_motion.h"
 
-namespace tachless::identify {
+namespace tachless::identify::friction_terms_test {
 namespace {
 
 using testing::HasSubstr;
@@ -67,12 +67,6 @@ Recording table_of(const HiddenFriction& hidden, double noise) {
   return table;
 }
 
-const Identified::Parameter* find(const Identified& found, const std::string& name) {
-  const auto at = std::ranges::find_if(found.parameters,
-                                       [&](const auto& each) { return each.entry.name == name; });
-  return at == found.parameters.end() ? nullptr : &*at;
-}
-
 bool has_terms(const Identified& found) {
   return std::ranges::any_of(found.parameters, [](const auto& each) {
     return each.entry.kind == Kind::rise || each.entry.kind == Kind::load_friction;
@@ -98,17 +92,39 @@ TEST(FrictionTerms, ARiseIsFoundWithItsValues) {
     hidden.velocity[0] = 0.3 + 0.1 * arm;
     const Identified found = identify({table_of(hidden, 0.002)}, friction_and_rotors, {}, ignore);
     const std::string said = identify::text(found, "arm");
-    const Identified::Parameter* rise = find(found, "rise shoulder");
+    const Identified::Parameter* rise = parameter(found, "rise shoulder");
     ASSERT_NE(rise, nullptr) << arm << "\n" << said;
     // The velocity is one of a few tried and refined; a tenth of it changes a tanh little.
     EXPECT_NEAR(rise->value, hidden.rise[0], 0.15 * std::abs(hidden.rise[0])) << said;
     EXPECT_NEAR(rise->entry.velocity, hidden.velocity[0], 0.25 * hidden.velocity[0]) << said;
-    EXPECT_NEAR(find(found, "coulomb shoulder")->value, 6, 0.1 * 6) << said;
-    EXPECT_EQ(find(found, "load friction shoulder"), nullptr) << said;
+    EXPECT_NEAR(parameter(found, "coulomb shoulder")->value, 6, 0.1 * 6) << said;
+    EXPECT_EQ(parameter(found, "load friction shoulder"), nullptr) << said;
     EXPECT_THAT(said, HasSubstr(", of tanh(v / "));
     EXPECT_THAT(found.overrides, testing::Contains(HasSubstr("plant.drive.friction_rise_Nm=[")));
     EXPECT_THAT(found.overrides, testing::Contains(HasSubstr("controller.friction.rise=[")));
   }
+}
+
+/// Rise, Coulomb and viscous friction are told from each other only as well as v_r is known. 95 %
+/// of 48 intervals are 45.6 +- 1.5. With a v_r that is taken for known, fewer than 43 hold.
+TEST(FrictionTerms, IntervalsHoldThoughTheVelocityIsUnknown) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> velocity(0.25, 0.8), share(0.4, 0.8);
+  int held = 0;
+  for (int arm = 0; arm < 16; ++arm) {
+    HiddenFriction hidden = drawn(random);
+    hidden.coulomb[0] = 6;
+    hidden.rise[0] = (arm % 2 == 0 ? 6 : -6) * share(random);
+    hidden.velocity[0] = velocity(random);
+    const Identified found = identify({table_of(hidden, 0.002)}, friction_and_rotors, {}, ignore);
+    const auto holds = [&](const char* name, double truth) {
+      const Identified::Parameter* each = parameter(found, name);
+      return each != nullptr && std::abs(each->value - truth) <= each->half_width ? 1 : 0;
+    };
+    held += holds("rise shoulder", hidden.rise[0]) + holds("coulomb shoulder", 6) +
+            holds("viscous shoulder", hidden.viscous[0]);
+  }
+  EXPECT_GE(held, 43);
 }
 
 /// Gears that give way let friction turn round over a speed below a tenth of the largest. It
@@ -122,13 +138,13 @@ TEST(FrictionTerms, FrictionThatTurnsRoundSlowlyIsFound) {
     hidden.velocity[0] = 0.06 + 0.02 * arm;
     const Identified found = identify({table_of(hidden, 0.002)}, friction_and_rotors, {}, ignore);
     const std::string said = identify::text(found, "arm");
-    const Identified::Parameter* rise = find(found, "rise shoulder");
+    const Identified::Parameter* rise = parameter(found, "rise shoulder");
     ASSERT_NE(rise, nullptr) << arm << "\n" << said;
-    const double whole = rise->value + find(found, "coulomb shoulder")->value;
+    const double whole = rise->value + parameter(found, "coulomb shoulder")->value;
     EXPECT_NEAR(whole, 6, 0.05 * 6) << said;
     EXPECT_GT(rise->value, 0.8 * 6) << said;
     EXPECT_NEAR(rise->entry.velocity, hidden.velocity[0], 0.25 * hidden.velocity[0]) << said;
-    EXPECT_EQ(find(found, "rise elbow"), nullptr) << said;
+    EXPECT_EQ(parameter(found, "rise elbow"), nullptr) << said;
   }
 }
 
@@ -139,14 +155,15 @@ TEST(FrictionTerms, FrictionOfTheLoadIsFoundWithItsValue) {
     hidden.load[0] = 0.05 + 0.03 * arm;
     const Identified found = identify({table_of(hidden, 0.002)}, friction_and_rotors, {}, ignore);
     const std::string said = identify::text(found, "arm");
-    const Identified::Parameter* load = find(found, "load friction shoulder");
+    const Identified::Parameter* load = parameter(found, "load friction shoulder");
     ASSERT_NE(load, nullptr) << arm << "\n" << said;
     // With 0.2 % of the peak as noise the intervals are some percent wide.
     EXPECT_NEAR(load->value, hidden.load[0], std::max(2 * load->half_width, 0.05 * hidden.load[0]))
         << said;
-    EXPECT_NEAR(find(found, "coulomb shoulder")->value, hidden.coulomb[0], 0.1 * hidden.coulomb[0])
+    EXPECT_NEAR(parameter(found, "coulomb shoulder")->value, hidden.coulomb[0],
+                0.1 * hidden.coulomb[0])
         << said;
-    EXPECT_EQ(find(found, "rise shoulder"), nullptr) << said;
+    EXPECT_EQ(parameter(found, "rise shoulder"), nullptr) << said;
     EXPECT_FALSE(found.checks[0].misfit.found) << said;
     EXPECT_THAT(found.overrides, testing::Contains(HasSubstr("plant.drive.load_friction=[")));
     EXPECT_THAT(found.overrides, testing::Contains(HasSubstr("controller.friction.load=[")));
@@ -154,4 +171,4 @@ TEST(FrictionTerms, FrictionOfTheLoadIsFoundWithItsValue) {
 }
 
 }  // namespace
-}  // namespace tachless::identify
+}  // namespace tachless::identify::friction_terms_test

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
@@ -18,6 +19,13 @@ namespace tachless::identify {
 inline const std::vector<Kind> all = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::payload};
 
 inline void ignore(std::string_view /*what*/) {}
+
+/// Returns the parameter of this name; nullptr: there is none.
+inline const Identified::Parameter* parameter(const Identified& found, const std::string& name) {
+  const auto at = std::ranges::find_if(found.parameters,
+                                       [&](const auto& each) { return each.entry.name == name; });
+  return at == found.parameters.end() ? nullptr : &*at;
+}
 
 /// Returns a multi-sine about the initial posture with separate frequencies for the joints.
 inline std::string multi_sine(const std::string& offset, int joints) {
@@ -52,15 +60,18 @@ inline scenario::Scenario scenario(const std::string& name, const std::string& b
 }
 
 /// Returns the recording of a loop whose law knows `believed` while the plant is `plant`.
-inline Recording record(const scenario::Scenario& believed, const scenario::Scenario& plant) {
+/// @param driver that replaces the emulator; null: the emulator
+inline Recording record(const scenario::Scenario& believed, const scenario::Scenario& plant,
+                        plant::RobotDriver* driver = nullptr) {
   Recording result{"a run", believed, Eigen::MatrixXd(believed.loop.num_ticks, believed.num_joints),
                    Eigen::MatrixXd(believed.loop.num_ticks, believed.num_joints)};
-  in_process::run_in_process(plant, controller::scenario_law(believed), [&](const auto& tick) {
+  const auto on_tick = [&](const in_process::TickRecord& tick) {
     result.q.row(tick.tick) =
         std::get<messages::PositionMeasurement>(tick.measurement).q.transpose();
     result.tau.row(tick.tick) = tick.applied.tau.transpose();
     return true;
-  });
+  };
+  in_process::run_in_process(plant, controller::scenario_law(believed), on_tick, driver);
   return result;
 }
 

@@ -18,7 +18,7 @@
 #include "tests/analysis/identify/table_of_motion.h"
 #include "tests/support/temporary_directory.h"
 
-namespace tachless::identify {
+namespace tachless::identify::links_test {
 namespace {
 
 using Eigen::Index;
@@ -204,10 +204,11 @@ TEST(Links, OfALogTheLoopIsSimulatedWithThem) {
 
 class Table : public testing::Test {
  protected:
-  Recording read(const std::string& rows, const std::string& more = "") const {
+  Recording read(const std::string& rows, const std::string& more = "",
+                 const std::string& scenario = "practical_rigid") const {
     std::ofstream(directory_ / "run.csv") << rows;
     std::ofstream(directory_ / "run.yaml")
-        << "scenario: " TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml\ntable: run.csv\n"
+        << "scenario: " TACHLESS_SOURCE_DIR "/scenarios/" << scenario << ".yaml\ntable: run.csv\n"
         << (more.empty() ? "position_columns: [2, 3]\ntorque_columns: [5, 4]\n" : more);
     return read_table(directory_ / "run.yaml");
   }
@@ -247,6 +248,17 @@ TEST_F(Table, IsPutOnAnEvenGridInOurUnits) {
     EXPECT_NEAR(run.tau(k, 0), 14 * t, 1e-8);
     EXPECT_NEAR(run.tau(k, 1), 4, 1e-12);
   }
+}
+
+TEST_F(Table, HasTheTorqueThatTheArmAdds) {
+  EXPECT_EQ(read(rows(400)).own.size(), 0);
+  const Recording run = read(rows(400),
+                             "position_columns: [2, 3, 2, 3, 2, 3, 2]\n"
+                             "torque_columns: [5, 4, 5, 4, 5, 4, 5]\n",
+                             "fr3");
+  ASSERT_EQ(run.own.rows(), run.num_ticks());
+  const Vector gravity = robot::gravity_torque(*run.scenario.model, run.q.row(9).transpose());
+  EXPECT_EQ(Vector(run.own.row(9).transpose()), gravity);
 }
 
 TEST_F(Table, MayHaveTextInOtherColumns) {
@@ -319,4 +331,4 @@ TEST_F(Table, IsRefusedWithTheLineAndWhatIsAllowed) {
 }
 
 }  // namespace
-}  // namespace tachless::identify
+}  // namespace tachless::identify::links_test

@@ -13,7 +13,7 @@
 #include "tests/analysis/identify/hidden_arm.h"
 #include "tests/analysis/identify/table_of_motion.h"
 
-namespace tachless::identify {
+namespace tachless::identify::load_test {
 namespace {
 
 using Eigen::Index;
@@ -148,4 +148,4 @@ TEST(Payload, OfALogTheLoopIsSimulatedWithIt) {
 }
 
 }  // namespace
-}  // namespace tachless::identify
+}  // namespace tachless::identify::load_test

@@ -15,7 +15,7 @@
 #include "tests/analysis/identify/hidden_arm.h"
 #include "tests/analysis/identify/table_of_motion.h"
 
-namespace tachless::identify {
+namespace tachless::identify::misfit_test {
 namespace {
 
 using Eigen::Index;
@@ -295,4 +295,4 @@ TEST(Logs, IntervalsHoldWithEncoderNoise) {
 }
 
 }  // namespace
-}  // namespace tachless::identify
+}  // namespace tachless::identify::misfit_test

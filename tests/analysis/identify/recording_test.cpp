@@ -16,6 +16,7 @@
 #include "base/failure.h"
 #include "identify/output_error.h"
 #include "messages/truth/truth_wire.h"
+#include "robot/dynamics.h"
 #include "session/run_info.h"
 #include "tests/analysis/identify/hidden_arm.h"
 #include "tests/support/in_process_log.h"
@@ -81,6 +82,24 @@ TEST_F(RecordingOfALog, BeginsWhereTheScenarioSaysIfItsEncodersMaySay) {
     EXPECT_EQ(initial.torque, there.plant.initial.torque);
     EXPECT_TRUE(initial.torque_Nm.isZero(0));
   }
+}
+
+/// The log of a driver has its readings as the arm's state. The emulator's arm adds nothing.
+TEST_F(RecordingOfALog, HasTheTorqueThatADriversArmAdds) {
+  const std::vector<std::string> adds = {"robot.compensates.gravity=true", "loop.mode=realtime"};
+  const auto with = [&](const char* encoder) {
+    std::vector<std::string> all = adds;
+    all.emplace_back(encoder);
+    return arm(all);
+  };
+  const scenario::Scenario counts = with("plant.encoder.resolution_bits=18"),
+                           exact = with("plant.encoder.resolution_bits=null");
+  EXPECT_EQ(recorded(counts, counts).own.size(), 0);
+  const Recording run = recorded(exact, exact);
+  ASSERT_EQ(run.own.rows(), run.num_ticks());
+  const Vector gravity = robot::gravity_torque(*exact.model, run.q.row(100).transpose());
+  EXPECT_EQ(Vector(run.own.row(100).transpose()), gravity);
+  EXPECT_EQ(run.scenario.plant.initial.torque, plant::InitialTorque::hold);
 }
 
 /// An arm whose sensors behind the gears measure half of the torque that the drives give.

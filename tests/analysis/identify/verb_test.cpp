@@ -11,10 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "base/json_text.h"
 #include "tests/support/program.h"
 #include "tests/support/shell.h"
 #include "tests/support/temporary_directory.h"
 
+namespace tachless::verb_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -60,6 +62,16 @@ class IdentifyVerb : public testing::Test {
     return directory_ / name;
   }
 
+  /// Returns the log of that run without changes, which the first test that asks for it makes.
+  [[nodiscard]] std::string usual_log() const {
+    static const TemporaryDirectory kept;
+    static const std::string log = [&] {
+      fs::copy(run("usual", {}), kept / "usual", fs::copy_options::recursive);
+      return kept / "usual";
+    }();
+    return log;
+  }
+
   void expect_refusal(Words words, const std::string& says) const {
     words.insert(words.begin(), "identify");
     words.insert(words.end(), {"--write", directory_ / "refused.yaml"});
@@ -74,12 +86,12 @@ class IdentifyVerb : public testing::Test {
 };
 
 TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
-  const std::string log = run("log", {}), other = run("other", {"--set", "loop.duration_s=3"});
+  const std::string log = usual_log(), other = run("other", {"--set", "loop.duration_s=3"});
   const Words words = {"identify", log,       "--validate",          other,
                        "--quiet",  "--write", directory_ / "f.yaml", "--json"};
   const Result result = tachless(words);
   ASSERT_EQ(result.code, 0) << result.errors;
-  const auto found = nlohmann::json::parse(result.output);
+  const auto found = base::parse_json(result.output);
   EXPECT_TRUE(found["validated"].get<bool>());
   // The interval from 5 s of data at 20 bits is about 1e-3 of the value.
   EXPECT_NEAR(found["parameters"][2]["value"].get<double>(), 2, 0.02);
@@ -106,7 +118,7 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
 }
 
 TEST_F(IdentifyVerb, SuggestsADesignForTheIntervalsOfTheRotors) {
-  const std::string fine = run("fine", {});
+  const std::string fine = usual_log();
   const std::string coarse =
       run("coarse", {"--set", "plant.encoder.resolution_bits=9", "--set", "loop.duration_s=3"});
   const auto suggested = [&](const std::string& log, const std::string& file) {
@@ -120,7 +132,7 @@ TEST_F(IdentifyVerb, SuggestsADesignForTheIntervalsOfTheRotors) {
   const Result designed = tachless({"design", directory_ / "coarse.yaml", "--quiet", "--json",
                                     "--uncertain", option.substr(0, option.find('\n'))});
   ASSERT_EQ(designed.code, 0) << designed.errors;
-  EXPECT_TRUE(nlohmann::json::parse(designed.output).contains("uncertain"));
+  EXPECT_TRUE(base::parse_json(designed.output).contains("uncertain"));
 }
 
 TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
@@ -171,7 +183,7 @@ TEST_F(IdentifyVerb, FindsLinksFromTheTableOfAnotherLogger) {
   const Result result = tachless({"identify", directory_ / "run.yaml", "--all", "--write",
                                   directory_ / "known.yaml", "--quiet", "--json"});
   ASSERT_EQ(result.code, 0) << result.errors;
-  const auto found = nlohmann::json::parse(result.output);
+  const auto found = base::parse_json(result.output);
   EXPECT_EQ(found["method"], "least squares");
   for (const auto& joint : found["joints"]) {
     EXPECT_LT(joint["torque_error"].get<double>(), 0.02) << joint;
@@ -206,13 +218,13 @@ TEST_F(IdentifyVerb, ExciteStaysWithinLimitsAndIsRefusedWhereItCannot) {
   const Result run = tachless(
       {"run", directory_ / "move.yaml", "--in-process", "--quiet", "--out", directory_ / "move"});
   EXPECT_EQ(run.code, 0) << run.errors;
-  const auto summary = nlohmann::json::parse(contents(directory_ / "move/summary.json"));
+  const auto summary = base::parse_json(contents(directory_ / "move/summary.json"));
   EXPECT_EQ(summary["saturated_ticks"], nlohmann::json({0, 0}));
   EXPECT_EQ(summary["beyond_limit_ticks"], nlohmann::json({0, 0}));
 }
 
 TEST_F(IdentifyVerb, RefusesALogThatDoesNotShowTheParameters) {
-  const std::string log = run("log", {});
+  const std::string log = usual_log();
   expect_refusal({run("held", {"--set", "reference={hold: {position_rad: [0, 0]}}"})},
                  "too little motion");
   expect_refusal({run("short", {"--set", "loop.duration_s=1"})}, "at least 2 s are needed");
@@ -245,7 +257,7 @@ TEST_F(IdentifyVerb, CommissionTellsWhatAnArmDoes) {
                              directory_ / "known.yaml"});
   const Result result = commission(words);
   ASSERT_EQ(result.code, 0) << result.errors;
-  const auto found = nlohmann::json::parse(result.output);
+  const auto found = base::parse_json(result.output);
   EXPECT_EQ(found["adds_gravity"], nlohmann::json(false));
   EXPECT_EQ(found["delay_ticks"], nlohmann::json(3));
   EXPECT_EQ(found["unsent_torque"], nlohmann::json("held"));
@@ -293,3 +305,4 @@ TEST_F(IdentifyVerb, SaysWhatIsNotIdentifiableAndWritesNothing) {
 }
 
 }  // namespace
+}  // namespace tachless::verb_test

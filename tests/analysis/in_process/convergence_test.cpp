@@ -9,7 +9,7 @@
 
 /// The sampled loop approaches the paper's continuous loop as h goes to 0. The order is one because
 /// the torque is held over the tick.
-namespace tachless::in_process {
+namespace tachless::in_process::convergence_test {
 namespace {
 
 using testing::Golden;
@@ -101,4 +101,4 @@ TEST(SlowPole, OfThePapersRigidGainsIsThatOfTheTable) {
 }
 
 }  // namespace
-}  // namespace tachless::in_process
+}  // namespace tachless::in_process::convergence_test

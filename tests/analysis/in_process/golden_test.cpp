@@ -7,7 +7,7 @@
 #include "tests/analysis/in_process/golden.h"
 
 /// Compares the loop with the sampled-data tables of tests/golden, tick by tick.
-namespace tachless::in_process {
+namespace tachless::in_process::golden_test {
 namespace {
 
 using testing::contains;
@@ -106,4 +106,4 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"flexible_practical_tustin_h1e-3_d1_rest", 1e-3, 2}));
 
 }  // namespace
-}  // namespace tachless::in_process
+}  // namespace tachless::in_process::golden_test

@@ -12,7 +12,7 @@
 #include "in_process/in_process_loop.h"
 #include "scenario/scenario.h"
 
-namespace tachless::in_process {
+namespace tachless::in_process::native_mechanics_test {
 namespace {
 
 constexpr double finest_accuracy = 1e-12;
@@ -106,4 +106,4 @@ TEST(NativeMechanics, MoveAPlantAsRoughAsRealityAsSimbodyDoes) {
 }
 
 }  // namespace
-}  // namespace tachless::in_process
+}  // namespace tachless::in_process::native_mechanics_test

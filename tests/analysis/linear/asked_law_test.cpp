@@ -10,7 +10,7 @@
 #include "scenario/scenario.h"
 #include "tests/analysis/linear/answers.h"
 
-namespace tachless::linear {
+namespace tachless::linear::asked_law_test {
 namespace {
 
 class AskedLaw : public ::testing::TestWithParam<std::string> {};
@@ -50,4 +50,4 @@ INSTANTIATE_TEST_SUITE_P(Shipped, AskedLaw,
                                            "examples/iiwa/iiwa.yaml"));
 
 }  // namespace
-}  // namespace tachless::linear
+}  // namespace tachless::linear::asked_law_test

@@ -18,7 +18,7 @@
 #include "tests/analysis/linear/loops.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::linear {
+namespace tachless::linear::drive_loop_test {
 namespace {
 
 using namespace linear::testing;
@@ -197,4 +197,4 @@ TEST(DriveLoop, IsReadFromTheScenarioAndRefusedInWords) {
 }
 
 }  // namespace
-}  // namespace tachless::linear
+}  // namespace tachless::linear::drive_loop_test

@@ -160,5 +160,14 @@ TEST_F(GainRows, ErrorsAreThePowersOfTheMap) {
   }
 }
 
+TEST(Errors, AreSettledAfterTheLastInstantAboveOnePerCent) {
+  Errors seen{{1, 2, 3}, MatrixXd(3, 4)};
+  // Columns 0 and 1: both joints after joint 1 is displaced.
+  seen.error << 0.5, 0, 0.009, 0.009,  //
+      0.002, -0.02, 0, 0,              //
+      0.009, 0.009, 0, 0;
+  EXPECT_EQ(seen.last_unsettled_s(), Eigen::Vector2d(2, 0));
+}
+
 }  // namespace
 }  // namespace tachless::linear

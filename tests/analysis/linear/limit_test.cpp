@@ -17,7 +17,7 @@
 #include "tests/analysis/linear/scenarios.h"
 #include "tests/core/robot/robots.h"
 
-namespace tachless::linear {
+namespace tachless::linear::limit_test {
 namespace {
 
 using namespace linear::testing;
@@ -188,4 +188,4 @@ TEST(SampledLimit, IsThatOfRunsUnderEveryOtherLaw) {
 }
 
 }  // namespace
-}  // namespace tachless::linear
+}  // namespace tachless::linear::limit_test

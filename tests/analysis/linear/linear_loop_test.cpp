@@ -227,5 +227,17 @@ TEST(LinearLoop, GainMultipliesTheFeedbackTermsAlone) {
   }
 }
 
+TEST(Edge, IsFoundByHalvesOfTheDistanceOrOfItsLogarithm) {
+  const auto below = [](double x) { return x < 0.03; };
+  // After k halvings, the ends differ by the first distance, or logarithm, over 2^k.
+  EXPECT_NEAR(edge(1e-6, 1, 30, below), 0.03, std::ldexp(1, -30));
+  EXPECT_NEAR(std::log(edge(1e-6, 1, 10, below, Middle::geometric) / 0.03), 0,
+              std::log(1e6) * std::ldexp(1, -10));
+  EXPECT_TRUE(below(edge(1e-6, 1, 10, below, Middle::geometric)));
+  EXPECT_EQ(edge(1e-6, 1, 1, below, Middle::geometric), 1e-3);
+  const auto above = [](double x) { return x > 0.03; };
+  EXPECT_NEAR(edge(1, 1e-6, 30, above), 0.03, std::ldexp(1, -30));
+}
+
 }  // namespace
 }  // namespace tachless::linear

@@ -17,7 +17,7 @@
 #include "reference/make_trajectory.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::linear {
+namespace tachless::linear::missed_ticks_test {
 namespace {
 
 using namespace linear::testing;
@@ -220,4 +220,4 @@ TEST(MissedTicks, OfALawThatMeasuresVelocityAreCommandsAlone) {
 }
 
 }  // namespace
-}  // namespace tachless::linear
+}  // namespace tachless::linear::missed_ticks_test

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 
 #include "numerics/decompositions.h"
@@ -292,6 +294,32 @@ TEST(SampledLimitOfSevenJoints, IsFoundWithModesAndMargins) {
   EXPECT_GT(largest_stable_period(loop, 1e-3).value(), 4e-3);
   EXPECT_TRUE(modes(loop, 1e-3).stable);
   EXPECT_GT(margins(loop, 1e-3).phase_deg, 20);
+}
+
+/// A matrix with real eigenvalues and complex pairs, against one linear system for each frequency.
+TEST(FrequencyResponse, IsTheResolventBetweenInputAndOutput) {
+  constexpr Eigen::Index states = 7, inputs = 3, outputs = 2;
+  const auto filled = [](Eigen::Index rows, Eigen::Index columns, double by) {
+    Eigen::MatrixXd all(rows, columns);
+    for (Eigen::Index i = 0; i < rows * columns; ++i) {
+      all(i % rows, i / rows) = std::sin(by * static_cast<double>(i + 1));
+    }
+    return all;
+  };
+  const Eigen::MatrixXd A = filled(states, states, 2.3), B = filled(states, inputs, 1.1),
+                        C = filled(outputs, states, 0.7);
+  const Eigen::VectorXcd poles = numerics::eigenvalues(A);
+  const auto is_real = [](const std::complex<double>& pole) { return pole.imag() == 0; };
+  ASSERT_GT(std::ranges::count_if(poles, is_real), 0);
+  ASSERT_LT(std::ranges::count_if(poles, is_real), states);
+  const FrequencyResponse response(numerics::real_schur(A), B, C);
+  for (const double angle : {0.01, 0.8, 3.0}) {
+    const std::complex<double> z = std::polar(1.0, angle);
+    const Eigen::MatrixXcd resolvent = numerics::complex_inverse(
+        Eigen::MatrixXcd(z * Eigen::MatrixXcd::Identity(states, states) - A));
+    const Eigen::MatrixXcd expected = C * resolvent * B;
+    EXPECT_LT((response.at(z) - expected).norm(), 1e-12 * expected.norm());  // rounding
+  }
 }
 
 }  // namespace

@@ -18,7 +18,7 @@
 #include "tests/analysis/lyapunov/rate_of_v.h"
 #include "tests/core/robot/robots.h"
 
-namespace tachless::lyapunov {
+namespace tachless::lyapunov::adaptive_law_test {
 namespace {
 
 using namespace lyapunov::testing;
@@ -186,4 +186,4 @@ TEST(AdaptiveLaw, OfSevenJointsFollowsWithThreeKilogramsThatItDoesNotKnow) {
 }
 
 }  // namespace
-}  // namespace tachless::lyapunov
+}  // namespace tachless::lyapunov::adaptive_law_test

@@ -25,7 +25,7 @@
 #include "tests/analysis/lyapunov/rate_of_v.h"
 #include "tests/controller/law/closed_loop.h"
 
-namespace tachless::lyapunov {
+namespace tachless::lyapunov::derived_laws_test {
 namespace {
 
 using namespace linear;
@@ -768,4 +768,4 @@ TEST(ScheduledLaw, IsCertifiedAndItsRunFollows) {
 }
 
 }  // namespace
-}  // namespace tachless::lyapunov
+}  // namespace tachless::lyapunov::derived_laws_test

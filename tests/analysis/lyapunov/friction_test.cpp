@@ -5,7 +5,7 @@
 #include "certify/certify.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::lyapunov {
+namespace tachless::lyapunov::friction_test {
 namespace {
 
 using namespace linear;
@@ -79,4 +79,4 @@ TEST(Friction, AndOffsetsThatTheConditionLeavesOutAreNamed) {
 }
 
 }  // namespace
-}  // namespace tachless::lyapunov
+}  // namespace tachless::lyapunov::friction_test

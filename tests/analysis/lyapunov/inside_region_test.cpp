@@ -27,7 +27,7 @@
 
 /// Searches states inside the printed regions at which V grows. Loop, V and Vdot are those of the
 /// mechanics and of the law in continuous time; nothing is taken from the matrix condition.
-namespace tachless::lyapunov {
+namespace tachless::lyapunov::inside_region_test {
 namespace {
 
 using controller::law::LoriaOrtegaFlexible;
@@ -598,4 +598,4 @@ TEST(InsideTheRegion, VFallsEverywhereOfDesignedArms) {
 }
 
 }  // namespace
-}  // namespace tachless::lyapunov
+}  // namespace tachless::lyapunov::inside_region_test

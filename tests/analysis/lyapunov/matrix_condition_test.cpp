@@ -13,7 +13,7 @@
 
 // The expected numbers were computed by an independent program, on 24 postures of q2 with nothing
 // in between bounded, and with 12-gons around v_ref and delta.
-namespace tachless::lyapunov {
+namespace tachless::lyapunov::matrix_condition_test {
 namespace {
 
 using namespace linear;
@@ -287,4 +287,4 @@ TEST_F(MatrixOfSevenJoints, SearchFindsACertifiedBall) {
 }
 
 }  // namespace
-}  // namespace tachless::lyapunov
+}  // namespace tachless::lyapunov::matrix_condition_test

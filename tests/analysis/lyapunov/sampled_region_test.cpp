@@ -13,13 +13,14 @@
 #include <vector>
 
 #include "base/failure.h"
+#include "base/json_text.h"
 #include "base/parallel.h"
 #include "in_process/in_process_loop.h"
 #include "lyapunov/witness.h"
 #include "robot/dynamics.h"
 #include "tests/analysis/linear/scenarios.h"
 
-namespace tachless::lyapunov {
+namespace tachless::lyapunov::sampled_region_test {
 namespace {
 
 using namespace linear;
@@ -109,7 +110,7 @@ TEST(SampledRegion, IsNotClaimedWhereThereIsNone) {
 /// The loop as coded keeps the claim of check_witness.py: |F(x)| <= rho |x| + gamma where |x| <= 1.
 TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
   const scenario::Scenario held = held_at("[0, 1.5]", {"plant.encoder.resolution_bits=20"});
-  const auto json = nlohmann::json::parse(witness(held, Vector(Eigen::Vector2d(0.3, 0.6))));
+  const auto json = base::parse_json(witness(held, Vector(Eigen::Vector2d(0.3, 0.6))));
   Eigen::MatrixXd L(8, 8);
   for (int i = 0; i < 64; ++i) L(i / 8, i % 8) = json["L"][i / 8][i % 8];
   const OneTick F(held, Eigen::Vector2d(0, 1.5));
@@ -137,7 +138,7 @@ TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
   scenario::Scenario limited = held;
   limited.plant.drive.torque_limit_Nm = Eigen::Vector2d(1e5, infinity);
   const auto written =
-      nlohmann::json::parse(witness(limited, Vector(Eigen::Vector2d(0.3, 0.6))))["torque_limit"];
+      base::parse_json(witness(limited, Vector(Eigen::Vector2d(0.3, 0.6))))["torque_limit"];
   EXPECT_EQ(written[0], 1e5);
   EXPECT_GT(written[1], 1e300);
   EXPECT_THROW((void)witness(linear::testing::shipped("iiwa_point_to_point"),
@@ -237,4 +238,4 @@ TEST(SampledRegion, OfSevenJointsIsLeftByNoRun) {
 }
 
 }  // namespace
-}  // namespace tachless::lyapunov
+}  // namespace tachless::lyapunov::sampled_region_test

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/json_text.h"
 #include "logger/log_file.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/shell.h"
@@ -89,7 +90,7 @@ TEST_F(ReplayOfARun, NamesTheTickAndTheJointOfAFlippedBit) {
   const std::size_t begin = as_json.output.find('{');
   ASSERT_NE(begin, std::string::npos);
   const auto json =
-      nlohmann::json::parse(as_json.output.substr(begin, as_json.output.rfind('}') + 1 - begin));
+      base::parse_json(as_json.output.substr(begin, as_json.output.rfind('}') + 1 - begin));
   EXPECT_EQ(json["same"], false);
   EXPECT_EQ(json["first_difference"]["tick"], 123);
   EXPECT_EQ(json["first_difference"]["joint"], 2);
@@ -102,7 +103,7 @@ TEST_F(ReplayOfARun, TellsWhatAnotherLawWouldHaveCommanded) {
   const Outcome same = tachless("replay " + log.string() + " --law kelly_regulation --out " +
                                 out.string() + " --json");
   ASSERT_EQ(same.exit_code, 0) << same.output;
-  const auto json = nlohmann::json::parse(same.output);
+  const auto json = base::parse_json(same.output);
   EXPECT_EQ(json["law"], "kelly_regulation");
   EXPECT_EQ(json["compared_ticks"], 200);
   // At a constant reference the laws are equal except for rounding of g(q) and of torques of 2e4 N

@@ -147,7 +147,7 @@ std::string refuted(const RandomScenario& scenario, const Verdict& seen) {
 TEST(Verdict, OfARandomScenarioIsTrueWhenTheRunGoesOn) {
   const char* const wanted = std::getenv("TACHLESS_RANDOM_VERDICTS");
   const std::uint32_t scenarios =
-      wanted != nullptr ? static_cast<std::uint32_t>(std::stoul(wanted)) : 300;
+      wanted != nullptr ? static_cast<std::uint32_t>(std::stoul(wanted)) : 100;
   std::array<int, names(Outcome()).size()> count{};
   for (std::uint32_t seed = 1; seed <= scenarios; ++seed) {
     const RandomScenario scenario = random_scenario(seed);

@@ -1,14 +1,13 @@
 // The flexible-joint law of the paper cannot read motor velocity: its measurement has none.
 #include "controller/law/loria_ortega_flexible.h"
 
-using namespace tachless;
+namespace tachless::flexible_law_reads_motor_velocity {
 
 using Measurement = controller::law::LoriaOrtegaFlexible::Measurement;
 
+Vector twin(const Measurement& measured) { return measured.v; }
 Vector rate(const Measurement& measured) {
-#ifdef FORBIDDEN
-  return measured.thetadot;
-#else
-  return measured.v;
-#endif
+  return measured.thetadot;  // refused
 }
+
+}  // namespace tachless::flexible_law_reads_motor_velocity

@@ -1,24 +1,17 @@
 // A law that measures positions cannot read velocity: its measurement has none.
 #include "controller/law/law.h"
 
-using namespace tachless;
-
-namespace {
+namespace tachless::output_feedback_law_reads_velocity {
 
 struct Peeking {
   using Measurement = messages::PositionMeasurement;
 
-  [[nodiscard]] messages::TorqueCommand act(const Measurement& measurement) const {
-#ifdef FORBIDDEN
-    return {-measurement.q - measurement.v};
-#else
+  [[nodiscard]] messages::TorqueCommand twin(const Measurement& measurement) const {
     return {-measurement.q};
-#endif
+  }
+  [[nodiscard]] messages::TorqueCommand act(const Measurement& measurement) const {
+    return {-measurement.q - measurement.v};  // refused
   }
 };
 
-}  // namespace
-
-messages::TorqueCommand act(const messages::PositionMeasurement& measurement) {
-  return Peeking{}.act(measurement);
-}
+}  // namespace tachless::output_feedback_law_reads_velocity

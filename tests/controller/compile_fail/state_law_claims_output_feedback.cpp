@@ -4,16 +4,9 @@
 
 #include "controller/law/law.h"
 
-using namespace tachless;
+namespace tachless::state_law_claims_output_feedback {
 
-namespace {
-
-#ifdef FORBIDDEN
-using Measured = messages::StateMeasurement;
-#else
-using Measured = messages::PositionMeasurement;
-#endif
-
+template <class Measured>
 struct Claiming {
   static constexpr const char* name = "claiming";
   static constexpr std::array<messages::Signal, 0> signals = {};
@@ -38,7 +31,8 @@ struct Claiming {
   }
 };
 
-static_assert(controller::law::Law<Claiming>);
-static_assert(controller::law::OutputFeedbackLaw<Claiming>);
+static_assert(controller::law::Law<Claiming<messages::StateMeasurement>>);
+static_assert(controller::law::OutputFeedbackLaw<Claiming<messages::PositionMeasurement>>);
+static_assert(controller::law::OutputFeedbackLaw<Claiming<messages::StateMeasurement>>);  // refused
 
-}  // namespace
+}  // namespace tachless::state_law_claims_output_feedback

@@ -7,6 +7,7 @@
 #include <string>
 #include <type_traits>
 
+#include "base/json_text.h"
 #include "controller/law/flexible_motor.h"
 #include "controller/law/flexible_position.h"
 #include "controller/law/loria_ortega_adaptive.h"
@@ -72,7 +73,7 @@ TYPED_TEST(LawTicks, GiveTheRecordedTorques) {
   const std::string text =
       robot::testing::read_text(TACHLESS_SOURCE_DIR "/tests/golden/law_ticks.json");
   int cases = 0;
-  for (const Json& json : Json::parse(text)) {
+  for (const Json& json : base::parse_json(text)) {
     if (json["law"] != TypeParam::name) continue;
     ++cases;
     const robot::Model model =

@@ -124,6 +124,20 @@ TEST_P(AnyRobot, HasACoriolisProductSymmetricToTheLastBit) {
   }
 }
 
+TEST_P(AnyRobot, HasCoriolisMatricesWithTheBitsOfTheProduct) {
+  const Vector q = random.vector(n, pi), v = random.vector(n, 3);
+  const std::vector<Eigen::MatrixXd> C = coriolis_matrices(model, q);
+  ASSERT_EQ(C.size(), static_cast<std::size_t>(n));
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const Vector along = Vector::Unit(n, j);
+    EXPECT_EQ(coriolis_matrix(model, q, v).col(j), coriolis_product(model, q, v, along));
+    for (Eigen::Index k = 0; k < n; ++k) {
+      EXPECT_EQ(C[static_cast<std::size_t>(j)].col(k),
+                coriolis_product(model, q, along, Vector::Unit(n, k)));
+    }
+  }
+}
+
 TEST_P(AnyRobot, HasACoriolisProductThatIsBilinearAndGivesTheQuadraticTerm) {
   for (int k = 0; k < 100; ++k) {
     const Vector q = random.vector(n, pi), x = random.vector(n, 3), y = random.vector(n, 3);

@@ -12,10 +12,12 @@
 #include <string>
 #include <vector>
 
+#include "base/json_text.h"
 #include "base/text.h"
 #include "tests/support/shell.h"
 #include "tests/support/temporary_directory.h"
 
+namespace tachless::command_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -105,7 +107,7 @@ TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
   EXPECT_EQ(table.exit_code, 0) << table.output;
   const Outcome listed = tachless("laws --json");
   EXPECT_EQ(listed.exit_code, 0);
-  const nlohmann::json laws = nlohmann::json::parse(listed.output);
+  const nlohmann::json laws = base::parse_json(listed.output);
   std::vector<std::string> pages;  // of docs/laws, which a test holds against the registry
   for (const auto& file : fs::directory_iterator(TACHLESS_SOURCE_DIR "/docs/laws")) {
     pages.push_back(file.path().stem());
@@ -468,3 +470,4 @@ TEST_F(Command, InfoAndExportRefuseWhatIsNoLog) {
 }
 
 }  // namespace
+}  // namespace tachless::command_test

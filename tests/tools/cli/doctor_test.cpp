@@ -16,7 +16,7 @@
 #include "base/this_process.h"
 #include "bus/udp_transport.h"
 
-namespace tachless::cli {
+namespace tachless::cli::doctor_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -138,4 +138,4 @@ TEST(CheckUp, NamesACommandExactlyWhereSomethingIsWrong) {
 }
 
 }  // namespace
-}  // namespace tachless::cli
+}  // namespace tachless::cli::doctor_test

@@ -8,10 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 
+#include "base/json_text.h"
 #include "tests/support/program.h"
 #include "tests/support/temporary_directory.h"
 
-namespace tachless {
+namespace tachless::gallery_test {
 namespace {
 
 const std::string root = TACHLESS_SOURCE_DIR;
@@ -46,7 +47,7 @@ TEST(TheGallery, RunsAsItsPageSays) {
     output_of_tachless("run scenarios/" + row.scenario + ".yaml --in-process --quiet --out " +
                            directory.path().string(),
                        directory);
-    const auto summary = nlohmann::json::parse(contents(directory / "summary.json"));
+    const auto summary = base::parse_json(contents(directory / "summary.json"));
     EXPECT_EQ(summary["law"], row.law) << row.scenario;
     EXPECT_EQ(std::to_string(summary["joints"].size()), row.joints) << row.scenario;
     EXPECT_EQ(fmt::format("{} µs", 1e6 * summary["period_s"].get<double>()),
@@ -61,4 +62,4 @@ TEST(TheGallery, RunsAsItsPageSays) {
 }
 
 }  // namespace
-}  // namespace tachless
+}  // namespace tachless::gallery_test

@@ -2,10 +2,12 @@
 // summary.json and the report. tests/analysis/design/design_test.cpp compares design's analysis.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "certify/certify.h"
@@ -17,7 +19,7 @@
 #include "tests/support/in_process_log.h"
 #include "tests/support/temporary_directory.h"
 
-namespace tachless::cli {
+namespace tachless::cli::one_analysis_test {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -59,7 +61,15 @@ std::vector<Case> twenty() {
 
 class OneAnalysis : public ::testing::TestWithParam<Case> {
  protected:
-  [[nodiscard]] static PlannedRun planned() {
+  /// Returns the plan of the case's run. Both tests of a case need it, and it is made once.
+  [[nodiscard]] static const PlannedRun& planned() {
+    static std::map<std::string, PlannedRun> made;
+    const auto [at, is_new] =
+        made.try_emplace(fmt::format("{} {}", GetParam().scenario, fmt::join(GetParam().set, " ")));
+    if (is_new) at->second = newly_planned();
+    return at->second;
+  }
+  [[nodiscard]] static PlannedRun newly_planned() {
     RunOptions options;
     options.force = true;
     options.overrides = GetParam().set;
@@ -79,7 +89,7 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, OneAnalysis, ::testing::ValuesIn(twenty()),
                          });
 
 TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
-  const PlannedRun run = planned();
+  const PlannedRun& run = planned();
   const report::RunSummary summary{run.scenario, {}, study::Tracking(run.scenario.num_joints),
                                    {},           {}, run.predicted};
   Json predicted = to_json(summary, robot::joint_labels(*run.scenario.model))["predicted"];
@@ -240,4 +250,4 @@ TEST(Page, SaysOfALawWithAnIntegralWhatIsCertifiedOfIt) {
 }
 
 }  // namespace
-}  // namespace tachless::cli
+}  // namespace tachless::cli::one_analysis_test

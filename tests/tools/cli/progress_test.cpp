@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace tachless::cli {
+namespace tachless::cli::progress_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -58,4 +58,4 @@ TEST(Progress, FillsItsBarAtTheLastTickOnly) {
 }
 
 }  // namespace
-}  // namespace tachless::cli
+}  // namespace tachless::cli::progress_test

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "base/json_text.h"
 #include "cli/run.h"
 #include "in_process/in_process_loop.h"
 #include "tests/support/damaged_log.h"
@@ -36,7 +37,7 @@ TEST(Conclusions, OfARunWithAllTicksWhoseRobotWasStoppedAreThatItWasStopped) {
   Conclusions conclusions;
   conclusions.add(run, out, std::move(end));
   EXPECT_EQ(conclusions.finish(), base::ExitCode::protective_stop);
-  const auto summary = nlohmann::json::parse(logger::read_file(out / "summary.json"));
+  const auto summary = base::parse_json(logger::read_file(out / "summary.json"));
   EXPECT_EQ(summary["ticks"], 100);
   EXPECT_EQ(summary["outcome"], "stopped");
 }
@@ -55,7 +56,7 @@ TEST(Conclusions, OfAnAdaptiveLawHaveItsEstimates) {
     return true;
   });
   EXPECT_GT(mass, 0);
-  const auto summary = nlohmann::json::parse(logger::read_file(out / "summary.json"));
+  const auto summary = base::parse_json(logger::read_file(out / "summary.json"));
   EXPECT_EQ(summary["signals"]["mass"]["unit"], "kg");
   EXPECT_EQ(summary["signals"]["mass"]["last"], nlohmann::json({mass, mass}));
 }

@@ -20,13 +20,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/json_text.h"
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
 #include "messages/wire.h"
 #include "tests/support/program.h"
 
-using namespace tachless;
-
+namespace tachless::run_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -106,7 +106,7 @@ class Run : public ::testing::Test {
   [[nodiscard]] std::string errors() const { return run_->errors(); }
   [[nodiscard]] std::string output() const { return run_->output(); }
   [[nodiscard]] nlohmann::json summary() const {
-    return nlohmann::json::parse(contents(out() / "summary.json"));
+    return base::parse_json(contents(out() / "summary.json"));
   }
   /// Returns why the run was stopped, as its log says.
   std::string stop_reason() const {
@@ -260,7 +260,7 @@ TEST_F(Run, ReplacesResultsOnlyWhenForcedAndLeavesOtherFilesAlone) {
   EXPECT_EQ(finish(), 0) << errors();
   EXPECT_EQ(contents(out() / "notes.txt"), "mine");
   EXPECT_EQ(ticks_of(out() / "lcmlog"), 200);
-  EXPECT_EQ(nlohmann::json::parse(output()), summary());
+  EXPECT_EQ(base::parse_json(output()), summary());
   EXPECT_FALSE(fs::exists(out() / ".earlier-lcmlog"));
 
   fs::remove(out() / "report.html");
@@ -342,7 +342,7 @@ TEST_F(Run, EndsWithCode2WhenItsLogWasRemovedOrReplaced) {
          std::ofstream(log) << "another";
        }}};
   for (const auto& [expected, act] : acts) {
-    start({"--duration", "2", "--quiet"});
+    start({"--duration", "0.5", "--quiet"});
     wait_until_running();
     act(out() / "lcmlog");
     EXPECT_EQ(finish(), 2) << errors();
@@ -500,3 +500,4 @@ TEST_F(Run, IsNotEndedByItsFigureOrItsPage) {
 }
 
 }  // namespace
+}  // namespace tachless::run_test

@@ -15,7 +15,7 @@
 #include "tests/support/program.h"
 #include "tests/support/temporary_directory.h"
 
-namespace tachless {
+namespace tachless::studies_test {
 namespace {
 
 using study::SweepRow;
@@ -231,4 +231,4 @@ TEST_F(Study, BoundedTorqueBringsEveryStartBack) {
 }
 
 }  // namespace
-}  // namespace tachless
+}  // namespace tachless::studies_test

@@ -12,7 +12,7 @@
 
 #include "tests/support/temporary_directory.h"
 
-namespace tachless::cli {
+namespace tachless::cli::supervise_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -448,4 +448,4 @@ TEST(Supervise, TakesAUsersExitCodeOfOneForALostPeer) {
 }
 
 }  // namespace
-}  // namespace tachless::cli
+}  // namespace tachless::cli::supervise_test

@@ -6,10 +6,12 @@
 #include <regex>
 #include <thread>
 
+#include "base/json_text.h"
 #include "tests/support/program.h"
 #include "tests/support/shell.h"
 #include "tests/support/temporary_directory.h"
 
+namespace tachless::sweep_test {
 namespace {
 
 using testing::HasSubstr;
@@ -61,7 +63,7 @@ TEST_F(SweepVerb, KilledFiveTimesEndsInTheSameTable) {
   ASSERT_EQ(last.wait(), 0) << last.errors();
   EXPECT_EQ(contents(temporary_ / "killed" / "results.csv"),
             contents(temporary_ / "whole" / "results.csv"));
-  const auto summary = nlohmann::json::parse(last.output());
+  const auto summary = base::parse_json(last.output());
   EXPECT_EQ(summary.at("runs"), 60);
   EXPECT_THAT(contents(temporary_ / "killed" / "index.html"), HasSubstr("<svg"));
   EXPECT_THAT(contents(temporary_ / "killed" / "map.svg"), HasSubstr("diverging"));
@@ -124,7 +126,7 @@ TEST_F(SweepVerb, ComparesLaws) {
       start({"compare", scenario, "--set", "plant.mechanics=native", "--set", "loop.duration_s=0.5",
              "--laws", "loria_ortega_rigid,slotine_li", "--json", "--out", directory("compare")});
   ASSERT_EQ(program.wait(), 0) << program.errors();
-  const auto laws = nlohmann::json::parse(program.output()).at("laws");
+  const auto laws = base::parse_json(program.output()).at("laws");
   ASSERT_EQ(laws.size(), 2U);
   EXPECT_EQ(laws[0].at("law"), "loria_ortega_rigid");
   EXPECT_EQ(laws[1].at("set")[1], "controller.law=slotine_li");
@@ -147,7 +149,7 @@ TEST_F(SweepVerb, ComparesLawsAtOneMargin) {
              "0.05,0.5", "--json", "--out", directory("margin")});
   ASSERT_EQ(program.wait(), 0) << program.errors();
   EXPECT_THAT(program.errors(), HasSubstr("compare: robust_differentiator has no row: "));
-  const auto laws = nlohmann::json::parse(program.output()).at("laws");
+  const auto laws = base::parse_json(program.output()).at("laws");
   ASSERT_EQ(laws.size(), 2U);
   EXPECT_LT(laws[0].at("torque_noise"), laws[1].at("torque_noise"));
   EXPECT_GT(laws[0].at("rms_error"), laws[1].at("rms_error"));
@@ -157,9 +159,10 @@ TEST_F(SweepVerb, ComparesLawsAtOneMargin) {
   }
   Program check = start(certify);
   ASSERT_EQ(check.wait(), 0) << check.errors();
-  const auto sampled = nlohmann::json::parse(check.output()).at("sampled");
+  const auto sampled = base::parse_json(check.output()).at("sampled");
   EXPECT_NEAR(sampled.at("margins").at("modulus"), 0.6, 0.005);
   EXPECT_LE(sampled.at("count_torque_Nm")[0], 0.5);
 }
 
 }  // namespace
+}  // namespace tachless::sweep_test

@@ -71,7 +71,7 @@ Said said_of(const scenario::Scenario& claimed, const scenario::Scenario& truth,
   return said;
 }
 
-const ArmKind& two_link = kinds[0];
+const ArmKind &two_link = kinds[0], &other_two_link = kinds[1];
 const ArmKind& ur5e = kinds[2];
 
 /// An arm with closed brakes holds itself without torque, and that tells nothing about gravity.
@@ -124,6 +124,38 @@ TEST(CommissionCases, APayloadThatOnlyTheMakerKnowsIsNamed) {
   const Said said =
       said_of(arm_like(two_link, {}), makers(two_link, {"plant.payload={mass_kg: 3}"}), {});
   EXPECT_THAT(said.text, HasSubstr("plant.payload"));
+}
+
+/// Friction stops the joint twice in each pulse, which then looks like a swing on a spring.
+TEST(CommissionCases, AReversedElbowEncoderIsNoSpring) {
+  for (const ArmKind* kind : {&two_link, &other_two_link}) {
+    DriveFaults faults;
+    faults.encoders = Vector{{1, -1}};
+    const Said said = said_of(arm_like(*kind, {}), makers(*kind, {}), faults);
+    EXPECT_THAT(said.text, AllOf(HasSubstr("joint 2 (elbow) moves against its own torque"),
+                                 Not(HasSubstr("spring"))));
+  }
+}
+
+/// Without the rotors the wrists are 20 to 1500 times lighter than those of the arm, and friction
+/// holds the joints until the pulses are strong.
+TEST(CommissionCases, ABareUrdfOfAnArmWithRotorsHasNoSpring) {
+  const Said said = said_of(arm_like(ur5e, {"robot.joints=rigid"}), makers(ur5e, {}), {});
+  EXPECT_THAT(said.text, AllOf(HasSubstr("but the arm adds gravity"), HasSubstr("rotor_inertia"),
+                               Not(HasSubstr("spring"))));
+  EXPECT_EQ(said.found.adds_gravity, true);
+  for (const Commissioned::Joint& joint : said.found.joints) {
+    EXPECT_NEAR(joint.scale.value_or(1), 1, 0.15) << joint.name;
+  }
+}
+
+/// Each joint moves by up to 2 mrad, and not along gravity.
+TEST(CommissionCases, CoggingIsNotTakenForGravity) {
+  DriveFaults faults;
+  faults.cogging_Nm = 1;
+  const Said said = said_of(arm_like(ur5e, {}), makers(ur5e, {}), faults);
+  EXPECT_THAT(said.text, AllOf(HasSubstr("gravity is 16 N m"), HasSubstr("cogging")));
+  EXPECT_FALSE(said.found.adds_gravity);
 }
 
 }  // namespace

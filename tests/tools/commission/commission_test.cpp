@@ -107,7 +107,7 @@ void Tally::judge_text(const Hidden& arm, const std::string& said, const std::st
   only("on a spring", arm.fault == Fault::flexible);
   only("oscillates", arm.fault == Fault::flexible);
   only("moves as with", arm.fault == Fault::payload);
-  only("not as gravity pulls", arm.fault == Fault::payload || arm.fault == Fault::wall ||
+  only("does not explain how", arm.fault == Fault::payload || arm.fault == Fault::wall ||
                                    arm.fault == Fault::cogging || arm.fault == Fault::flexible ||
                                    arm.fault == Fault::brake);
   std::optional<bool> name;
@@ -207,6 +207,44 @@ TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
   EXPECT_TRUE(found.mendable);
 }
 
+/// An arm without brakes moves while a run has too few readings.
+class MovedArm final : public EmulatedArm {
+ public:
+  using EmulatedArm::EmulatedArm;
+  plant::ArmState read() override {
+    plant::ArmState seen = EmulatedArm::read();
+    seen.q.array() += moved_rad;
+    return seen;
+  }
+  double moved_rad = 0;
+};
+
+/// A run begins at most 0.01 rad from where the arm is.
+TEST(Commission, RepeatsATrialFromWhereTheArmIsThen) {
+  const scenario::Scenario claimed = scenario::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+      {"plant.mechanics=native", "plant.initial.position_rad=[0.25, 0.2]",
+       "robot.joints={rigid: {rotor_inertia_kgm2: [0.5, 0.1]}}", "robot.compensates.gravity=true",
+       "reference={hold: {position_rad: [0.25, 0.2]}}", "plant.drive.torque_limit_Nm=[400, 100]"});
+  MovedArm arm(claimed);
+  const Trials usable = trials_on(arm);
+  int sent = 0;
+  const Trials trials = [&](const scenario::Scenario& scenario,
+                            const std::vector<std::string>& changes) -> std::optional<Trial> {
+    auto trial = usable(scenario, changes);
+    if (scenario.plant.dry_run || ++sent > 1) return trial;
+    arm.moved_rad = 0.015;
+    return {};
+  };
+  const Commissioned found = commission(claimed, trials, [](std::string_view) {});
+  EXPECT_THAT(found.misfits, testing::IsEmpty());
+  EXPECT_EQ(found.repeated, 1);
+
+  const Trials never = [](const auto&, const auto&) { return std::optional<Trial>(); };
+  EXPECT_THAT([&] { commission(claimed, never, [](std::string_view) {}); },
+              testing::ThrowsMessage<base::Failure>(HasSubstr("late or missing ticks 4 times")));
+}
+
 /// TACHLESS_COMMISSION_ADVERSE=N tests N arms, from TACHLESS_COMMISSION_FIRST on.
 TEST(Commission, NamesTheFaultsOfAdverseArmsAndIsSafe) {
   Tally tally;
@@ -219,7 +257,7 @@ TEST(Commission, NamesTheFaultsOfAdverseArmsAndIsSafe) {
               fmt::format("arm {}, {}, {}: ", arm, kind.scenario, base::name_of(fault)));
   }
   std::cout << tally.text() << "\n";
-  // 28 of 35 of 60 arms. Not named: joints that gravity loads lightly and whose torque is reversed,
+  // 29 of 35 of 60 arms. Not named: joints that gravity loads lightly and whose torque is reversed,
   // and springs that a fall hides.
   EXPECT_GE(tally.named, 0.7 * tally.to_name);
   expect_right_and_safe(tally);

@@ -233,7 +233,9 @@ def main():
                     check_reconnection(browser, port)
                     if len(sys.argv) > 3:
                         picture = browser.call("Page.captureScreenshot")["data"]
-                        pathlib.Path(sys.argv[3]).write_bytes(base64.b64decode(picture))
+                        file = pathlib.Path(sys.argv[3])
+                        file.parent.mkdir(exist_ok=True)
+                        file.write_bytes(base64.b64decode(picture))
                 finally:
                     browser.process.terminate()
                     browser.process.wait(SECONDS)

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/json_text.h"
 #include "bus/authenticated.h"
 #include "tests/support/recorded_run.h"
 
@@ -51,7 +52,7 @@ TEST(LiveRun, GivesTheLowestAndTheHighestValueOfEachSignalInAStretch) {
     played.say_all(run, tag);
     ASSERT_NE(played.live.run(), nullptr);
     EXPECT_EQ(played.live.run()->scenario.name, run.scenario.name);
-    const json stretch = json::parse(played.live.stretch());
+    const json stretch = base::parse_json(played.live.stretch());
     EXPECT_EQ(stretch["run"], run.run);
     EXPECT_NEAR(stretch["t"].get<double>(), 39 * run.info.period_s, 1e-9);  // nine digits
     double low = INFINITY, high = -INFINITY, error = 0;
@@ -76,7 +77,7 @@ TEST(LiveRun, HasMeasuredPositionsAndCommandsWhereThereIsNoTruth) {
   for (const Recorded& message : run.messages) {
     if (message.channel != "ARM_TRUTH") played.say(message);
   }
-  const json curves = json::parse(played.live.stretch())["curves"];
+  const json curves = base::parse_json(played.live.stretch())["curves"];
   double high = -INFINITY;
   for (const messages::TickRecord& tick : run.ticks) high = std::max(high, tick.command->tau[0]);
   EXPECT_NEAR(extremes(curves["τ"][0]).second, high, 1e-5 * std::abs(high));
@@ -96,7 +97,7 @@ TEST(LiveRun, KeepsABoundedNumberOfEvents) {
     played.say({0, references.channel,
                 std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())});
   }
-  const json events = json::parse(played.live.stretch())["events"];
+  const json events = base::parse_json(played.live.stretch())["events"];
   ASSERT_EQ(events.size(), 17U);
   EXPECT_EQ(events.back(), "and 984 more");
 }
@@ -115,7 +116,7 @@ TEST(LiveRun, TellsTheBeginOfAContactAndItsForce) {
     played.say({0, contacts.channel,
                 std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())});
   }
-  const json stretch = json::parse(played.live.stretch());
+  const json stretch = base::parse_json(played.live.stretch());
   ASSERT_EQ(stretch["events"].size(), 2U) << stretch["events"];
   EXPECT_EQ(stretch["events"][0], "contact from 0 s (tip, wall)");
   EXPECT_EQ(extremes(stretch["curves"]["contact"][0]).first, 5);
@@ -138,9 +139,9 @@ TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   for (const messages::TickRecord& tick : run.ticks) {
     missed += tick.truth->fault == messages::truth::DriveFault::command_missed ? 1 : 0;
   }
-  const json stretch = json::parse(played.live.stretch());
+  const json stretch = base::parse_json(played.live.stretch());
   EXPECT_EQ(stretch["missed"], missed);
-  const std::string events = stretch["events"].dump();
+  const std::string events = base::json_text(stretch["events"]);
   EXPECT_THAT(events, ::testing::HasSubstr("the arm"));
   EXPECT_THAT(events, ::testing::HasSubstr("kp=300,100"));
   const std::size_t at = events.find("gains from");
@@ -152,15 +153,15 @@ TEST(LiveRun, NumbersEveryStretchAlsoOneWithoutANewerTick) {
   const RecordedRun run = logger::short_rigid_run();
   Played played;
   played.say_all(run);
-  const json first = json::parse(played.live.stretch());
+  const json first = base::parse_json(played.live.stretch());
   played.say(fault_message(run, "the arm is gone"));
-  const json last = json::parse(played.live.stretch());
+  const json last = base::parse_json(played.live.stretch());
   EXPECT_EQ(last["t"], first["t"]);
   EXPECT_EQ(last["number"].get<std::int64_t>(), first["number"].get<std::int64_t>() + 1);
-  EXPECT_THAT(last["events"].dump(), ::testing::HasSubstr("the arm"));
+  EXPECT_THAT(base::json_text(last["events"]), ::testing::HasSubstr("the arm"));
   Played begun_again(2'000'000'000'000);  // the browser has the page of the one before
   begun_again.say_all(run);
-  EXPECT_GT(json::parse(begun_again.live.stretch())["number"], last["number"]);
+  EXPECT_GT(base::parse_json(begun_again.live.stretch())["number"], last["number"]);
 }
 
 TEST(LiveRun, TakesNothingOfOtherRunsUntilTheirsBegins) {
@@ -173,7 +174,7 @@ TEST(LiveRun, TakesNothingOfOtherRunsUntilTheirsBegins) {
   for (int second_ms = 0; second_ms < 1000; ++second_ms) played.say({0, "OTHER", "?"});
   played.say_all(second);
   ASSERT_EQ(played.live.run()->run_id, 8);
-  EXPECT_EQ(json::parse(played.live.stretch())["run"], 8);
+  EXPECT_EQ(base::parse_json(played.live.stretch())["run"], 8);
 }
 
 TEST(LiveRun, StaysWhereItIsUnderGarbage) {

@@ -16,6 +16,7 @@
 #include <string>
 #include <thread>
 
+#include "base/json_text.h"
 #include "bus/udp_transport.h"
 #include "messages/wire.h"
 #include "tests/support/private_network.h"
@@ -46,11 +47,11 @@ TEST(Watch, DecodesEveryChannelOfARunAndLeavesItAlone) {
   ASSERT_EQ(watch.wait(), 0) << watch.errors();
   EXPECT_THAT(watch.errors(), IsEmpty());
   EXPECT_EQ(run.interrupt(), 130);
-  const auto summary = nlohmann::json::parse(contents(directory / "out/summary.json"));
+  const auto summary = base::parse_json(contents(directory / "out/summary.json"));
   EXPECT_EQ(summary["fault"], "interrupted");
   EXPECT_EQ(summary["log"]["gaps"], 0);
 
-  const auto heard = nlohmann::json::parse(watch.output());
+  const auto heard = base::parse_json(watch.output());
   EXPECT_EQ(heard["undecodable"], 0);
   EXPECT_EQ(heard["malformed"], 0);
   EXPECT_GE(heard["seconds"], 1);
@@ -87,7 +88,7 @@ TEST(Watch, CountsWhatASenderLeftOutAndWhatCannotBeDecoded) {
     std::this_thread::sleep_for(milliseconds(2));
   }
   ASSERT_EQ(watch.wait(), 0) << watch.errors();
-  const auto heard = nlohmann::json::parse(watch.output());
+  const auto heard = base::parse_json(watch.output());
   const auto tick = channels_of(heard).at("ARM_TICK");
   const auto messages = tick["messages"].get<int>();
   EXPECT_GT(messages, 0);

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "base/failure.h"
+#include "base/json_text.h"
 #include "base/logging.h"
 #include "lyapunov/stability_certificate.h"
 #include "messages/wire.h"
@@ -489,7 +490,7 @@ TEST_F(Report, GivesItsScriptsEveryTickOfAShortRun) {
   const Overlay all(runs);
   const std::string text = page_data(all, report_sections(all));
   EXPECT_THAT(text, Not(HasSubstr("<")));
-  const auto data = nlohmann::json::parse(text);
+  const auto data = base::parse_json(text);
   EXPECT_EQ(data["end_s"], 1.0);
   EXPECT_EQ(data["runs"][0]["bodies"].size(), 4U) << "two links and their rotors";
   std::vector<std::string> names;

@@ -201,7 +201,7 @@ struct Doctor {
       return;
     }
     const Json summary =
-        Json::parse(base::file_text(options.out / "summary.json").value_or("null"));
+        base::parse_json<Json>(base::file_text(options.out / "summary.json").value_or("null"));
     findings.push_back(judge_timing(summary, loop, file));
     findings.push_back(answers(summary));
     if (!plant.empty()) findings.push_back(judge_readings(summary, loop, command));

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/file_text.h"
+#include "base/json_text.h"
 #include "base/logging.h"
 #include "cli/progress.h"
 #include "cli/run.h"
@@ -27,7 +28,6 @@ namespace {
 namespace fs = std::filesystem;
 using base::ExitCode;
 
-constexpr int most_repeats = 3;
 /// Longest time without a reading, or two ticks: the motion in it is not known.
 constexpr double longest_gap_s = 5e-3;
 
@@ -108,7 +108,7 @@ struct Commission {
   }
 
  private:
-  /// @return nothing if ticks were late or are missing, so that the run is to be repeated
+  /// @return nothing if ticks were late or are missing
   static std::optional<commission::Trial> run_once(const RunOptions& next, int number,
                                                    double period_s) {
     const ExitCode code = cli::run(next, {next.scenario});
@@ -121,8 +121,7 @@ struct Commission {
     auto trial = read_trial(log, period_s);
     if (!trial || trial->stopped.find("loop.max_missed") != std::string::npos) return {};
     const auto text = base::file_text(next.out / "summary.json").value_or("{}");
-    trial->arm_is_clock =
-        nlohmann::json::parse(text, nullptr, false).value("robot_is_clock", false);
+    trial->arm_is_clock = base::parse_json(text).value("robot_is_clock", false);
     return trial;
   }
 
@@ -139,18 +138,7 @@ struct Commission {
       RunOptions next = of;
       next.out /= std::to_string(++number);
       next.overrides.insert(next.overrides.end(), changes.begin(), changes.end());
-      for (int repeated = 0;; ++repeated) {
-        auto trial = run_once(next, number, period_s);
-        if (!trial && repeated < most_repeats) continue;
-        if (!trial) {
-          throw base::Failure(ExitCode::check_said_no,
-                              "{}: run {} had late or missing ticks {} times: this machine is too "
-                              "busy; type: tachless doctor",
-                              of.scenario.string(), number, repeated + 1);
-        }
-        trial->repeated = repeated;
-        return std::move(*trial);
-      }
+      return run_once(next, number, period_s);
     };
   }
 };

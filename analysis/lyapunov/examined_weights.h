@@ -1,0 +1,39 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "lyapunov/matrix_condition.h"
+
+namespace tachless::lyapunov {
+
+/// The parts of a condition that are the same at all postures, for one system and one choice of
+/// weights; and what several answers need at a posture.
+struct ConstantParts;
+
+/// The answers of a condition for one choice of weights. Mm is computed once at each posture of the
+/// condition's set, for the region and for the rate. The answers are those of the functions of
+/// MatrixCondition with the same names.
+class ExaminedWeights {
+ public:
+  /// @param condition has to outlive the object, without change
+  ExaminedWeights(const MatrixCondition& condition, const Weights& weights);
+  ExaminedWeights(const ExaminedWeights&) = delete;
+  ExaminedWeights& operator=(const ExaminedWeights&) = delete;
+  ~ExaminedWeights();
+
+  [[nodiscard]] std::optional<Region> region() const;
+  /// Returns the region with `Region::ball` 0: a search does not compare it.
+  [[nodiscard]] std::optional<Region> region_without_ball() const;
+  /// Returns `Region::ball` of a level [J].
+  [[nodiscard]] double ball(double level) const;
+  [[nodiscard]] double level() const;
+  [[nodiscard]] numerics::Extreme slowest(double rho) const;
+
+ private:
+  const MatrixCondition& condition_;
+  Weights weights_;
+  std::vector<ConstantParts> constants_;  ///< one of each system
+};
+
+}  // namespace tachless::lyapunov
