@@ -4,39 +4,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 #include <string>
 #include <vector>
 
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/registry.h"
+#include "tests/analysis/in_process/short_run.h"
 #include "tests/support/limited_elbow.h"
 
 namespace tachless::in_process {
 namespace {
 
 using ::testing::HasSubstr;
-
-scenario::Scenario practical(const std::vector<std::string>& overrides = {}) {
-  std::vector<std::string> all = {"loop.duration_s=0.2"};
-  all.insert(all.end(), overrides.begin(), overrides.end());
-  return scenario::load_scenario(
-      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", all);
-}
-
-std::vector<TickRecord> records(const scenario::Scenario& scenario) {
-  std::vector<TickRecord> all;
-  run_in_process(scenario, [&](const TickRecord& record) {
-    all.push_back(record);
-    return true;
-  });
-  return all;
-}
-
-bool same_bits(const Vector& a, const Vector& b) {
-  return a.size() == b.size() &&
-         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
-}
 
 TEST(InProcessLoop, IsAFunctionOfItsScenario) {
   const scenario::Scenario scenario = practical({"plant.encoder.noise_std_rad=1e-5"});

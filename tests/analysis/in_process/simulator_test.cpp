@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -17,6 +16,7 @@
 #include "controller/registry.h"
 #include "in_process/in_process_loop.h"
 #include "plant/plant_model.h"
+#include "tests/analysis/in_process/short_run.h"
 
 namespace tachless::in_process {
 namespace {
@@ -62,32 +62,6 @@ class Arm final : public plant::Simulator {
   std::unique_ptr<plant::Arm> arm_;
 };
 
-scenario::Scenario practical(const std::vector<std::string>& overrides = {}) {
-  std::vector<std::string> all = {"loop.duration_s=0.2"};
-  all.insert(all.end(), overrides.begin(), overrides.end());
-  return scenario::load_scenario(
-      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", all);
-}
-
-bool same_bits(const Vector& a, const Vector& b) {
-  return a.size() == b.size() &&
-         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
-}
-
-std::vector<TickRecord> records(const scenario::Scenario& scenario, plant::Simulator* simulator) {
-  std::vector<TickRecord> all;
-  const auto keep = [&](const TickRecord& record) {
-    all.push_back(record);
-    return true;
-  };
-  if (simulator == nullptr) {
-    run_in_process(scenario, keep);
-  } else {
-    run_in_process(scenario, controller::scenario_law(scenario), keep, *simulator);
-  }
-  return all;
-}
-
 std::string refusal(const scenario::Scenario& scenario, plant::Simulator& simulator) {
   try {
     records(scenario, &simulator);
@@ -103,7 +77,7 @@ TEST(Simulator, HasTheEmulatorsEncodersDrivesAndDelaysAroundIt) {
                  "plant.drive.torque_limit_Nm=[60, 8]", "plant.on_limit=warn",
                  "plant.drive.command_age_jitter_ticks=1"});
   Arm arm(scenario);
-  const auto own = records(scenario, nullptr), simulated = records(scenario, &arm);
+  const auto own = records(scenario), simulated = records(scenario, &arm);
   ASSERT_EQ(own.size(), 200U);
   ASSERT_EQ(simulated.size(), 200U);
   for (std::size_t k = 0; k < own.size(); ++k) {

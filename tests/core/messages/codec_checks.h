@@ -20,6 +20,7 @@
 namespace tachless::codec_checks {
 
 using Bytes = std::vector<std::byte>;
+constexpr std::size_t body = 32;  ///< begin of a body: after fingerprint, utime, run and tick
 constexpr messages::Stamp stamp{50, 0x0123456789abcdef, 7};
 
 /// A value and the message that lcm-gen generates for it.

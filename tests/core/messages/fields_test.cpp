@@ -12,14 +12,13 @@
 namespace tachless::messages {
 namespace {
 
+using codec_checks::body;
 using codec_checks::Bytes;
 using codec_checks::sample;
 using codec_checks::verdict;
 using TickType = codec_checks::Pair<messages::Tick, tachless::tick_t>;
 using ParticipantType = codec_checks::Pair<messages::Participant, tachless::participant_t>;
 using RunInfoType = codec_checks::Pair<messages::RunInfo, tachless::run_info_t>;
-
-constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 
 // Offsets inside participant_t.
 constexpr std::size_t participant_role = body;  // length of the text; it is "controller"

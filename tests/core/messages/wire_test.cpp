@@ -29,12 +29,12 @@
 namespace tachless::messages {
 namespace {
 
+using codec_checks::body;
 using codec_checks::Bytes;
 using codec_checks::overwrite_int32;
 using codec_checks::sample;
 using codec_checks::verdict;
 
-constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 using codec_checks::Pair;

@@ -8,13 +8,12 @@
 #include "robot/gravity_bound.h"
 #include "tests/core/robot/energy.h"
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 
 namespace tachless::robot {
 namespace {
 
 using testing::Random;
-
-constexpr double eps = 2.220446049250313e-16;
 
 class Energy : public ::testing::TestWithParam<Model (*)()> {
  protected:

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 #include "tests/support/sanitizer.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -27,8 +28,6 @@ namespace tachless::robot {
 namespace {
 
 using testing::Random;
-
-constexpr double eps = 2.220446049250313e-16;
 
 class ForwardDynamics : public ::testing::TestWithParam<Model (*)()> {
  protected:

@@ -8,6 +8,7 @@
 
 #include "tests/core/robot/energy.h"
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 
 namespace tachless::robot {
 namespace {
@@ -16,7 +17,6 @@ using testing::Random;
 using testing::TwoLinkClosedForm;
 
 constexpr double pi = 3.14159265358979323846;
-constexpr double eps = 2.220446049250313e-16;
 /// Rounding of some tens of operations on terms whose size the test states beside it.
 constexpr double rounding = 64 * eps;
 

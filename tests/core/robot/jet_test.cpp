@@ -9,11 +9,10 @@
 #include <vector>
 
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 
 namespace tachless::robot {
 namespace {
-
-constexpr double eps = 2.220446049250313e-16;
 
 /// A function of one variable with its derivatives worked out by hand.
 struct Elementary {

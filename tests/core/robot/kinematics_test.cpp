@@ -7,13 +7,12 @@
 #include "robot/dynamics.h"
 #include "tests/core/robot/energy.h"
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 
 namespace tachless::robot {
 namespace {
 
 using testing::Random;
-
-constexpr double eps = 2.220446049250313e-16;
 
 TEST(FramePose, PutsTheTipOfTheTwoLinkArmWhereTrigonometryDoes) {
   const Model model = testing::two_link();

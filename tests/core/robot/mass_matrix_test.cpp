@@ -7,13 +7,12 @@
 #include <vector>
 
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 
 namespace tachless::robot {
 namespace {
 
 using testing::Random;
-
-constexpr double eps = 2.220446049250313e-16;
 
 class MassMatrix : public ::testing::TestWithParam<Model (*)()> {
  protected:

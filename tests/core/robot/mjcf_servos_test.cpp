@@ -31,7 +31,7 @@ MjcfServo servo(const std::string& actuator, const std::string& more = "") {
   EXPECT_EQ(read.servos.size(), 1U);
   return read.servos.at(0);
 }
-std::string refusal(const std::string& actuators, const std::string& more = "") {
+std::string refusal_of_servos(const std::string& actuators, const std::string& more = "") {
   try {
     (void)servos(actuators, more);
   } catch (const std::invalid_argument& refused) {
@@ -101,12 +101,13 @@ TEST(MjcfServos, HaveTheStepAndIntegratorOfTheLastOption) {
 }
 
 TEST(MjcfServos, RefuseWhatMuJoCoDoesNotKnow) {
-  EXPECT_THAT(refusal("", R"(<option integrator="euler"/>)"),
+  EXPECT_THAT(refusal_of_servos("", R"(<option integrator="euler"/>)"),
               HasSubstr("integrator=\"euler\"; allowed: Euler, RK4"));
-  EXPECT_THAT(refusal("", R"(<option timestep="0"/>)"), HasSubstr("timestep"));
-  EXPECT_THAT(refusal(R"(<position joint="a" kp="-1"/>)"), HasSubstr("kp is -1"));
-  EXPECT_THAT(refusal(R"(<general joint="a" gainprm="9" biastype="affine" biasprm="0 9 0"/>)"),
-              HasSubstr("kp is -9"));
+  EXPECT_THAT(refusal_of_servos("", R"(<option timestep="0"/>)"), HasSubstr("timestep"));
+  EXPECT_THAT(refusal_of_servos(R"(<position joint="a" kp="-1"/>)"), HasSubstr("kp is -1"));
+  EXPECT_THAT(
+      refusal_of_servos(R"(<general joint="a" gainprm="9" biastype="affine" biasprm="0 9 0"/>)"),
+      HasSubstr("kp is -9"));
 }
 
 TEST(MjcfScene, HasAShapeOrABodyBesideTheRobot) {

@@ -16,6 +16,7 @@
 #include "robot/model.h"
 #include "robot/urdf_xml.h"
 #include "tests/core/robot/robots.h"
+#include "tests/core/robot/rounding.h"
 
 namespace tachless::robot {
 namespace {
@@ -27,7 +28,6 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-constexpr double eps = 2.220446049250313e-16;
 constexpr double inf = Model::unlimited;
 
 std::vector<double> list(const Vector& x) { return {x.data(), x.data() + x.size()}; }

@@ -39,7 +39,7 @@ double apart(const Vector& q, const Eigen::Vector2d& expected) {
   return (q - expected).lpNorm<Eigen::Infinity>();
 }
 
-std::string refusal(const std::string& table) {
+std::string refusal_of_table(const std::string& table) {
   try {
     parsed(table);
   } catch (const std::invalid_argument& refused) {
@@ -89,7 +89,8 @@ TEST(MotionFile, NamesTheLineOfWhatIsWrong) {
       {"0 0 0\n0.01 0.2 0\n",
        "m.csv:2: joint 1 (shoulder) moves at 20 per second since the row before; allowed by the "
        "URDF: 10"}};
-  for (const auto& [table, message] : cases) EXPECT_THAT(refusal(table), StartsWith(message));
+  for (const auto& [table, message] : cases)
+    EXPECT_THAT(refusal_of_table(table), StartsWith(message));
 }
 
 /// The forms in which other programs write the same table.
@@ -109,8 +110,8 @@ TEST(MotionFile, ReadsTheTablesOfOtherPrograms) {
        "% made by a logger\n# time elbow shoulder\n0 0 0\n1 0.2 0.1\n2 0 0\n"},
   };
   for (const auto& [name, table] : cases) {
-    EXPECT_EQ(refusal(table), "accepted") << name;
-    if (refusal(table) != "accepted") continue;
+    EXPECT_EQ(refusal_of_table(table), "accepted") << name;
+    if (refusal_of_table(table) != "accepted") continue;
     const auto found = parsed(table);
     for (const double t : {0.3, 1.0, 1.6})
       EXPECT_EQ(found.at(t).q_ref, expected.at(t).q_ref) << name;
@@ -133,7 +134,7 @@ TEST(MotionFile, IsNeverAnotherMotionForOneWrongCharacter) {
           wrong[at] = mark;
         }
         // A comment mark in place of a row's end makes the table shorter, as it says.
-        if (refusal(wrong) != "accepted" || mark == '#') continue;
+        if (refusal_of_table(wrong) != "accepted" || mark == '#') continue;
         const auto found = parsed(wrong);
         for (const double t : {0.0, 0.5, 1.0, 1.7}) {
           EXPECT_EQ(found.at(t).q_ref, expected.at(t).q_ref) << wrong;

@@ -59,7 +59,7 @@ class Tally {
   std::set<std::string> kinds_;
 };
 
-constexpr const char* arm = R"(<?xml version="1.0"?>
+constexpr const char* arm_urdf = R"(<?xml version="1.0"?>
 <robot name="arm">
   <link name="base"/>
   <link name="mount">
@@ -160,11 +160,11 @@ Mechanics mechanics_of(const std::string& text) {
 
 TEST(MutatedInputs, NoMistakeInAUrdfChangesTheRobotSilently) {
   const XmlMutator mutator(
-      arm, {"robot/link", "robot/joint", "link/inertial", "link/visual", "visual/origin",
-            "visual/geometry", "inertial/origin", "inertial/mass", "inertial/inertia",
-            "joint/parent", "joint/child", "joint/origin", "joint/axis", "joint/limit",
-            "joint/dynamics", "joint/mimic", "origin@xyz", "origin@rpy"});
-  const Mechanics right = mechanics_of(arm);
+      arm_urdf, {"robot/link", "robot/joint", "link/inertial", "link/visual", "visual/origin",
+                 "visual/geometry", "inertial/origin", "inertial/mass", "inertial/inertia",
+                 "joint/parent", "joint/child", "joint/origin", "joint/axis", "joint/limit",
+                 "joint/dynamics", "joint/mimic", "origin@xyz", "origin@rpy"});
+  const Mechanics right = mechanics_of(arm_urdf);
   Draw draw(1);
   Tally tally("URDFs");
   for (int k = 0; k < count_of_files(); ++k) {
@@ -184,7 +184,7 @@ TEST(MutatedInputs, NoMistakeInAUrdfChangesTheRobotSilently) {
   }
 }
 
-constexpr const char* mjcf = R"(<mujoco model="arm">
+constexpr const char* arm_mjcf = R"(<mujoco model="arm">
   <default>
     <joint armature="0.1" damping="0.5" frictionloss="0.25"/>
     <default class="small">
@@ -226,10 +226,10 @@ TEST(MutatedInputs, NoMistakeInAnMjcfChangesTheJointsSilently) {
     return numbers;
   };
   const XmlMutator mutator(
-      mjcf, {"mujoco/default", "mujoco/worldbody", "default/default", "default/joint", "body/joint",
-             "body/body", "worldbody/body", "joint@armature", "joint@damping", "joint@frictionloss",
-             "joint@class", "body@childclass"});
-  const Numbers right = numbers_of(mjcf);
+      arm_mjcf, {"mujoco/default", "mujoco/worldbody", "default/default", "default/joint",
+                 "body/joint", "body/body", "worldbody/body", "joint@armature", "joint@damping",
+                 "joint@frictionloss", "joint@class", "body@childclass"});
+  const Numbers right = numbers_of(arm_mjcf);
   Draw draw(2);
   Tally tally("MJCFs");
   for (int k = 0; k < count_of_files(); ++k) {

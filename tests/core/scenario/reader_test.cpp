@@ -38,7 +38,7 @@ Tuning tuning(const std::string& yaml) {
   return to;
 }
 
-std::string refusal(const std::string& yaml) {
+std::string refusal_of_tuning(const std::string& yaml) {
   try {
     (void)tuning(yaml);
   } catch (const base::Failure& failure) {
@@ -66,25 +66,26 @@ TEST(Reader, GivesDefaultsToWhatIsLeftOut) {
 }
 
 TEST(Reader, RefusesWithKeyValueAndWhatIsAllowed) {
-  EXPECT_EQ(refusal("{}"),
+  EXPECT_EQ(refusal_of_tuning("{}"),
             "f.yaml: tuning.kp: missing; allowed: a finite number, or a list with one per joint, "
             "each > 0");
-  EXPECT_EQ(refusal("{kp: [1, 0]}"),
+  EXPECT_EQ(refusal_of_tuning("{kp: [1, 0]}"),
             "f.yaml: tuning.kp: entry 2 of [1, 0] is 0; allowed: a finite number, or a list with "
             "one per joint, each > 0");
-  EXPECT_EQ(refusal("{kp: 1, order: 2.5}"),
+  EXPECT_EQ(refusal_of_tuning("{kp: 1, order: 2.5}"),
             "f.yaml: tuning.order: 2.5; allowed: a whole number in [1, 4]");
-  EXPECT_EQ(refusal("{kp: 1, raw: yes}"), "f.yaml: tuning.raw: yes; allowed: true or false");
-  EXPECT_EQ(refusal("{kp: 1, cutoff_hz: null}"),
+  EXPECT_EQ(refusal_of_tuning("{kp: 1, raw: yes}"),
+            "f.yaml: tuning.raw: yes; allowed: true or false");
+  EXPECT_EQ(refusal_of_tuning("{kp: 1, cutoff_hz: null}"),
             "f.yaml: tuning.cutoff_hz: null; allowed: a finite number in [1, 100]");
-  EXPECT_EQ(refusal("{kp: 1, raw: true, order: 3}"),
+  EXPECT_EQ(refusal_of_tuning("{kp: 1, raw: true, order: 3}"),
             "f.yaml: tuning.order: 3; allowed: only without raw");
-  EXPECT_EQ(refusal("{kp: 1, kpp: 2}"),
+  EXPECT_EQ(refusal_of_tuning("{kp: 1, kpp: 2}"),
             "f.yaml: tuning.kpp: unknown; nearest known key is tuning.kp");
   EXPECT_EQ(
-      refusal("{quux: 1}"),
+      refusal_of_tuning("{quux: 1}"),
       "f.yaml: tuning.quux: unknown; known keys of tuning: kp, ki, cutoff_hz, order, raw, limit");
-  EXPECT_EQ(refusal("[1]"), "f.yaml: tuning: [1]; allowed: a map");
+  EXPECT_EQ(refusal_of_tuning("[1]"), "f.yaml: tuning: [1]; allowed: a map");
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-std::string refusal(const std::string& text) {
+std::string refusal_of_yaml(const std::string& text) {
   try {
     parse_yaml(text, "f.yaml");
   } catch (const base::Failure& failure) {
@@ -62,32 +62,34 @@ TEST(YamlTree, TellsNumbersFromTextInQuotes) {
 }
 
 TEST(YamlTree, RefusesAKeyGivenTwice) {
-  EXPECT_THAT(refusal("a: 1\nb:\n  c: 1\n  d: 2\n  c: 3\n"),
+  EXPECT_THAT(refusal_of_yaml("a: 1\nb:\n  c: 1\n  d: 2\n  c: 3\n"),
               AllOf(StartsWith("f.yaml:5: b.c: given twice"), HasSubstr("line 3")));
 }
 
 TEST(YamlTree, RefusesWhatIsNotYaml) {
-  EXPECT_THAT(refusal("a: 1\nb: [1, 2\nc: 3\n"), StartsWith("f.yaml:"));
-  EXPECT_THAT(refusal("a: 1\n  b: 2\n"), AllOf(StartsWith("f.yaml:2: "), HasSubstr("not YAML")));
-  EXPECT_THAT(refusal("a: {b: 1\n"), HasSubstr("not YAML"));
-  EXPECT_THAT(refusal("a:\n\tb: 1\n"),
+  EXPECT_THAT(refusal_of_yaml("a: 1\nb: [1, 2\nc: 3\n"), StartsWith("f.yaml:"));
+  EXPECT_THAT(refusal_of_yaml("a: 1\n  b: 2\n"),
+              AllOf(StartsWith("f.yaml:2: "), HasSubstr("not YAML")));
+  EXPECT_THAT(refusal_of_yaml("a: {b: 1\n"), HasSubstr("not YAML"));
+  EXPECT_THAT(refusal_of_yaml("a:\n\tb: 1\n"),
               AllOf(StartsWith("f.yaml:2: "), HasSubstr("; indent by blanks, not tabs")));
-  EXPECT_THAT(refusal("a: 1\n  b: \t2\n"), Not(HasSubstr("tabs")));
-  EXPECT_THAT(refusal("a: *nowhere\n"), HasSubstr("not YAML"));
+  EXPECT_THAT(refusal_of_yaml("a: 1\n  b: \t2\n"), Not(HasSubstr("tabs")));
+  EXPECT_THAT(refusal_of_yaml("a: *nowhere\n"), HasSubstr("not YAML"));
 }
 
 TEST(YamlTree, RefusesWhatItDoesNotMean) {
-  EXPECT_THAT(refusal("a: !!float 1\n"), AllOf(StartsWith("f.yaml:1: a: "), HasSubstr("tag")));
-  EXPECT_THAT(refusal("a: 1\n---\nb: 2\n"), HasSubstr("second document"));
-  EXPECT_THAT(refusal("? [1, 2]\n: 3\n"), HasSubstr("key"));
-  EXPECT_THAT(refusal("a: 1\nb: \x04\nc: 2\n"),
+  EXPECT_THAT(refusal_of_yaml("a: !!float 1\n"),
+              AllOf(StartsWith("f.yaml:1: a: "), HasSubstr("tag")));
+  EXPECT_THAT(refusal_of_yaml("a: 1\n---\nb: 2\n"), HasSubstr("second document"));
+  EXPECT_THAT(refusal_of_yaml("? [1, 2]\n: 3\n"), HasSubstr("key"));
+  EXPECT_THAT(refusal_of_yaml("a: 1\nb: \x04\nc: 2\n"),
               AllOf(StartsWith("f.yaml:2: "), HasSubstr("control character 4")));
-  EXPECT_THAT(refusal(std::string("a: 1\n\0", 6)), HasSubstr("control character 0"));
+  EXPECT_THAT(refusal_of_yaml(std::string("a: 1\n\0", 6)), HasSubstr("control character 0"));
 }
 
 TEST(YamlTree, ExpandsAliasesButNotWithoutEnd) {
   EXPECT_EQ(parse_yaml("a: &x [1, 2]\nb: *x\n", "f.yaml").find("b")->children[1].scalar, "2");
-  EXPECT_THAT(refusal("a: &x [*x]\n"), HasSubstr("a"));
+  EXPECT_THAT(refusal_of_yaml("a: &x [*x]\n"), HasSubstr("a"));
   std::string bomb = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n";
   for (char name = 'b'; name < 'j'; ++name) {
     bomb += name;
@@ -99,14 +101,14 @@ TEST(YamlTree, ExpandsAliasesButNotWithoutEnd) {
     }
     bomb += "]\n";
   }
-  EXPECT_THAT(refusal(bomb), HasSubstr("too large"));
-  EXPECT_THAT(refusal("a: " + std::string(400, '[') + std::string(400, ']')),
+  EXPECT_THAT(refusal_of_yaml(bomb), HasSubstr("too large"));
+  EXPECT_THAT(refusal_of_yaml("a: " + std::string(400, '[') + std::string(400, ']')),
               HasSubstr("too deeply"));
-  EXPECT_THAT(refusal("a: " + std::string(100'000, '[')), StartsWith("f.yaml:"));
+  EXPECT_THAT(refusal_of_yaml("a: " + std::string(100'000, '[')), StartsWith("f.yaml:"));
 }
 
 TEST(YamlTree, BoundsAKey) {
-  EXPECT_THAT(refusal("a: {" + std::string(101, 'k') + ": 1}\n"),
+  EXPECT_THAT(refusal_of_yaml("a: {" + std::string(101, 'k') + ": 1}\n"),
               AllOf(StartsWith("f.yaml:1: a: "), HasSubstr("101 bytes; allowed: at most 100")));
 }
 
@@ -127,12 +129,14 @@ TEST(YamlTree, TakesNoMoreMemoryThanTheBoundsAllow) {
   const rlimit limited{4'000'000'000, before.rlim_max};
   setrlimit(RLIMIT_AS, &limited);
 #endif
-  EXPECT_THAT(refusal("{: {{},\n{}},},"), StartsWith("f.yaml:"));
-  EXPECT_THAT(refusal("{name: a, b: {c: 1}},\n  d: {e: 1}}\n"), HasSubstr("second document"));
+  EXPECT_THAT(refusal_of_yaml("{: {{},\n{}},},"), StartsWith("f.yaml:"));
+  EXPECT_THAT(refusal_of_yaml("{name: a, b: {c: 1}},\n  d: {e: 1}}\n"),
+              HasSubstr("second document"));
   std::string copies = "a: &x " + std::string(500'000, 'y') + "\nb: [*x";
   for (int i = 0; i < 19'000; ++i) copies += ", *x";
-  EXPECT_THAT(refusal(copies + "]\n"), HasSubstr("b[1]: too large"));
-  EXPECT_THAT(refusal("a: " + std::string(1'000'000, 'y')), HasSubstr("allowed: at most 1000000"));
+  EXPECT_THAT(refusal_of_yaml(copies + "]\n"), HasSubstr("b[1]: too large"));
+  EXPECT_THAT(refusal_of_yaml("a: " + std::string(1'000'000, 'y')),
+              HasSubstr("allowed: at most 1000000"));
 #ifndef __SANITIZE_ADDRESS__
   setrlimit(RLIMIT_AS, &before);
 #endif

@@ -13,11 +13,11 @@
 namespace tachless::messages::truth {
 namespace {
 
+using codec_checks::body;
 using codec_checks::Bytes;
 using codec_checks::sample;
 using codec_checks::verdict;
 
-constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr std::size_t reals = body + 8;
 
 using ContactType = codec_checks::Pair<messages::truth::Contact, tachless_truth::contact_t>;
