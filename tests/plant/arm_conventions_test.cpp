@@ -24,7 +24,7 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-scenario::Scenario scenario(std::vector<std::string> overrides) {
+scenario::Scenario scenario_of_arm(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(),
                    {"plant.encoder.resolution_bits=null", "plant.drive.torque_limit_Nm=[400, 400]",
                     "plant.initial.torque=hold", "plant.initial.position_rad=[0.3, -0.2]",
@@ -96,18 +96,19 @@ std::vector<std::string> and_also(std::vector<std::string> settings, std::string
 TEST(ArmConventions, MakeAnArmThatAddsGravityTheLoopOfTheEmulator) {
   // The arm begins away from its reference, so that it moves.
   const std::string away = "plant.initial.position_rad=[0.25, -0.1]";
-  const auto told = scenario(and_also(and_also(elbow, "robot.compensates.gravity=true"), away));
+  const auto told =
+      scenario_of_arm(and_also(and_also(elbow, "robot.compensates.gravity=true"), away));
   MakersArm arm(told);
   const Vector q = end_of_run(told, &arm);
   EXPECT_GT(arm.moved, 0.01);
   // The plant takes g away one tick after the law's own g. The error is 40 N m/rad times the 1e-3
   // rad or so of a tick's motion. The law's 100 N m/rad act against it.
-  const Vector emulated = end_of_run(scenario({away}), nullptr);
+  const Vector emulated = end_of_run(scenario_of_arm({away}), nullptr);
   EXPECT_LT((q - emulated).norm(), 2e-3) << q << "\n" << emulated;
 }
 
 TEST(ArmConventions, NotToldOfDoubleGravityAndStopTheArmWithinAFewHundredthsOfARadian) {
-  const auto trap = scenario(elbow);
+  const auto trap = scenario_of_arm(elbow);
   MakersArm arm(trap);
   try {
     end_of_run(trap, &arm);
@@ -123,7 +124,7 @@ TEST(ArmConventions, NotToldOfDoubleGravityAndStopTheArmWithinAFewHundredthsOfAR
 }
 
 TEST(ArmConventions, NotToldOfAnotherZeroRefuseToStart) {
-  const auto elsewhere = scenario({"robot.compensates.gravity=true"});
+  const auto elsewhere = scenario_of_arm({"robot.compensates.gravity=true"});
   MakersArm arm(elsewhere);
   try {
     end_of_run(elsewhere, &arm);
@@ -145,8 +146,8 @@ TEST(ArmConventions, AnArmThatCompensatesFrictionHasTheRestOfIt) {
   const TemporaryDirectory directory;
   std::ofstream(directory.path() / "arm.urdf") << urdf;
   const auto with = [&](const std::string& friction) {
-    return scenario({"robot.urdf=" + (directory.path() / "arm.urdf").string(),
-                     "robot.compensates.friction=" + friction});
+    return scenario_of_arm({"robot.urdf=" + (directory.path() / "arm.urdf").string(),
+                            "robot.compensates.friction=" + friction});
   };
   const double whole = with("0").plant.drive.coulomb_friction_Nm.maxCoeff();
   EXPECT_GT(whole, 0);
