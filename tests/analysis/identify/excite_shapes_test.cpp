@@ -86,7 +86,7 @@ TEST(LinkShapes, AreInCapsulesWithTheDistanceOfTheirSegments) {
   EXPECT_NEAR(robot::distance(of[0], beside), std::hypot(1, 0.4) - 0.2, 1e-12) << "parallel ones";
 }
 
-TEST(Excite, KeepsLinksApartThatNoJointConnects) {
+TEST(ExciteWithShapes, KeepsLinksApartThatNoJointConnects) {
   const scenario::Scenario arm = folding("[0, 2]");
   ExcitationGoal goal{.duration_s = 5, .reach = 1.5, .floor = {}};
   const Excitation careless = excite(arm, {Kind::viscous}, goal, ignore);
@@ -103,7 +103,7 @@ TEST(Excite, KeepsLinksApartThatNoJointConnects) {
   EXPECT_TRUE(motion.not_compared.empty());
 }
 
-TEST(Excite, NamesLinksThatBeginTooNearOrMeetAtTheStart) {
+TEST(ExciteWithShapes, NamesLinksThatBeginTooNearOrMeetAtTheStart) {
   ExcitationGoal goal{.duration_s = 5, .floor = {}, .shapes = folding_arm()};
   // The tool's centre is (0.25 + 0.25 cos q2, 0.25 sin q2) from the column's axis.
   try {
@@ -120,7 +120,7 @@ TEST(Excite, NamesLinksThatBeginTooNearOrMeetAtTheStart) {
   EXPECT_FALSE(motion.nearest);
 }
 
-TEST(Excite, RefusesAShapeWithoutASize) {
+TEST(ExciteWithShapes, RefusesAShapeWithoutASize) {
   ExcitationGoal goal{.duration_s = 5, .floor = {}, .shapes = folding_arm()};
   goal.shapes.replace(goal.shapes.find("radius=\"0.05\"/>"), 13, "radius=\"wide\"");
   try {
