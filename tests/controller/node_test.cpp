@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "controller/registry.h"
+#include "session/message_ring.h"
 #include "tests/support/other_nodes.h"
 
 namespace tachless::controller {
@@ -168,6 +169,16 @@ TEST_F(AController, RepeatsTheSameBytesForARepeatedMeasurement) {
   }
   EXPECT_EQ(outcome.statistics.resends, 2);
   EXPECT_EQ(outcome.statistics.duplicates, 2);
+}
+
+TEST_F(AController, KeepsNoMeasurementThatItHasNotAskedFor) {
+  measure(0);
+  measure(session::MessageRing::depth);  // it would have the place of tick 0
+  refer(0);
+  refer(1);
+  go_on(1, 30);
+  ASSERT_EQ(finish().fault, "");
+  expect_those_of_the_law();
 }
 
 TEST_F(AController, EndsWhenTwoPlantsMeasure) {

@@ -264,6 +264,17 @@ TEST_F(ARealtimeLogger, RecordsEachMessageOnceInOrderOfArrival) {
   EXPECT_TRUE(others_->published[acknowledgement_.channel].empty());
 }
 
+TEST_F(ARealtimeLogger, CountsTheTicksAfterTheLastMessage) {
+  others_->then([this] {
+    send_all(0);
+    send_all(5);
+  });
+  const auto outcome = finish();
+  ASSERT_EQ(outcome.fault, "");
+  EXPECT_EQ(outcome.statistics.logger().log.ticks, 2);
+  EXPECT_EQ(outcome.statistics.logger().log.gaps, num_ticks - 2);
+}
+
 TEST_F(ARealtimeLogger, RecordsAlsoTheMessageThatContradicts) {
   others_->then([this] {
     send_all(0);
