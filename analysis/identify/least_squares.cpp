@@ -596,8 +596,11 @@ Widths half_widths(const Normals& normals, const MatrixXd& C) {
     const double by_windows = result.moves.row(i).head(num_windows).squaredNorm();
     const double variance =
         by_windows + result.moves.row(i).tail(normals.prior.rows()).squaredNorm();
-    const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm() *
-                           std::pow(variance / std::max(1e-300, by_windows), 2);
+    // The prior alone tells a combination that no window moves.
+    const double freedom = by_windows > 0
+                               ? std::pow(covariance.trace(), 2) / covariance.squaredNorm() *
+                                     std::pow(variance / by_windows, 2)
+                               : std::numeric_limits<double>::infinity();
     const double width = quantile(freedom) * std::sqrt(variance);
     result.half[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
   }
