@@ -11,6 +11,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "controller/registry.h"
@@ -34,10 +35,7 @@ constexpr std::int64_t run = support::OtherNodes::run;
 class AController : public ::testing::Test {
  protected:
   explicit AController(std::vector<std::string> overrides = {}) {
-    overrides.insert(overrides.begin(),
-                     {"loop.mode=lockstep", "loop.duration_s=0.03", "loop.give_up_s=5"});
-    scenario_ =
-        scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml", overrides);
+    scenario_ = support::thirty_ticks(std::move(overrides));
     others_.emplace(scenario_, Role::controller);
     const bool external = scenario_.controller.law == external_law_name;
     if (!external) law_ = scenario_law(scenario_);

@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bus/key.h"
@@ -34,10 +35,7 @@ constexpr std::int64_t num_ticks = 30;
 class ALogger : public ::testing::Test {
  protected:
   explicit ALogger(std::vector<std::string> overrides = {}) {
-    overrides.insert(overrides.begin(),
-                     {"loop.mode=lockstep", "loop.duration_s=0.03", "loop.give_up_s=5"});
-    scenario_ =
-        scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml", overrides);
+    scenario_ = support::thirty_ticks(std::move(overrides));
     others_.emplace(scenario_, Role::logger);
   }
 

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -21,6 +20,7 @@
 #include "tests/core/robot/energy.h"
 #include "tests/plant/arms.h"
 #include "tests/support/counting_new.h"
+#include "tests/support/same_bits.h"
 
 namespace tachless::plant {
 namespace {
@@ -234,10 +234,6 @@ TEST_P(EveryArm, KeepsTheAccuracyAskedFor) {
     EXPECT_LT(error, 200 * accuracy);
     EXPECT_GT(error, 0);
   }
-}
-
-bool same_bits(const Vector& a, const Vector& b) {
-  return std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
 
 TEST_P(EveryArm, GivesTheSameBitsForTheSameCallsWhateverOtherArmsDo) {

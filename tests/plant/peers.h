@@ -19,8 +19,9 @@
 #include "messages/truth/truth_wire.h"
 #include "messages/wire.h"
 #include "plant/node.h"
-#include "session/membership.h"
 #include "session/session.h"
+#include "tests/support/members.h"
+#include "tests/support/node_outcome.h"
 
 namespace tachless::plant {
 
@@ -104,21 +105,18 @@ class Peers : public bus::Transport {
       run_ = stamp.run;
       if (heard_plant.empty()) {
         on_first_announcement();
-        start_members();
+        members_.emplace(digest_, messages::Role::plant, messages::LawInfo{law, measurement, ""});
+        members_->for_each([](session::Membership& each) { each.on_all_ticks_done(); });
       }
       heard_plant.push_back(plant);
       const auto now = base::Clock::now();
-      for (session::Membership& each : members_) {
-        each.handle(stamp, plant, "plant's address", now);
+      members_->handle(stamp, plant, now);
+      members_->for_each([&](session::Membership& each) {
         if (each.has_plant_finished()) each.on_finished(now);
-        const auto& own = each.announce(now);
-        const std::string address =
-            std::string(messages::name(own.participant.role)) + "'s address";
-        for (session::Membership& other : members_) {
-          other.handle(own.stamp, own.participant, address, now);
-        }
-        queue("ARM_PARTICIPANT", participants_.encode(own.stamp, own.participant), address);
-      }
+      });
+      members_->announce(now, [&](std::span<const std::byte> bytes, const std::string& address) {
+        queue("ARM_PARTICIPANT", bytes, address);
+      });
     } else if (channel == "ARM_RUN_INFO") {
       on_run_info();
     } else if (channel == "ARM_POSITION") {
@@ -161,22 +159,6 @@ class Peers : public bus::Transport {
     base::Clock::time_point at;  ///< time of its arrival
   };
 
-  void start_members() {
-    for (const messages::Role role :
-         {messages::Role::reference, messages::Role::controller, messages::Role::logger}) {
-      session::Membership::Self self;
-      self.who.role = role;
-      self.who.instance = 100 + static_cast<int>(role);
-      self.who.scenario_digest = digest_;
-      self.counters_required = false;
-      if (role == messages::Role::controller) {
-        self.who.law = law;
-        self.who.measurement = measurement;
-      }
-      members_.emplace_back(self, base::Clock::now()).on_all_ticks_done();
-    }
-  }
-
   std::int64_t digest_;
   std::int64_t run_ = 0;
   messages::Layout layout_{.num_joints = 2, .num_motors = 0, .num_signals = 0};
@@ -185,17 +167,13 @@ class Peers : public bus::Transport {
   messages::Codec<messages::Tick> ticks_{layout_};
   messages::Codec<messages::truth::PlantTruth> truths_{layout_};
   messages::Codec<messages::truth::ArmTorque> arm_torques_{layout_};
-  std::list<session::Membership> members_;
+  std::optional<support::Members> members_;
   std::list<Message> messages_;
   bus::Subscriptions channels_;
   Message current_;
 };
 
-struct Outcome {
-  base::ExitCode code = base::ExitCode::done;
-  std::string fault;
-  session::Statistics statistics;
-};
+using Outcome = support::NodeOutcome;
 
 /// Runs the plant. A `driver` replaces the emulator, a `simulator` its mechanics.
 inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
@@ -207,23 +185,15 @@ inline Outcome run(const scenario::Scenario& scenario, Peers& peers,
                             .wait_s = 10,
                             .interrupted = interrupted,
                             .instance = 1});
-  Outcome outcome;
-  try {
-    session.guard([&] {
-      if (driver != nullptr) {
-        run_driver(scenario, session, *driver);
-      } else if (simulator != nullptr) {
-        run_simulator(scenario, session, *simulator);
-      } else {
-        run_node(scenario, session);
-      }
-    });
-  } catch (const base::Failure& failure) {
-    outcome.code = failure.code();
-    outcome.fault = failure.what();
-  }
-  outcome.statistics = session.statistics();
-  return outcome;
+  return support::outcome_of(session, [&] {
+    if (driver != nullptr) {
+      run_driver(scenario, session, *driver);
+    } else if (simulator != nullptr) {
+      run_simulator(scenario, session, *simulator);
+    } else {
+      run_node(scenario, session);
+    }
+  });
 }
 
 }  // namespace tachless::plant

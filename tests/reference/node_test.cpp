@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "reference/make_trajectory.h"
@@ -26,10 +27,7 @@ constexpr std::int64_t run = support::OtherNodes::run;
 class AReference : public ::testing::Test {
  protected:
   explicit AReference(std::vector<std::string> overrides = {}) {
-    overrides.insert(overrides.begin(),
-                     {"loop.mode=lockstep", "loop.duration_s=0.03", "loop.give_up_s=5"});
-    scenario_ =
-        scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml", overrides);
+    scenario_ = support::thirty_ticks(std::move(overrides));
     others_.emplace(scenario_, Role::reference);
   }
 

@@ -6,11 +6,9 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
-#include <list>
 #include <map>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -20,8 +18,9 @@
 #include "bus/subscriptions.h"
 #include "bus/transport.h"
 #include "messages/wire.h"
-#include "session/membership.h"
 #include "session/session.h"
+#include "tests/support/members.h"
+#include "tests/support/node_outcome.h"
 
 namespace tachless::support {
 
@@ -32,29 +31,11 @@ class OtherNodes : public bus::Transport {
  public:
   static constexpr std::int64_t run = 7;
 
-  OtherNodes(const scenario::Scenario& scenario, messages::Role node) {
-    for (int i = 0; i < messages::num_roles; ++i) {
-      const auto role = static_cast<messages::Role>(i);
-      if (role == node) continue;
-      session::Membership::Self self;
-      self.who.role = role;
-      self.who.instance = 100 + i;
-      self.who.scenario_digest = scenario.digest;
-      self.who.law = role == messages::Role::controller ? "loria_ortega_rigid" : "";
-      self.who.measurement = role == messages::Role::controller ? "POSITION" : "";
-      self.run = role == messages::Role::plant ? run : 0;
-      self.counters_required = false;
-      members_.emplace_back(role, session::Membership(self, base::Clock::now()));
-    }
-  }
+  OtherNodes(const scenario::Scenario& scenario, messages::Role node)
+      : members_(scenario.digest, node, {"loria_ortega_rigid", "POSITION", ""}, run) {}
 
   /// Returns the membership of one of the others.
-  session::Membership& member(messages::Role role) {
-    for (auto& [each, member] : members_) {
-      if (each == role) return member;
-    }
-    throw std::logic_error("the node itself is no other one");
-  }
+  session::Membership& member(messages::Role role) { return members_.of(role); }
 
   /// Adds a step to the script.
   void then(std::function<void()> step) { script_.push_back(std::move(step)); }
@@ -92,10 +73,12 @@ class OtherNodes : public bus::Transport {
     messages::Participant node;
     ASSERT_EQ(participants_.decode(payload, stamp, node), messages::Rejection::none);
     const auto now = base::Clock::now();
-    for (auto& [role, member] : members_) member.handle(stamp, node, "node's address", now);
-    for (auto& [role, member] : members_) announce(role, member, now);
+    members_.handle(stamp, node, now);
+    members_.announce(now, [&](std::span<const std::byte> bytes, const std::string& address) {
+      waiting_.push_back({"ARM_PARTICIPANT", {bytes.begin(), bytes.end()}, address});
+    });
     joined_ = node.roster != messages::PerRole{};
-    for (auto& [role, member] : members_) joined_ = joined_ && member.has_joined();
+    members_.for_each([&](session::Membership& each) { joined_ = joined_ && each.has_joined(); });
   }
 
   std::optional<bus::Datagram> receive(base::Clock::time_point deadline) override {
@@ -106,10 +89,10 @@ class OtherNodes : public bus::Transport {
     }
     if (waiting_.empty() && joined_ && !finished_) {
       finished_ = true;
-      for (auto& [role, member] : members_) {
-        member.on_all_ticks_done();
-        member.on_finished(base::Clock::now());
-      }
+      members_.for_each([](session::Membership& each) {
+        each.on_all_ticks_done();
+        each.on_finished(base::Clock::now());
+      });
     }
     if (waiting_.empty()) {
       std::this_thread::sleep_until(deadline);
@@ -130,46 +113,28 @@ class OtherNodes : public bus::Transport {
     std::string sender;
   };
 
-  void announce(messages::Role role, session::Membership& member, base::Clock::time_point now) {
-    const std::string address = std::string(messages::name(role)) + "'s address";
-    const auto& own = member.announce(now);
-    for (auto& [other_role, other] : members_) {
-      if (other_role != role) other.handle(own.stamp, own.participant, address, now);
-    }
-    const auto bytes = participants_.encode(own.stamp, own.participant);
-    waiting_.push_back({"ARM_PARTICIPANT", {bytes.begin(), bytes.end()}, address});
-  }
-
   bool joined_ = false, finished_ = false;
   messages::Codec<messages::Participant> participants_{messages::Layout{}};
-  std::list<std::pair<messages::Role, session::Membership>> members_;
+  Members members_;
   std::deque<std::function<void()>> script_;
   std::deque<Message> waiting_;
   bus::Subscriptions channels_;
   Message current_;
 };
 
-/// How a node ended.
-struct NodeOutcome {
-  base::ExitCode code = base::ExitCode::done;
-  std::string fault;
-  session::Statistics statistics;
-};
+/// Returns practical_rigid in lockstep with 30 ticks, then with `overrides`.
+inline scenario::Scenario thirty_ticks(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(),
+                   {"loop.mode=lockstep", "loop.duration_s=0.03", "loop.give_up_s=5"});
+  return scenario::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml", overrides);
+}
 
 /// Runs `node(session)` among the others until it ends.
 inline NodeOutcome run_among(OtherNodes& others, const scenario::Scenario& scenario,
                              messages::Role role,
                              const std::function<void(session::Session&)>& node) {
   session::Session session(scenario, others, {.role = role, .wait_s = 10, .instance = 1});
-  NodeOutcome outcome;
-  try {
-    session.guard([&] { node(session); });
-  } catch (const base::Failure& failure) {
-    outcome.code = failure.code();
-    outcome.fault = failure.what();
-  }
-  outcome.statistics = session.statistics();
-  return outcome;
+  return outcome_of(session, [&] { node(session); });
 }
 
 }  // namespace tachless::support

@@ -4,7 +4,6 @@
 
 #include <fstream>
 #include <iterator>
-#include <stdexcept>
 
 #include "base/logging.h"
 #include "controller/node.h"
@@ -67,7 +66,6 @@ void FourThreads::start(Role role) {
   auto transport = network_.connect(std::string(messages::name(role)) + "'s endpoint");
   if (wrapper_) transport = wrapper_(role, std::move(transport));
   threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
-    Outcome& outcome = outcomes_.at(index);
     session::Session session(
         scenario, *endpoint,
         {.role = role,
@@ -75,16 +73,8 @@ void FourThreads::start(Role role) {
          .wait_s = wait_s_,
          .interrupted = &interrupted_.at(index),
          .key = key_});
-    try {
-      session.guard([&] { run_role(role, scenario, session, log_path()); });
-    } catch (const base::Failure& failure) {
-      outcome.code = failure.code();
-      outcome.fault = failure.what();
-    } catch (const std::exception& error) {
-      outcome.code = base::ExitCode::protocol_violated;
-      outcome.fault = std::string("internal error: ") + error.what();
-    }
-    outcome.statistics = session.statistics();
+    outcomes_.at(index) =
+        support::outcome_of(session, [&] { run_role(role, scenario, session, log_path()); });
   });
 }
 

@@ -17,16 +17,13 @@
 #include "scenario/scenario.h"
 #include "session/session.h"
 #include "tests/support/in_memory.h"
+#include "tests/support/node_outcome.h"
 #include "tests/support/temporary_directory.h"
 
 /// The four real nodes in four threads on an in-memory bus.
 namespace tachless::system_test {
 
-struct Outcome {
-  base::ExitCode code = base::ExitCode::done;
-  std::string fault;
-  session::Statistics statistics;
-};
+using Outcome = support::NodeOutcome;
 
 struct RunResult {
   std::map<messages::Role, Outcome> of;

@@ -4,11 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <random>
 
 #include "base/failure.h"
 #include "identify/least_squares.h"
@@ -81,31 +79,6 @@ TEST(Identify, ADelayIsContinuousAtAWholeTick) {
   };
   // The integrator's accuracy is 1e-8.
   EXPECT_LT((residual(1) - residual(1 - 1e-6)).cwiseAbs().maxCoeff(), 1e-7);
-}
-
-/// One of 20 blocks determines nine tenths of a parameter, as the start of a run determines a
-/// delay. The estimate follows that block's noise. The residual in that block therefore does not
-/// measure the noise.
-TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
-  std::mt19937 random(1);
-  std::normal_distribution<double> normal;
-  constexpr int rows = 1000, runs = 300;
-  const auto noise = [&](double /*zero*/) { return normal(random); };
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows, 2).unaryExpr(noise);
-  J.col(0).head(10) *= 30;
-  const Eigen::Matrix2d inverse = (J.transpose() * J).inverse();
-  Eigen::Array2d held = Eigen::Array2d::Zero();
-  for (int run = 0; run < runs; ++run) {
-    Eigen::VectorXd residual = Eigen::VectorXd::Zero(rows).unaryExpr(noise);
-    const Eigen::Vector2d error = inverse * (J.transpose() * residual);
-    residual -= J * error;
-    const Precision found = precision(J, residual);
-    held += (error.array().abs() <= found.half_width.array()).cast<double>() / runs;
-  }
-  // 95 % of 300, less three standard deviations of 1.3 %. The first interval has one degree of
-  // freedom, so it is wider than needed.
-  EXPECT_GE(held.minCoeff(), 0.91);
-  EXPECT_LE(held[1], 0.99);
 }
 
 /// The arm reaches its goal within 0.1 s and rests there, so that one block of 0.2 s has all the

@@ -11,6 +11,7 @@
 #include "controller/registry.h"
 #include "tests/analysis/in_process/short_run.h"
 #include "tests/support/limited_elbow.h"
+#include "tests/support/same_bits.h"
 
 namespace tachless::in_process {
 namespace {

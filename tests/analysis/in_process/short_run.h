@@ -1,8 +1,6 @@
 // A short run in one process, tick by tick.
 #pragma once
 
-#include <cstddef>
-#include <cstring>
 #include <string>
 #include <vector>
 
@@ -35,11 +33,6 @@ inline std::vector<TickRecord> records(const scenario::Scenario& scenario,
     run_in_process(scenario, controller::scenario_law(scenario), keep, *simulator);
   }
   return all;
-}
-
-inline bool same_bits(const Vector& a, const Vector& b) {
-  return a.size() == b.size() &&
-         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
 
 }  // namespace tachless::in_process

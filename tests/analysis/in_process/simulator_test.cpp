@@ -17,6 +17,7 @@
 #include "in_process/in_process_loop.h"
 #include "plant/plant_model.h"
 #include "tests/analysis/in_process/short_run.h"
+#include "tests/support/same_bits.h"
 
 namespace tachless::in_process {
 namespace {

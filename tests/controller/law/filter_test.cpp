@@ -6,15 +6,14 @@
 #include <array>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <stdexcept>
 
 #include "tests/controller/law/velocity_error.h"
+#include "tests/support/rounding.h"
 
 namespace tachless::controller::law::filter_test {
 namespace {
 
-constexpr double eps = std::numeric_limits<double>::epsilon();
 constexpr std::array all_kinds{Discretisation::first_order_hold, Discretisation::tustin,
                                Discretisation::backward_euler, Discretisation::zero_order_hold};
 

@@ -2,15 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "controller/law/rivals/kelly_regulation.h"
 #include "tests/controller/law/two_link.h"
+#include "tests/support/rounding.h"
 
 namespace tachless::controller::law::loria_ortega_rigid_test {
 namespace {
-
-constexpr double eps = std::numeric_limits<double>::epsilon();
 
 LoriaOrtegaRigid::Gains papers_gains() {
   return {vector(5000, 6000), vector(7000, 8800), vector(1000, 1000), vector(1000, 1000)};

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "tests/core/robot/robots.h"
-#include "tests/core/robot/rounding.h"
+#include "tests/support/rounding.h"
 #include "tests/support/sanitizer.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

@@ -8,7 +8,7 @@
 
 #include "tests/core/robot/energy.h"
 #include "tests/core/robot/robots.h"
-#include "tests/core/robot/rounding.h"
+#include "tests/support/rounding.h"
 
 namespace tachless::robot {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tests/core/robot/robots.h"
-#include "tests/core/robot/rounding.h"
+#include "tests/support/rounding.h"
 
 namespace tachless::robot {
 namespace {

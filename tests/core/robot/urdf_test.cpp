@@ -16,7 +16,7 @@
 #include "robot/model.h"
 #include "robot/urdf_xml.h"
 #include "tests/core/robot/robots.h"
-#include "tests/core/robot/rounding.h"
+#include "tests/support/rounding.h"
 
 namespace tachless::robot {
 namespace {

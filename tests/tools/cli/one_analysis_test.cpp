@@ -83,10 +83,10 @@ class OneAnalysis : public ::testing::TestWithParam<Case> {
   }
 };
 
-std::string name_of(const ::testing::TestParamInfo<Case>& each) {
-  return fmt::format("{}_{}", each.param.scenario, each.index + 1);
-}
-INSTANTIATE_TEST_SUITE_P(Scenarios, OneAnalysis, ::testing::ValuesIn(twenty()), name_of);
+INSTANTIATE_TEST_SUITE_P(Scenarios, OneAnalysis, ::testing::ValuesIn(twenty()),
+                         [](const auto& each) {
+                           return fmt::format("{}_{}", each.param.scenario, each.index + 1);
+                         });
 
 TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
   const PlannedRun& run = planned();
@@ -144,19 +144,9 @@ void expect_same_start(const scenario::Scenario& scenario) {
   }
 }
 
-/// The cases but the xArm 7, whose start takes as long as those of all other cases together.
-class StartOfARun : public OneAnalysis {
- public:
-  static std::vector<Case> cases() {
-    std::vector<Case> all = twenty();
-    std::erase_if(all, [](const Case& each) { return each.scenario == std::string("xarm7"); });
-    return all;
-  }
-};
-INSTANTIATE_TEST_SUITE_P(Scenarios, StartOfARun, ::testing::ValuesIn(StartOfARun::cases()),
-                         name_of);
-
-TEST_P(StartOfARun, IsThatOfCertify) { expect_same_start(planned().scenario); }
+TEST_P(OneAnalysis, SaysTheSameOfTheStartInCertifyAndInARun) {
+  expect_same_start(planned().scenario);
+}
 
 TEST(Start, HasTheSameShareOfTheTorqueLimitsInCertifyAndInARun) {
   const auto with = [](const char* scenario, const std::vector<std::string>& set) {

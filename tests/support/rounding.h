@@ -3,8 +3,8 @@
 
 #include <limits>
 
-namespace tachless::robot {
+namespace tachless {
 
 inline constexpr double eps = std::numeric_limits<double>::epsilon();
 
-}  // namespace tachless::robot
+}  // namespace tachless
