@@ -27,8 +27,17 @@ class ExaminedWeights {
   [[nodiscard]] std::optional<Region> region_without_ball() const;
   /// Returns `Region::ball` of a level [J].
   [[nodiscard]] double ball(double level) const;
-  [[nodiscard]] double level() const;
-  [[nodiscard]] numerics::Extreme slowest(double rho) const;
+  /// @param above a level [J]: the search for a larger one ends where there is none. The result is
+  ///   then minus infinity.
+  [[nodiscard]] double level(double above = -infinity) const;
+  /// @param above a rate [1/s], in the same way
+  [[nodiscard]] numerics::Extreme slowest(double rho, double above = -infinity) const;
+  /// Returns the rate in the limit of small errors, or rho, of a system at a posture of the set. The
+  /// columns of `states` receive the states that bind it if V is positive definite. For rho, Mm at
+  /// delta = 0 has to be positive definite too.
+  [[nodiscard]] double at(Goal goal, std::size_t system, std::size_t posture,
+                          Eigen::MatrixXd& states) const;
+  [[nodiscard]] const Weights& weights() const { return weights_; }
 
  private:
   const MatrixCondition& condition_;

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <utility>
@@ -441,21 +442,29 @@ struct Level {
 };
 
 /// @param constants one of each system
+/// @param above a level [J]: returns nothing where the result is seen not to be larger
 std::optional<Level> level_of(const MatrixCondition& condition, const Weights& weights,
-                              const std::vector<ConstantParts>& constants) {
+                              const std::vector<ConstantParts>& constants, double above) {
+  // A rounding error must not hide a level that is larger.
+  const double not_above = (1 - 1e-9) * std::max(above, 0.0);
   Level result;
   for (std::size_t i = 0; i < constants.size(); ++i) {
     const ErrorSystem& system = condition.systems[i];
     const ConstantParts& constant = constants[i];
-    const numerics::Extreme rho = condition.postures.smallest(
-        [&](const numerics::Inertia& inertia, double /*enough*/) {
-          return rho_at(condition, system, inertia, constant);
-        },
-        condition.refine);
-    if (!(rho.value > 0)) return {};
-    if (rho.value < result.rho.value) result.rho = rho;
     result.w = std::max(result.w, largest_w(condition, system, weights, constant));
     if (std::isinf(result.w)) return {};
+    const double too_small = std::sqrt(2 * result.w * not_above);
+    std::atomic<bool> ended = false;
+    const numerics::Extreme rho = condition.postures.smallest(
+        [&](const numerics::Inertia& inertia, double /*enough*/) {
+          if (ended) return -infinity;
+          const double value = rho_at(condition, system, inertia, constant);
+          if (value <= too_small) ended = true;
+          return value;
+        },
+        condition.refine);
+    if (ended || !(rho.value > 0)) return {};
+    if (rho.value < result.rho.value) result.rho = rho;
   }
   return result;
 }
@@ -476,13 +485,13 @@ ExaminedWeights::ExaminedWeights(const MatrixCondition& condition, const Weights
 
 ExaminedWeights::~ExaminedWeights() = default;
 
-double ExaminedWeights::level() const {
-  const auto found = level_of(condition_, weights_, constants_);
+double ExaminedWeights::level(double above) const {
+  const auto found = level_of(condition_, weights_, constants_, above);
   return found ? found->value() : -infinity;
 }
 
 std::optional<Region> ExaminedWeights::region_without_ball() const {
-  const auto level = level_of(condition_, weights_, constants_);
+  const auto level = level_of(condition_, weights_, constants_, -infinity);
   if (!level) return {};
   Shape V;
   for (std::size_t i = 0; i < constants_.size(); ++i) {
@@ -524,18 +533,32 @@ double ExaminedWeights::ball(double level) const {
   return std::sqrt(level / alpha_2);
 }
 
-numerics::Extreme ExaminedWeights::slowest(double rho) const {
+numerics::Extreme ExaminedWeights::slowest(double rho, double above) const {
   numerics::Extreme least{infinity, {}};
-  for (std::size_t i = 0; i < constants_.size(); ++i) {
+  std::atomic<bool> ended = false;
+  for (std::size_t i = 0; i < constants_.size() && !ended; ++i) {
     const numerics::Extreme of_system = condition_.postures.smallest(
         [&](const numerics::Inertia& inertia, double enough) {
-          return rate_at(condition_, condition_.systems[i], weights_, rho, inertia, constants_[i],
-                         enough);
+          if (ended) return -infinity;
+          const double value = rate_at(condition_, condition_.systems[i], weights_, rho, inertia,
+                                       constants_[i], enough);
+          if (value <= above && std::isfinite(above)) ended = true;
+          return value;
         },
         condition_.refine);
     if (of_system.value < least.value) least = of_system;
   }
-  return least;
+  return ended ? numerics::Extreme{-infinity, least.q} : least;
+}
+
+double ExaminedWeights::at(Goal goal, std::size_t system, std::size_t posture,
+                           MatrixXd& states) const {
+  const ErrorSystem& of = condition_.systems[system];
+  const numerics::Inertia& inertia = condition_.postures.inertia[posture];
+  const ConstantParts& constant = constants_[system];
+  return goal == Goal::rate
+             ? rate_at(condition_, of, weights_, 0, inertia, constant, infinity, &states)
+             : rho_at(condition_, of, inertia, constant, &states);
 }
 
 double MatrixCondition::level(const Weights& weights) const {
@@ -544,14 +567,6 @@ double MatrixCondition::level(const Weights& weights) const {
 
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   return ExaminedWeights(*this, weights).region();
-}
-
-double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
-                           const numerics::Inertia& inertia, MatrixXd& states) const {
-  const ConstantParts constant(*this, system, weights);
-  return goal == Goal::rate
-             ? rate_at(*this, system, weights, 0, inertia, constant, infinity, &states)
-             : rho_at(*this, system, inertia, constant, &states);
 }
 
 numerics::Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {

@@ -61,11 +61,6 @@ struct MatrixCondition {
   [[nodiscard]] double rate(const Weights& weights, double rho) const {
     return slowest(weights, rho).value;
   }
-  /// Returns the rate in the limit of small errors, or rho, at one posture. The columns of `states`
-  /// receive the states that bind it if V is positive definite. For rho, Mm at delta = 0 has to be
-  /// positive definite too.
-  [[nodiscard]] double at(Goal goal, const Weights& weights, const ErrorSystem& system,
-                          const numerics::Inertia& inertia, Eigen::MatrixXd& states) const;
 };
 
 /// Weights and what they certify.

@@ -124,7 +124,7 @@ class ErrorLoop {
       if (auto result = certified(best->weights)) return result;
       from = best->weights;
       for (MatrixCondition* each : {&coarse, &middle}) {
-        each->postures.add(fine().slowest(*from, 0).q);
+        each->postures.add(examined(*from).slowest(0).q);
       }
     }
     return {};
@@ -169,6 +169,7 @@ class ErrorLoop {
   void look_within(const VectorXd& tube) {
     if (tube.size() == tube_.size() && tube == tube_) return;
     tube_ = tube;
+    examined_.reset();
     fine_.reset();
     centres_.clear();
     if (tube.size() == 0) return;
@@ -224,13 +225,12 @@ class ErrorLoop {
 
   /// Returns the certified region of these weights, without what `completed` adds.
   std::optional<CertifiedRegion> certified(const Weights& weights) {
-    const ExaminedWeights examined(fine(), weights);
-    const auto region = examined.region();
+    const auto region = examined(weights).region();
     if (!region) return {};
     auto result = within_bounds(weights, *region);
     if (!result) return {};
     // The search for the slowest posture may find one at which V grows that the region's missed.
-    const double rate = examined.slowest(0).value;
+    const double rate = examined(weights).slowest(0).value;
     if (!(rate > 0)) return {};
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
     result->rate = loop_.weights ? 0 : rate;
@@ -252,8 +252,9 @@ class ErrorLoop {
     // From V0 on, |delta| stays below sqrt(2 w V).
     if (result.holds_initial_state()) {
       const double delta = std::sqrt(2 * result.region.w * result.V0);
-      result.rate_from_start =
-          loop_.weights || delta == 0 ? result.rate : fine().rate(result.weights, delta);
+      result.rate_from_start = loop_.weights || delta == 0
+                                   ? result.rate
+                                   : examined(result.weights).slowest(delta).value;
     }
     result.torque = torque(result);
     if (friction_.any() && std::isfinite(result.region.level)) {
@@ -403,7 +404,7 @@ class ErrorLoop {
   /// decay at mu.
   VectorXd ultimate(const CertifiedRegion& c) {
     if (loop_.weights) return {};
-    const double mu = fine().rate(c.weights, c.region.rho / 2);
+    const double mu = examined(c.weights).slowest(c.region.rho / 2).value;
     if (!(mu > 0)) return {};
     double of_y = 0;
     for (const numerics::Inertia& at : fine().postures.inertia) {
@@ -439,6 +440,15 @@ class ErrorLoop {
     }
     return *fine_;
   }
+  /// Returns the answers of `fine` for these weights. Those for the last weights are kept.
+  const ExaminedWeights& examined(const Weights& weights) {
+    const auto are = [&](const Weights& last) {
+      return last.eps_1.size() == weights.eps_1.size() && last.eps_1 == weights.eps_1 &&
+             last.eps_2.size() == weights.eps_2.size() && last.eps_2 == weights.eps_2;
+    };
+    if (!examined_ || !are(examined_->weights())) examined_.emplace(fine(), weights);
+    return *examined_;
+  }
 
   static constexpr int most_errors = 1024;  ///< at which torques are looked at, at most
   const scenario::Scenario& scenario_;
@@ -453,6 +463,7 @@ class ErrorLoop {
   std::vector<Vector> centres_;
   std::vector<messages::ReferencePoint> on_the_way_;  ///< where torque limits are looked at
   std::optional<MatrixCondition> fine_;
+  std::optional<ExaminedWeights> examined_;  ///< of `fine_`
 };
 
 /// Returns whether the unknown parameters of loria_ortega_adaptive can be those of the payload: its

@@ -110,10 +110,9 @@ class WeightSearch {
   WeightSearch(const MatrixCondition& coarse, Goal goal) : on_(coarse), goal_(goal) {}
 
   /// Returns the rate or sqrt(2 level) over all postures. The search makes it large.
-  [[nodiscard]] double merit(const VectorXd& x) const {
-    if (goal_ == Goal::rate) return on_.rate(weights_of(x), 0);
-    const double level = on_.level(weights_of(x));
-    return level >= 0 ? std::min(enough(), std::sqrt(2 * level)) : -infinity;
+  /// @param above where the result is not above this number, it is any number up to it
+  [[nodiscard]] double merit(const VectorXd& x, double above = -infinity) const {
+    return merit(ExaminedWeights(on_, weights_of(x)), above);
   }
   /// Returns errors of 1000 rad from rest in each joint as sqrt(2 level). Where friction outweighs
   /// C(q, v_ref) there is no largest level, and weights that reach this level are as good as any.
@@ -124,16 +123,21 @@ class WeightSearch {
   /// Returns better weights than x, and their merit.
   std::pair<VectorXd, double> improved(VectorXd x) {
     cuts_.clear();
-    double best = merit(x), radius = first_step;
-    add_cuts(x);
+    double best = 0, radius = first_step;
+    {
+      const ExaminedWeights at_x(on_, weights_of(x));
+      best = merit(at_x);
+      add_cuts(at_x);
+    }
     for (int step = 0; step < most_steps && std::isfinite(best) && radius > smallest_step &&
                        !(goal_ == Goal::level && best >= enough());
          ++step) {
       const auto [d, promised] = programme(x, radius);
       if (d.size() == 0 || promised - best < least_promise * std::abs(best)) break;
       const VectorXd next = x + x.cwiseProduct(d);
-      const double found = merit(next);
-      if (std::isfinite(found)) add_cuts(next);
+      const ExaminedWeights at_next(on_, weights_of(next));
+      const double found = merit(at_next);
+      if (std::isfinite(found)) add_cuts(at_next);
       if (found > best + 0.1 * (promised - best)) {
         radius = std::min(largest_step, 1.6 * radius);
       } else {
@@ -148,14 +152,18 @@ class WeightSearch {
   }
 
  private:
+  [[nodiscard]] double merit(const ExaminedWeights& examined, double above = -infinity) const {
+    if (goal_ == Goal::rate) return examined.slowest(0, above).value;
+    const double level = examined.level(above > 0 ? above * above / 2 : -infinity);
+    return level >= 0 ? std::min(enough(), std::sqrt(2 * level)) : -infinity;
+  }
+
   /// The states that bind at the postures near the worst.
-  void add_cuts(const VectorXd& x) {
-    const Weights weights = weights_of(x);
+  void add_cuts(const ExaminedWeights& examined) {
     const std::size_t count = on_.postures.inertia.size();
     std::vector<MatrixXd> states(count * on_.systems.size());
     const auto value = base::parallel_map(states.size(), [&](std::size_t i) {
-      return on_.at(goal_, weights, on_.systems[i / count], on_.postures.inertia[i % count],
-                    states[i]);
+      return examined.at(goal_, i / count, i % count, states[i]);
     });
     const double least = *std::ranges::min_element(value);
     for (std::size_t i = 0; i < value.size(); ++i) {
@@ -217,7 +225,7 @@ VectorXd start(const MatrixCondition& coarse, const WeightSearch& search) {
       VectorXd x(2 * system.num_errors());
       x << VectorXd::Constant(system.num_errors(), top * std::exp(-ratio_below)),
           top * system.b.cwiseInverse();
-      const double found = search.merit(x);
+      const double found = search.merit(x, value);
       if (best.size() > 0 && !(found > value)) continue;
       best = x;
       value = found;
