@@ -32,9 +32,9 @@ class ExaminedWeights {
   [[nodiscard]] double level(double above = -infinity) const;
   /// @param above a rate [1/s], in the same way
   [[nodiscard]] numerics::Extreme slowest(double rho, double above = -infinity) const;
-  /// Returns the rate in the limit of small errors, or rho, of a system at a posture of the set. The
-  /// columns of `states` receive the states that bind it if V is positive definite. For rho, Mm at
-  /// delta = 0 has to be positive definite too.
+  /// Returns the rate in the limit of small errors, or rho, of a system at a posture of the set.
+  /// The columns of `states` receive the states that bind it if V is positive definite. For rho, Mm
+  /// at delta = 0 has to be positive definite too.
   [[nodiscard]] double at(Goal goal, std::size_t system, std::size_t posture,
                           Eigen::MatrixXd& states) const;
   [[nodiscard]] const Weights& weights() const { return weights_; }

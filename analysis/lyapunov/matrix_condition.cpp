@@ -398,7 +398,8 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
     if (-half.squaredNorm() > enough) return infinity;
     return -numerics::largest_eigenvalue(half.transpose() * half);
   };
-  return -condition.postures.smallest(negative, condition.refine).value;
+  return -condition.postures.smallest(negative, condition.refine, numerics::Postures::Reads::M)
+              .value;
 }
 
 /// Returns the least alpha_2 of a system with V <= alpha_2 |x|^2 at all postures.
@@ -410,7 +411,9 @@ double largest_V(const MatrixCondition& condition, const ErrorSystem& system,
     if (std::isfinite(enough) && is_positive(above)) return infinity;
     return -numerics::largest_eigenvalue(P) / 2;
   };
-  return -condition.postures.smallest(negative, condition.refine).value + slack.V / 2;
+  const auto least =
+      condition.postures.smallest(negative, condition.refine, numerics::Postures::Reads::M);
+  return -least.value + slack.V / 2;
 }
 
 std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,

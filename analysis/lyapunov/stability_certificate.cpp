@@ -225,7 +225,7 @@ class ErrorLoop {
 
   /// Returns the certified region of these weights, without what `completed` adds.
   std::optional<CertifiedRegion> certified(const Weights& weights) {
-    const auto region = examined(weights).region();
+    const auto region = examined(weights).region_without_ball();
     if (!region) return {};
     auto result = within_bounds(weights, *region);
     if (!result) return {};
@@ -241,6 +241,9 @@ class ErrorLoop {
   std::optional<CertifiedRegion> completed(std::optional<CertifiedRegion> found) {
     if (!found) return found;
     CertifiedRegion& result = *found;
+    if (result.region.ball == 0) {
+      result.region.ball = examined(result.weights).ball(result.region.level);
+    }
     const double room = result.region.level - result.V0;
     if (loop_.weights) {
       result.unknown_torque =
@@ -252,9 +255,8 @@ class ErrorLoop {
     // From V0 on, |delta| stays below sqrt(2 w V).
     if (result.holds_initial_state()) {
       const double delta = std::sqrt(2 * result.region.w * result.V0);
-      result.rate_from_start = loop_.weights || delta == 0
-                                   ? result.rate
-                                   : examined(result.weights).slowest(delta).value;
+      result.rate_from_start =
+          loop_.weights || delta == 0 ? result.rate : examined(result.weights).slowest(delta).value;
     }
     result.torque = torque(result);
     if (friction_.any() && std::isfinite(result.region.level)) {

@@ -281,8 +281,8 @@ bool Postures::contains(const Vector& posture) const {
   });
 }
 
-Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& f,
-                           bool refine) const {
+Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& f, bool refine,
+                           Reads reads) const {
   constexpr double none = std::numeric_limits<double>::infinity();
   constexpr std::size_t starts = 3, first = 32;
   // After the first postures and each doubling of their number, a value is of use only if it is
@@ -301,9 +301,12 @@ Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& 
     std::ranges::nth_element(least, least.begin() + (starts - 1));
     enough = least[starts - 1];
   }
-  return smallest_of([&](const Vector& at) { return contains(at); },
-                     [&](const Vector& at) { return f(inertia_at(model, at), none); }, q, value,
-                     starts, refine && kind == Kind::sampled ? 300 : 0);
+  const auto value_at = [&](const Vector& at) {
+    return f(reads == Reads::M ? Inertia{robot::mass_matrix(model, at), {}} : inertia_at(model, at),
+             none);
+  };
+  return smallest_of([&](const Vector& at) { return contains(at); }, value_at, q, value, starts,
+                     refine && kind == Kind::sampled ? 300 : 0);
 }
 
 }  // namespace tachless::numerics

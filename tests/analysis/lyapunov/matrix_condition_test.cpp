@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "base/parallel.h"
+#include "lyapunov/examined_weights.h"
 #include "numerics/decompositions.h"
 #include "tests/analysis/linear/loops.h"
 #include "tests/analysis/lyapunov/decrease.h"
@@ -257,6 +258,33 @@ TEST(MatrixOfThreeJoints, RateIsThatOfWholeMatrices) {
     // Rounding: Mm at rest has condition numbers up to 1e6.
     EXPECT_NEAR(condition.rate(weights, 0), least, 1e-8 * least);
   }
+}
+
+TEST(MatrixOfThreeJoints, SearchForMoreThanABoundEndsWhereThereIsNoMore) {
+  const robot::Model model = robot::model_from_urdf(robot::testing::chain_urdf(3, 1), "chain");
+  const VectorXd one = VectorXd::Ones(3);
+  const FilterGains gains{2000 * one, 200 * one, 100 * one, 100 * one};
+  const ErrorSystem system = flexible_error_system(5000 * one, 0.5 * one, gains, gains);
+  numerics::PostureOptions options;
+  options.samples = 100;
+  const MatrixCondition condition{{system}, numerics::Postures(model, options), 1, false};
+  const ExaminedWeights examined(condition, {0.3, 0.03});
+  const double level = examined.level(), rate = examined.slowest(0).value;
+  ASSERT_GT(level, 0);
+  ASSERT_GT(rate, 0);
+  // The bounds are 1e-6 beside the results; the search ends 1e-9 below its bound.
+  EXPECT_EQ(examined.level((1 - 1e-6) * level), level);
+  EXPECT_EQ(examined.level((1 + 1e-6) * level), -infinity);
+  EXPECT_EQ(examined.slowest(0, (1 - 1e-6) * rate).value, rate);
+  EXPECT_EQ(examined.slowest(0, (1 + 1e-6) * rate).value, -infinity);
+
+  Eigen::MatrixXd states;
+  double least = infinity;
+  for (std::size_t i = 0; i < condition.postures.inertia.size(); ++i) {
+    least = std::min(least, examined.at(Goal::rate, 0, i, states));
+    EXPECT_EQ(states.rows(), 18);  // (e, nu, edot) of three links and three rotors
+  }
+  EXPECT_EQ(least, rate);
 }
 
 class MatrixOfSevenJoints : public ::testing::Test {
