@@ -545,6 +545,7 @@ numerics::Extreme ExaminedWeights::slowest(double rho, double above) const {
           if (ended) return -infinity;
           const double value = rate_at(condition_, condition_.systems[i], weights_, rho, inertia,
                                        constants_[i], enough);
+          // Without a bound the result's posture counts too: all are looked at.
           if (value <= above && std::isfinite(above)) ended = true;
           return value;
         },
