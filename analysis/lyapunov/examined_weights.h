@@ -27,10 +27,10 @@ class ExaminedWeights {
   [[nodiscard]] std::optional<Region> region_without_ball() const;
   /// Returns `Region::ball` of a level [J].
   [[nodiscard]] double ball(double level) const;
-  /// @param above a level [J]: the search for a larger one ends where there is none. The result is
-  ///   then minus infinity.
+  /// @param above a level [J] that the result has to exceed; if it does not, it is minus infinity
   [[nodiscard]] double level(double above = -infinity) const;
-  /// @param above a rate [1/s], in the same way
+  /// @param above a rate [1/s] that the result has to exceed; if it does not, it is any rate that
+  ///   is not above, and its posture is of no use
   [[nodiscard]] numerics::Extreme slowest(double rho, double above = -infinity) const;
   /// Returns the rate in the limit of small errors, or rho, of a system at a posture of the set.
   /// The columns of `states` receive the states that bind it if V is positive definite. For rho, Mm

@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <functional>
 #include <utility>
@@ -398,7 +397,7 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
     if (-half.squaredNorm() > enough) return infinity;
     return -numerics::largest_eigenvalue(half.transpose() * half);
   };
-  return -condition.postures.smallest(negative, condition.refine, numerics::Postures::Reads::M)
+  return -condition.postures.smallest(negative, {condition.refine, numerics::Postures::Reads::M})
               .value;
 }
 
@@ -412,7 +411,7 @@ double largest_V(const MatrixCondition& condition, const ErrorSystem& system,
     return -numerics::largest_eigenvalue(P) / 2;
   };
   const auto least =
-      condition.postures.smallest(negative, condition.refine, numerics::Postures::Reads::M);
+      condition.postures.smallest(negative, {condition.refine, numerics::Postures::Reads::M});
   return -least.value + slack.V / 2;
 }
 
@@ -457,16 +456,12 @@ std::optional<Level> level_of(const MatrixCondition& condition, const Weights& w
     result.w = std::max(result.w, largest_w(condition, system, weights, constant));
     if (std::isinf(result.w)) return {};
     const double too_small = std::sqrt(2 * result.w * not_above);
-    std::atomic<bool> ended = false;
     const numerics::Extreme rho = condition.postures.smallest(
         [&](const numerics::Inertia& inertia, double /*enough*/) {
-          if (ended) return -infinity;
-          const double value = rho_at(condition, system, inertia, constant);
-          if (value <= too_small) ended = true;
-          return value;
+          return rho_at(condition, system, inertia, constant);
         },
-        condition.refine);
-    if (ended || !(rho.value > 0)) return {};
+        {.refine = condition.refine, .above = too_small});
+    if (!(rho.value > too_small)) return {};
     if (rho.value < result.rho.value) result.rho = rho;
   }
   return result;
@@ -538,21 +533,16 @@ double ExaminedWeights::ball(double level) const {
 
 numerics::Extreme ExaminedWeights::slowest(double rho, double above) const {
   numerics::Extreme least{infinity, {}};
-  std::atomic<bool> ended = false;
-  for (std::size_t i = 0; i < constants_.size() && !ended; ++i) {
+  for (std::size_t i = 0; i < constants_.size() && least.value > above; ++i) {
     const numerics::Extreme of_system = condition_.postures.smallest(
         [&](const numerics::Inertia& inertia, double enough) {
-          if (ended) return -infinity;
-          const double value = rate_at(condition_, condition_.systems[i], weights_, rho, inertia,
-                                       constants_[i], enough);
-          // Without a bound the result's posture counts too: all are looked at.
-          if (value <= above && std::isfinite(above)) ended = true;
-          return value;
+          return rate_at(condition_, condition_.systems[i], weights_, rho, inertia, constants_[i],
+                         enough);
         },
-        condition_.refine);
+        {.refine = condition_.refine, .above = above});
     if (of_system.value < least.value) least = of_system;
   }
-  return ended ? numerics::Extreme{-infinity, least.q} : least;
+  return least;
 }
 
 double ExaminedWeights::at(Goal goal, std::size_t system, std::size_t posture,

@@ -17,7 +17,7 @@ struct Region {
   double rho = 0;    ///< Vdot < 0 where |L^-1 delta| <= rho, delta = E1 e1 - E2 nu1 [J^1/2]
   double w = 0;      ///< |L^-1 delta|^2 <= 2 w V
   double level = 0;  ///< V <= level is invariant [J]
-  double ball = 0;   ///< |x(0)| <= ball is certified; mixes rad and rad/s
+  double ball = 0;   ///< |x(0)| <= ball is certified; mixes rad and rad/s; 0: not computed
   Eigen::VectorXd e_at_rest;  ///< largest |e_i(0)| if all other errors are 0 [rad; m]
   Eigen::VectorXd edot;       ///< largest |edot_i(0)| if all other errors are 0 [rad/s; m/s]
   /// Largest |e_i| at any time from anywhere in the level set [rad; m].
@@ -70,8 +70,9 @@ struct Certified {
   double rate = 0;  ///< of V in the limit of small errors, mu [1/s]; the error decays at mu/2
 };
 
-/// Returns weights and what `fine` certifies for them; nothing when no weights are certified. The
-/// search (weight_search.cpp) uses `coarse`, which may have few postures and no refinement.
+/// Returns weights and what `fine` certifies for them, but for the ball of the region, which a
+/// search does not compare. Returns nothing when no weights are certified. The search
+/// (weight_search.cpp) uses `coarse`, which may have few postures and no refinement.
 /// @param from start of the search; without it the best point of a grid
 std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
                                       Goal goal, const std::optional<Weights>& from = {});

@@ -24,6 +24,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+bool equal(const VectorXd& a, const VectorXd& b) { return a.size() == b.size() && a == b; }
+
 /// The loop in error coordinates, where it starts, and the search for weights of V.
 class ErrorLoop {
  public:
@@ -167,7 +169,7 @@ class ErrorLoop {
 
   /// From here on only postures so near the reference; empty: all.
   void look_within(const VectorXd& tube) {
-    if (tube.size() == tube_.size() && tube == tube_) return;
+    if (equal(tube, tube_)) return;
     tube_ = tube;
     examined_.reset();
     fine_.reset();
@@ -444,11 +446,10 @@ class ErrorLoop {
   }
   /// Returns the answers of `fine` for these weights. Those for the last weights are kept.
   const ExaminedWeights& examined(const Weights& weights) {
-    const auto are = [&](const Weights& last) {
-      return last.eps_1.size() == weights.eps_1.size() && last.eps_1 == weights.eps_1 &&
-             last.eps_2.size() == weights.eps_2.size() && last.eps_2 == weights.eps_2;
-    };
-    if (!examined_ || !are(examined_->weights())) examined_.emplace(fine(), weights);
+    if (!examined_ || !equal(examined_->weights().eps_1, weights.eps_1) ||
+        !equal(examined_->weights().eps_2, weights.eps_2)) {
+      examined_.emplace(fine(), weights);
+    }
     return *examined_;
   }
 

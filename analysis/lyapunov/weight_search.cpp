@@ -123,12 +123,9 @@ class WeightSearch {
   /// Returns better weights than x, and their merit.
   std::pair<VectorXd, double> improved(VectorXd x) {
     cuts_.clear();
-    double best = 0, radius = first_step;
-    {
-      const ExaminedWeights at_x(on_, weights_of(x));
-      best = merit(at_x);
-      add_cuts(at_x);
-    }
+    const ExaminedWeights at_x(on_, weights_of(x));
+    double best = merit(at_x), radius = first_step;
+    add_cuts(at_x);
     for (int step = 0; step < most_steps && std::isfinite(best) && radius > smallest_step &&
                        !(goal_ == Goal::level && best >= enough());
          ++step) {
@@ -239,7 +236,7 @@ double merit(Goal goal, const Certified& c) {
 }
 
 /// Improves the weights x. Postures that bind the result join the coarse ones. Returns `best` at
-/// least, without its ball.
+/// least.
 std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
                                   VectorXd x, std::optional<Certified> best) {
   constexpr int rounds = 6;  // a cap: a round adds the posture that forbids the last result
@@ -265,9 +262,10 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
   return best;
 }
 
-/// Returns `best_weights` without the region's ball.
-std::optional<Certified> searched(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
-                                  const std::optional<Weights>& from) {
+}  // namespace
+
+std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
+                                      Goal goal, const std::optional<Weights>& from) {
   const auto from_weights = [&](const Weights& weights, std::optional<Certified> best) {
     VectorXd x(2 * weights.eps_1.size());
     x << weights.eps_1, weights.eps_2;
@@ -286,15 +284,6 @@ std::optional<Certified> searched(MatrixCondition& coarse, const MatrixCondition
   if (best || goal == Goal::rate) return best;
   best = from_grid(Goal::rate);  // where few weights have a level, those of a positive rate do
   return best ? from_weights(best->weights, best) : best;
-}
-
-}  // namespace
-
-std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
-                                      Goal goal, const std::optional<Weights>& from) {
-  auto best = searched(coarse, fine, goal, from);
-  if (best) best->region.ball = ExaminedWeights(fine, best->weights).ball(best->region.level);
-  return best;
 }
 
 }  // namespace tachless::lyapunov

@@ -3,6 +3,7 @@
 #include <nlopt.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <exception>
 #include <limits>
@@ -281,32 +282,40 @@ bool Postures::contains(const Vector& posture) const {
   });
 }
 
-Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& f, bool refine,
-                           Reads reads) const {
-  constexpr double none = std::numeric_limits<double>::infinity();
+Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& f,
+                           const Search& search) const {
   constexpr std::size_t starts = 3, first = 32;
   // After the first postures and each doubling of their number, a value is of use only if it is
   // among the least ones so far.
   std::vector<double> value, least;
-  double enough = none;
+  double enough = infinity;
+  std::atomic<bool> ended = false;
+  const auto value_at = [&](std::size_t i) {
+    if (ended) return -infinity;
+    const double found = f(inertia[i], enough);
+    if (found <= search.above && search.above > -infinity) ended = true;
+    return found;
+  };
   while (value.size() < q.size()) {
     const std::size_t begin = value.size();
     const std::size_t count = std::min(std::max(begin, first), q.size() - begin);
     for (const double each :
-         base::parallel_map(count, [&](std::size_t i) { return f(inertia[begin + i], enough); })) {
+         base::parallel_map(count, [&](std::size_t i) { return value_at(begin + i); })) {
       value.push_back(each);
     }
+    if (ended) return {-infinity, {}};
     least = value;
     if (least.size() < starts) continue;
     std::ranges::nth_element(least, least.begin() + (starts - 1));
     enough = least[starts - 1];
   }
-  const auto value_at = [&](const Vector& at) {
-    return f(reads == Reads::M ? Inertia{robot::mass_matrix(model, at), {}} : inertia_at(model, at),
-             none);
+  const bool M_alone = search.reads == Reads::M;
+  const auto anywhere = [&](const Vector& at) {
+    return f(M_alone ? Inertia{robot::mass_matrix(model, at), {}} : inertia_at(model, at),
+             infinity);
   };
-  return smallest_of([&](const Vector& at) { return contains(at); }, value_at, q, value, starts,
-                     refine && kind == Kind::sampled ? 300 : 0);
+  return smallest_of([&](const Vector& at) { return contains(at); }, anywhere, q, value, starts,
+                     search.refine && kind == Kind::sampled ? 300 : 0);
 }
 
 }  // namespace tachless::numerics

@@ -4,6 +4,7 @@
 #include <functional>
 #include <vector>
 
+#include "base/quantities.h"
 #include "robot/model.h"
 
 /// Postures over which a condition on M and C is checked, with M and C at each, and extremes over
@@ -66,6 +67,14 @@ struct Postures {
   enum class Kind { point, circle, sampled };
   /// The parts of Inertia that a function of it reads. M alone takes a tenth of the time.
   enum class Reads { M, M_and_C };
+  /// How `smallest` searches.
+  struct Search {
+    bool refine = false;  ///< the three smallest values of a sampled set are refined locally
+    Reads reads = Reads::M_and_C;
+    /// A number that the result has to exceed. The search ends with minus infinity, and no posture,
+    /// once a value of the set does not.
+    double above = -infinity;
+  };
   struct Harmonic {
     double order = 0;  ///< cos(order q2), sin(order q2)
     Inertia cosine, sine;
@@ -79,11 +88,10 @@ struct Postures {
   /// Adds a posture that a search has to respect. Nothing is proved about it.
   void add(const Vector& posture);
 
-  /// Returns the smallest f(inertia, enough) over the set. With `refine`, the three smallest values
-  /// of a sampled set are refined locally. f may return infinity where its value is above `enough`,
-  /// which saves work: the value there does not matter.
+  /// Returns the smallest f(inertia, enough) over the set. f may return infinity where its value is
+  /// above `enough`, which saves work: the value there does not matter.
   [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&, double enough)>& f,
-                                 bool refine, Reads reads = Reads::M_and_C) const;
+                                 const Search& search) const;
 
   robot::Model model;
   std::vector<Vector> centres;

@@ -65,13 +65,13 @@ TEST(SampledPostures, SmallestDoesNotNeedValuesThatAreAboveEnough) {
   std::atomic<int> left_out = 0;
   for (const bool refine : {false, true}) {
     const Extreme all =
-        postures.smallest([&](const Inertia& at, double /*enough*/) { return f(at); }, refine);
+        postures.smallest([&](const Inertia& at, double /*enough*/) { return f(at); }, {refine});
     const auto only_small = [&](const Inertia& at, double enough) {
       if (f(at) <= enough) return f(at);
       ++left_out;
       return std::numeric_limits<double>::infinity();
     };
-    const Extreme some = postures.smallest(only_small, refine);
+    const Extreme some = postures.smallest(only_small, {refine});
     EXPECT_EQ(some.value, all.value);
     EXPECT_EQ(some.q, all.q);
   }
