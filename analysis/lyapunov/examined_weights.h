@@ -11,6 +11,13 @@ namespace tachless::lyapunov {
 /// weights; and what several answers need at a posture.
 struct ConstantParts;
 
+/// States that bind at a posture, and the rate or rho of each. The least value is that of the
+/// posture.
+struct BindingStates {
+  Eigen::VectorXd value;  ///< rate [1/s] or rho [J^1/2]
+  Eigen::MatrixXd state;  ///< a column for each, in (e, nu, edot)
+};
+
 /// The answers of a condition for one choice of weights. Mm is computed once at each posture of the
 /// condition's set, for the region and for the rate. The answers are those of the functions of
 /// MatrixCondition with the same names.
@@ -32,11 +39,14 @@ class ExaminedWeights {
   /// @param above a rate [1/s] that the result has to exceed; if it does not, it is any rate that
   ///   is not above, and its posture is of no use
   [[nodiscard]] numerics::Extreme slowest(double rho, double above = -infinity) const;
-  /// Returns the rate in the limit of small errors, or rho, of a system at a posture of the set.
-  /// The columns of `states` receive the states that bind it if V is positive definite. For rho, Mm
-  /// at delta = 0 has to be positive definite too.
-  [[nodiscard]] double at(Goal goal, std::size_t system, std::size_t posture,
-                          Eigen::MatrixXd& states) const;
+  /// Returns the states that bind the rate in the limit of small errors, or rho, of a system at a
+  /// posture of the set. There are none where V is not positive definite, and none for rho where Mm
+  /// at delta = 0 is not.
+  [[nodiscard]] BindingStates binding(Goal goal, std::size_t system, std::size_t posture) const;
+  /// Returns Mm at delta = 0 of a system at a posture of the set, less what the condition subtracts
+  /// for every v_ref. Returns nothing where the condition does not hold at rest.
+  [[nodiscard]] std::optional<Eigen::MatrixXd> decrease(std::size_t system,
+                                                        std::size_t posture) const;
   [[nodiscard]] const Weights& weights() const { return weights_; }
 
  private:

@@ -161,54 +161,88 @@ class PositionPart {
 
 }  // namespace
 
-/// Only the links' rows and columns of Mm depend on the posture. The rotors' are eliminated once:
-/// with L L' the rotors' corner of Mm and C the links' rows of the rotors' columns, Mm is positive
-/// definite where the links' corner less C (L L')^-1 C' is.
-struct ConstantParts {
-  ConstantParts(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights)
-      : slack(slack_of(condition, system, weights)),
-        of_delta(delta_scale(system, weights)),
-        decrease(decrease_constant(system, weights) - slack.decrease),
-        of_links{{}, {}, system.a.head(system.num_links()), system.b.head(system.num_links()), {}},
-        links_weights(weights.of(system.num_errors()).of(system.num_links())),
-        links(coordinates(system.num_errors(), 0, system.num_links())),
-        rotors(coordinates(system.num_errors(), system.num_links(), system.num_errors())),
-        corner(decrease(links, links)),
-        known(condition.postures.inertia.size()) {
+/// The rotors eliminated from symmetric matrices of which only the links' corner depends on the
+/// posture. With L L' the rotors' corner and C the links' rows of the rotors' columns, the matrix
+/// is positive definite where the links' corner less C (L L')^-1 C' is.
+class WithoutRotors {
+ public:
+  /// @param A the matrix; its links' corner is not read
+  WithoutRotors(const MatrixXd& A, const std::vector<Index>& links,
+                const std::vector<Index>& rotors)
+      : links_(links), rotors_(rotors) {
     if (rotors.empty()) return;
-    of_rotors.compute(decrease(rotors, rotors));
-    positive = of_rotors.info() == Eigen::Success;
-    if (!positive) return;
-    coupling = of_rotors.matrixL().solve(MatrixXd(decrease(rotors, links)));
-    by_rotors = coupling.transpose() * coupling;
+    of_rotors_.compute(A(rotors, rotors));
+    positive_ = of_rotors_.info() == Eigen::Success;
+    if (!positive_) return;
+    coupling_ = of_rotors_.matrixL().solve(MatrixXd(A(rotors, links)));
+    by_rotors_ = coupling_.transpose() * coupling_;
   }
 
-  /// Returns the Cholesky factor of the links' corner of a matrix with the rotors eliminated.
+  /// Returns the Cholesky factor of the links' corner of the matrix with the rotors eliminated.
   /// Returns nothing if the matrix is not positive definite.
-  [[nodiscard]] std::optional<Eigen::LLT<MatrixXd>> factor(const MatrixXd& of_corner) const {
-    if (!positive) return {};
-    Eigen::LLT<MatrixXd> found(rotors.empty() ? of_corner : of_corner - by_rotors);
+  [[nodiscard]] std::optional<Eigen::LLT<MatrixXd>> factor(const MatrixXd& corner) const {
+    if (!positive_) return {};
+    Eigen::LLT<MatrixXd> found(rotors_.empty() ? corner : corner - by_rotors_);
     if (found.info() != Eigen::Success) return {};
     return found;
   }
   /// Returns the states of all coordinates for columns of the links', with the rotors where they
   /// make the quadratic form least.
   [[nodiscard]] MatrixXd states(const MatrixXd& in_links) const {
-    MatrixXd all(std::ssize(links) + std::ssize(rotors), in_links.cols());
-    all(links, Eigen::all) = in_links;
-    if (!rotors.empty()) {
-      all(rotors, Eigen::all) = -of_rotors.matrixU().solve(coupling * in_links);
+    MatrixXd all(std::ssize(links_) + std::ssize(rotors_), in_links.cols());
+    all(links_, Eigen::all) = in_links;
+    if (!rotors_.empty()) {
+      all(rotors_, Eigen::all) = -of_rotors_.matrixU().solve(coupling_ * in_links);
     }
     return all;
   }
-  /// Returns Mm with this corner of the links.
-  [[nodiscard]] MatrixXd whole(const MatrixXd& of_corner) const {
-    MatrixXd Mm = decrease;
-    Mm(links, links) = of_corner;
-    return Mm;
+
+ private:
+  std::vector<Index> links_, rotors_;
+  Eigen::LLT<MatrixXd> of_rotors_;
+  MatrixXd coupling_;     ///< L^-1 C'
+  MatrixXd by_rotors_;    ///< C (L L')^-1 C'
+  bool positive_ = true;  ///< whether the rotors' corner is positive definite
+};
+
+/// Mm, and the matrix of 2 V, with what does not depend on the posture.
+struct ConstantParts {
+  ConstantParts(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights)
+      : slack(slack_of(condition, system, weights)),
+        of_delta(delta_scale(system, weights)),
+        of_links{{}, {}, system.a.head(system.num_links()), system.b.head(system.num_links()), {}},
+        links_weights(weights.of(system.num_errors()).of(system.num_links())),
+        links(coordinates(system.num_errors(), 0, system.num_links())),
+        rotors(coordinates(system.num_errors(), system.num_links(), system.num_errors())),
+        decrease(decrease_constant(system, weights) - slack.decrease),
+        V(lyapunov_matrix(system, weights, MatrixXd::Zero(system.num_links(), system.num_links()))),
+        decrease_corner(decrease(links, links)),
+        V_corner(V(links, links)),
+        of_decrease(decrease, links, rotors),
+        of_V(V, links, rotors),
+        known(condition.postures.inertia.size()) {}
+
+  /// Returns the matrix with this corner of the links.
+  [[nodiscard]] MatrixXd whole(const MatrixXd& constant, const MatrixXd& of_links_alone) const {
+    MatrixXd all = constant;
+    all(links, links) = of_links_alone;
+    return all;
+  }
+  /// Returns the links' corner of the matrix of 2 V.
+  [[nodiscard]] MatrixXd V_corner_at(const MatrixXd& M) const {
+    const Index n = M.rows();
+    MatrixXd corner = V_corner;
+    const MatrixXd e_part = links_weights.eps_1.asDiagonal() * M;
+    const MatrixXd nu_part = -(links_weights.eps_2.asDiagonal() * M);
+    corner.topRightCorner(n, n) += e_part;
+    corner.block(n, 2 * n, n, n) += nu_part;
+    corner.bottomLeftCorner(n, n) += e_part.transpose();
+    corner.block(2 * n, n, n, n) += nu_part.transpose();
+    corner.bottomRightCorner(n, n) += M;
+    return corner;
   }
 
-  /// The corner of a posture of the set, once it was asked for.
+  /// The corner of Mm at a posture of the set, once it was asked for.
   struct Known {
     bool asked = false;
     std::optional<MatrixXd> corner;
@@ -216,15 +250,13 @@ struct ConstantParts {
 
   Slack slack;
   MatrixXd of_delta;     ///< as of `delta_scale`
-  MatrixXd decrease;     ///< Mm without the links' inertia, v_ref and delta, less its slack
   ErrorSystem of_links;  ///< the links' filters, without what does not belong to M and C
   Weights links_weights;
   std::vector<Index> links, rotors;
-  MatrixXd corner;  ///< the links' part of `decrease`
-  Eigen::LLT<MatrixXd> of_rotors;
-  MatrixXd coupling;     ///< L^-1 C'
-  MatrixXd by_rotors;    ///< C (L L')^-1 C'
-  bool positive = true;  ///< whether the rotors' corner is positive definite
+  MatrixXd decrease;                   ///< Mm without the links' M, v_ref, delta and its slack
+  MatrixXd V;                          ///< the matrix of 2 V without the links' M
+  MatrixXd decrease_corner, V_corner;  ///< of the links
+  WithoutRotors of_decrease, of_V;
   /// One for each posture. Only one thread at a time looks at a posture.
   mutable std::vector<Known> known;
 };
@@ -265,7 +297,7 @@ MatrixXd root_of_coriolis(const MatrixXd& L, const Weights& weights,
 
 /// Returns the links' corner of Mm at rest.
 MatrixXd corner_at_rest(const numerics::Inertia& inertia, const ConstantParts& constant) {
-  return constant.corner +
+  return constant.decrease_corner +
          decrease_of_inertia(constant.of_links, constant.links_weights, inertia.M);
 }
 
@@ -281,7 +313,7 @@ std::optional<MatrixXd> new_corner_at(const MatrixCondition& condition, const Er
     const MatrixXd Cd = combined(inertia.C, system.v_ref)[0];
     return at_rest + decrease_of_coriolis(constant.of_links, constant.links_weights, Cd);
   }
-  const auto factor = constant.factor(at_rest);
+  const auto factor = constant.of_decrease.factor(at_rest);
   if (!factor) return {};
   const MatrixXd L = factor->matrixL();
   const MatrixXd root =
@@ -307,13 +339,13 @@ std::optional<MatrixXd> corner_at(const MatrixCondition& condition, const ErrorS
 constexpr Index few = 3;
 
 /// Returns rho at a posture.
-/// @param states receives the states that bind rho, if it is given
+/// @param binding receives the states that bind rho, if it is given
 double rho_at(const MatrixCondition& condition, const ErrorSystem& system,
               const numerics::Inertia& inertia, const ConstantParts& constant,
-              MatrixXd* states = nullptr) {
+              BindingStates* binding = nullptr) {
   const Index n = system.num_links();
   const auto F = corner_at(condition, system, inertia, constant);
-  const auto factor = F ? constant.factor(*F) : std::nullopt;
+  const auto factor = F ? constant.of_decrease.factor(*F) : std::nullopt;
   if (!factor) return 0;
   // F - rho E D E' > 0 exactly when rho lambda_max(H' D H) < 1, H H' = E' F^-1 E.
   const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
@@ -324,57 +356,84 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system,
     const MatrixXd scaled = H.transpose() * C * H;
     sum.noalias() += scaled * scaled;
   }
-  if (states != nullptr) {
-    const MatrixXd u = numerics::symmetric_eigen(sum).vectors.rightCols(std::min(few, n));
-    *states = constant.states(factor->solve(E * root.matrixU().solve(u)));
-  }
-  const double largest = std::sqrt(std::max(0.0, numerics::largest_eigenvalue(sum))) +
-                         numerics::largest_eigenvalue(H.transpose() * constant.slack.delta * H);
-  return strictly_below / std::max(largest, 1e-300);
+  const double of_slack = numerics::largest_eigenvalue(H.transpose() * constant.slack.delta * H);
+  const auto rho_of = [&](double square) {
+    return strictly_below / std::max(std::sqrt(std::max(0.0, square)) + of_slack, 1e-300);
+  };
+  if (binding == nullptr) return rho_of(numerics::largest_eigenvalue(sum));
+  const auto [squares, vectors] = numerics::symmetric_eigen(sum);
+  const Index count = std::min(few, n);
+  const MatrixXd in_links = factor->solve(E * root.matrixU().solve(vectors.rightCols(count)));
+  *binding = {squares.tail(count).unaryExpr(rho_of), constant.of_decrease.states(in_links)};
+  return binding->value.minCoeff();
 }
 
-bool is_positive(const MatrixXd& A) { return A.llt().info() == Eigen::Success; }
+/// Tells where the rate is above a number: Mm - number/2 of V's matrix is positive definite.
+class RateAbove {
+ public:
+  RateAbove(const ConstantParts& constant, double number)
+      : number_(number),
+        slack_(constant.slack.V),
+        difference_(of(constant.decrease, constant.V), constant.links, constant.rotors) {}
+
+  [[nodiscard]] bool operator()(const MatrixXd& decrease_corner, const MatrixXd& V_corner) const {
+    return difference_.factor(of(decrease_corner, V_corner)).has_value();
+  }
+
+ private:
+  [[nodiscard]] MatrixXd of(const MatrixXd& decrease, const MatrixXd& V) const {
+    MatrixXd difference = decrease - number_ / 2 * V;
+    difference.diagonal().array() -= number_ / 2 * slack_;
+    return difference;
+  }
+
+  double number_, slack_;
+  WithoutRotors difference_;
+};
+
+/// Takes from Mm's corner at v_ref what delta up to rho may take, after the congruence by which rho
+/// is found. Returns false where Mm is not positive definite inside of rho.
+bool take_delta(const numerics::Inertia& inertia, const ConstantParts& constant, double rho,
+                MatrixXd& corner) {
+  const Index n = inertia.M.rows();
+  const auto factor = constant.of_decrease.factor(corner);
+  if (!factor) return false;
+  const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
+  const Eigen::LLT<MatrixXd> root(factor->solve(E).bottomRows(n));
+  std::vector<MatrixXd> of_delta;
+  for (const MatrixXd& C : coriolis_of_delta(inertia, constant.of_delta)) {
+    of_delta.push_back(root.matrixU() * C * root.matrixL());
+  }
+  const MatrixXd half = root.matrixU().solve(root_of_squares(of_delta));
+  corner.bottomRightCorner(n, n) -=
+      rho * (root.matrixU().solve(half.transpose()) + constant.slack.delta);
+  return true;
+}
 
 /// Returns the rate at a posture, or infinity where it is above `enough`.
-/// @param states receives the states that bind it, if it is given
-double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const numerics::Inertia& inertia, const ConstantParts& constant,
-               double enough, MatrixXd* states = nullptr) {
-  const Index n = system.num_links();
-  // P of the posture, enlarged by its change up to the next posture.
-  MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
-  Eigen::LLT<MatrixXd> half_P(P / 2);
-  if (half_P.info() != Eigen::Success) return -infinity;
-  if (constant.slack.V > 0) {
-    P.diagonal().array() += constant.slack.V;
-    half_P.compute(P / 2);
-  }
+/// @param binding receives the states that bind it, if it is given
+double rate_at(const MatrixCondition& condition, const ErrorSystem& system, double rho,
+               const numerics::Inertia& inertia, const ConstantParts& constant,
+               const std::optional<RateAbove>& enough, BindingStates* binding = nullptr) {
+  const MatrixXd V_corner = constant.V_corner_at(inertia.M);
+  if (!constant.of_V.factor(V_corner)) return -infinity;
   auto corner = corner_at(condition, system, inertia, constant);
   const bool certified = corner.has_value();
   // Not certified: how far from it, to guide a search.
   if (!certified) corner = corner_at_rest(inertia, constant);
-  if (certified && rho != 0) {
-    // After the congruence by which rho is found: positive inside of it.
-    const auto factor = constant.factor(*corner);
-    if (!factor) return -infinity;
-    const MatrixXd E = MatrixXd::Identity(3 * n, 3 * n).rightCols(n);
-    const Eigen::LLT<MatrixXd> root(factor->solve(E).bottomRows(n));
-    std::vector<MatrixXd> of_delta;
-    for (const MatrixXd& C : coriolis_of_delta(inertia, constant.of_delta)) {
-      of_delta.push_back(root.matrixU() * C * root.matrixL());
-    }
-    const MatrixXd half = root.matrixU().solve(root_of_squares(of_delta));
-    corner->bottomRightCorner(n, n) -=
-        rho * (root.matrixU().solve(half.transpose()) + constant.slack.delta);
-  }
-  const MatrixXd F = constant.whole(*corner);
-  if (certified && std::isfinite(enough) && is_positive(F - enough / 2 * P)) return infinity;
-  const MatrixXd scaled = whitened(half_P.matrixLLT(), F);
-  if (states != nullptr) {
-    *states = half_P.matrixU().solve(numerics::symmetric_eigen(scaled).vectors.leftCols(few));
-  }
-  const double least = numerics::smallest_eigenvalue(scaled);
-  return certified ? least : std::min(0.0, least);
+  if (certified && rho != 0 && !take_delta(inertia, constant, rho, *corner)) return -infinity;
+  if (certified && enough && (*enough)(*corner, V_corner)) return infinity;
+  // P of the posture, enlarged by its change up to the next posture.
+  MatrixXd P = constant.whole(constant.V, V_corner);
+  P.diagonal().array() += constant.slack.V;
+  const Eigen::LLT<MatrixXd> half_P(P / 2);
+  if (half_P.info() != Eigen::Success) return -infinity;
+  const MatrixXd scaled = whitened(half_P.matrixLLT(), constant.whole(constant.decrease, *corner));
+  const auto rate_of = [&](double least) { return certified ? least : std::min(0.0, least); };
+  if (binding == nullptr) return rate_of(numerics::smallest_eigenvalue(scaled));
+  const auto [rates, vectors] = numerics::symmetric_eigen(scaled);
+  *binding = {rates.head(few).unaryExpr(rate_of), half_P.matrixU().solve(vectors.leftCols(few))};
+  return binding->value.minCoeff();
 }
 
 /// Extremes of V over the postures.
@@ -390,12 +449,14 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
   const MatrixXd G = delta_of(system, weights).topRows(system.num_links());
   const MatrixXd in_L = constant.of_delta.triangularView<Eigen::Lower>().solve(G);
   const PositionPart part(system, weights);
-  const auto negative = [&](const numerics::Inertia& inertia, double enough) {
-    const auto S = part.factor(inertia.M + constant.slack.M);
-    if (S.info() != Eigen::Success) return -infinity;
-    const MatrixXd half = S.matrixL().solve(in_L.transpose());
-    if (-half.squaredNorm() > enough) return infinity;
-    return -numerics::largest_eigenvalue(half.transpose() * half);
+  const auto negative = [&](double enough) {
+    return [&, enough](const numerics::Inertia& inertia) {
+      const auto S = part.factor(inertia.M + constant.slack.M);
+      if (S.info() != Eigen::Success) return -infinity;
+      const MatrixXd half = S.matrixL().solve(in_L.transpose());
+      if (-half.squaredNorm() > enough) return infinity;
+      return -numerics::largest_eigenvalue(half.transpose() * half);
+    };
   };
   return -condition.postures.smallest(negative, {condition.refine, numerics::Postures::Reads::M})
               .value;
@@ -404,11 +465,13 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
 /// Returns the least alpha_2 of a system with V <= alpha_2 |x|^2 at all postures.
 double largest_V(const MatrixCondition& condition, const ErrorSystem& system,
                  const Weights& weights, const Slack& slack) {
-  const auto negative = [&](const numerics::Inertia& inertia, double enough) {
-    const MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
-    const MatrixXd above = -2 * enough * MatrixXd::Identity(P.rows(), P.cols()) - P;
-    if (std::isfinite(enough) && is_positive(above)) return infinity;
-    return -numerics::largest_eigenvalue(P) / 2;
+  const auto negative = [&](double enough) {
+    return [&, enough](const numerics::Inertia& inertia) {
+      const MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
+      const MatrixXd above = -2 * enough * MatrixXd::Identity(P.rows(), P.cols()) - P;
+      if (std::isfinite(enough) && above.llt().info() == Eigen::Success) return infinity;
+      return -numerics::largest_eigenvalue(P) / 2;
+    };
   };
   const auto least =
       condition.postures.smallest(negative, {condition.refine, numerics::Postures::Reads::M});
@@ -457,8 +520,10 @@ std::optional<Level> level_of(const MatrixCondition& condition, const Weights& w
     if (std::isinf(result.w)) return {};
     const double too_small = std::sqrt(2 * result.w * not_above);
     const numerics::Extreme rho = condition.postures.smallest(
-        [&](const numerics::Inertia& inertia, double /*enough*/) {
-          return rho_at(condition, system, inertia, constant);
+        [&](double /*enough*/) {
+          return [&](const numerics::Inertia& inertia) {
+            return rho_at(condition, system, inertia, constant);
+          };
         },
         {.refine = condition.refine, .above = too_small});
     if (!(rho.value > too_small)) return {};
@@ -535,9 +600,13 @@ numerics::Extreme ExaminedWeights::slowest(double rho, double above) const {
   numerics::Extreme least{infinity, {}};
   for (std::size_t i = 0; i < constants_.size() && least.value > above; ++i) {
     const numerics::Extreme of_system = condition_.postures.smallest(
-        [&](const numerics::Inertia& inertia, double enough) {
-          return rate_at(condition_, condition_.systems[i], weights_, rho, inertia, constants_[i],
-                         enough);
+        [&](double enough) {
+          std::optional<RateAbove> above_enough;
+          if (std::isfinite(enough)) above_enough.emplace(constants_[i], enough);
+          return [&, above_enough](const numerics::Inertia& inertia) {
+            return rate_at(condition_, condition_.systems[i], rho, inertia, constants_[i],
+                           above_enough);
+          };
         },
         {.refine = condition_.refine, .above = above});
     if (of_system.value < least.value) least = of_system;
@@ -545,14 +614,25 @@ numerics::Extreme ExaminedWeights::slowest(double rho, double above) const {
   return least;
 }
 
-double ExaminedWeights::at(Goal goal, std::size_t system, std::size_t posture,
-                           MatrixXd& states) const {
+BindingStates ExaminedWeights::binding(Goal goal, std::size_t system, std::size_t posture) const {
   const ErrorSystem& of = condition_.systems[system];
   const numerics::Inertia& inertia = condition_.postures.inertia[posture];
   const ConstantParts& constant = constants_[system];
-  return goal == Goal::rate
-             ? rate_at(condition_, of, weights_, 0, inertia, constant, infinity, &states)
-             : rho_at(condition_, of, inertia, constant, &states);
+  BindingStates found;
+  if (goal == Goal::rate) {
+    rate_at(condition_, of, 0, inertia, constant, {}, &found);
+  } else {
+    rho_at(condition_, of, inertia, constant, &found);
+  }
+  return found;
+}
+
+std::optional<MatrixXd> ExaminedWeights::decrease(std::size_t system, std::size_t posture) const {
+  const ConstantParts& constant = constants_[system];
+  const auto corner = corner_at(condition_, condition_.systems[system],
+                                condition_.postures.inertia[posture], constant);
+  if (!corner) return {};
+  return constant.whole(constant.decrease, *corner);
 }
 
 double MatrixCondition::level(const Weights& weights) const {

@@ -1,6 +1,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -24,77 +26,145 @@ using Eigen::VectorXd;
 
 /// x = (eps_1, eps_2), one of each error.
 Weights weights_of(const VectorXd& x) { return {x.head(x.size() / 2), x.tail(x.size() / 2)}; }
+VectorXd numbers_of(const Weights& weights) {
+  VectorXd x(weights.eps_1.size() + weights.eps_2.size());
+  x << weights.eps_1, weights.eps_2;
+  return x;
+}
 
-/// A state that binds at a posture: its quotient for any weights.
-struct Cut {
-  const ErrorSystem* system;
-  numerics::Inertia inertia;
-  VectorXd state;
+/// A function of the weights: constant + slope' x.
+struct Affine {
+  double constant = 0;
+  VectorXd slope;
 
-  /// num / den and its gradient by x.
-  [[nodiscard]] std::pair<double, VectorXd> quotient(Goal goal, const MatrixXd& v_ref,
-                                                     const VectorXd& x) const;
+  [[nodiscard]] double at(const VectorXd& x) const { return constant + slope.dot(x); }
 };
 
-/// @param v_ref the worst is v_ref d, |d| <= 1
-std::pair<double, VectorXd> Cut::quotient(Goal goal, const MatrixXd& v_ref,
-                                          const VectorXd& x) const {
-  const ErrorSystem& s = *system;
+/// A state that binds at a posture, with what its quotient needs for any weights.
+struct Cut {
+  std::size_t system = 0, posture = 0;
+  VectorXd state;
+  Affine decrease;  ///< -Vdot at delta = 0, but for the part of an unknown v_ref
+  Affine V;
+  /// The worst v_ref takes |a + A x| of -Vdot. Without rows where v_ref is known.
+  VectorXd a;
+  MatrixXd A;
+  VectorXd along;  ///< edot' C(q, delta) edot = along' delta
+  /// The condition bounds |C(q, delta)| for all states at once. The bound is this many times what
+  /// the state gives, at the weights of the cut.
+  double bound_of_delta = 1;
+};
+
+/// @param v_ref an unknown one is v_ref d, |d| <= 1
+Cut cut_of(const ErrorSystem& s, const numerics::Inertia& inertia, const VectorXd& state,
+           const MatrixXd& v_ref) {
   const Index N = s.num_errors(), n = s.num_links();
   const VectorXd e = state.head(N), nu = state.segment(N, N), edot = state.tail(N);
-  const auto eps_1 = x.head(N), eps_2 = x.tail(N);
-  const MatrixXd M = s.inertia(inertia.M), damper = s.kd_by_b();
-  const VectorXd p = M * edot;
-  const VectorXd delta = (eps_1.cwiseProduct(e) - eps_2.cwiseProduct(nu)).head(n);
-  // The columns belong to the units of v_ref: C edot in `forth`, C' edot in `back`. `of_v` is the
-  // gradient of num by v_ref.
+  const VectorXd p = s.inertia(inertia.M) * edot, damped = s.kd_by_b() * nu;
+  // The columns belong to the units of v_ref: C edot in `forth`, C' edot in `back`.
   MatrixXd forth(n, n), back(n, n);
   for (Index j = 0; j < n; ++j) {
     const MatrixXd& C = inertia.C[static_cast<std::size_t>(j)];
     forth.col(j) = C * edot.head(n);
     back.col(j) = C.transpose() * edot.head(n);
   }
-  const VectorXd along = forth.transpose() * edot.head(n);
-  const VectorXd of_v = along + (forth - back).transpose() * delta;
-  const VectorXd v = s.v_ref.size() > 0
-                         ? s.v_ref
-                         : VectorXd(-v_ref * (v_ref.transpose() * of_v).stableNormalized());
+  Cut cut;
+  cut.state = state;
+  cut.along = forth.transpose() * edot.head(n);
   VectorXd f = s.kp * e + s.kd * nu;
-  f.head(n) += (forth - back) * v;
-  double num = nu.dot(damper * s.a.cwiseProduct(nu)) + along.dot(v);
+  cut.decrease.constant = damped.dot(s.a.cwiseProduct(nu));
   if (s.damping.size() > 0) {
     f += s.damping.cwiseProduct(edot);
-    num += edot.dot(s.damping.cwiseProduct(edot));
+    cut.decrease.constant += edot.dot(s.damping.cwiseProduct(edot));
   }
   if (s.kp_dot.size() > 0) {
-    num -= 0.5 * (e.dot(s.kp_dot * e) + nu.dot(s.kd_dot * nu.cwiseQuotient(s.b)));
+    cut.decrease.constant -= 0.5 * (e.dot(s.kp_dot * e) + nu.dot(s.kd_dot * nu.cwiseQuotient(s.b)));
   }
-  VectorXd of_num(2 * N), of_den(2 * N);
-  of_num << e.cwiseProduct(f) - edot.cwiseProduct(p),
+  if (s.v_ref.size() > 0) {
+    f.head(n) += (forth - back) * s.v_ref;
+    cut.decrease.constant += cut.along.dot(s.v_ref);
+  } else {
+    // v_ref takes (along + (forth - back)' delta)' v_ref.
+    const MatrixXd by_delta = v_ref.transpose() * (forth - back).transpose();
+    cut.a = v_ref.transpose() * cut.along;
+    cut.A = MatrixXd::Zero(cut.a.size(), 2 * N);
+    cut.A.leftCols(n) = by_delta * e.head(n).asDiagonal();
+    cut.A.middleCols(N, n) = -by_delta * nu.head(n).asDiagonal();
+  }
+  cut.decrease.slope.resize(2 * N);
+  cut.decrease.slope << e.cwiseProduct(f) - edot.cwiseProduct(p),
       (s.b.cwiseProduct(edot) - s.a.cwiseProduct(nu)).cwiseProduct(p) - nu.cwiseProduct(f);
-  num += of_num.dot(x);
-  double den = 0;
-  if (goal == Goal::rate) {
-    of_den << e.cwiseProduct(p), -nu.cwiseProduct(p);
-    den = 0.5 * (edot.dot(p) + e.dot(s.kp * e) + nu.dot(damper * nu)) + of_den.dot(x);
-  } else {  // sqrt(u' S^-1 u), u = (E1 c, -E2 c), c' delta = edot' C(q, delta) edot
-    VectorXd c = VectorXd::Zero(N);
-    c.head(n) = along;
-    const MatrixXd G = delta_of(s, weights_of(x)).transpose();
-    const VectorXd u = G * c;
-    const VectorXd y = (stiffness_of(s) - G * M * G.transpose()).llt().solve(u);
-    const VectorXd by = c + M * (G.transpose() * y);
-    den = std::sqrt(u.dot(y));
-    of_den << y.head(N).cwiseProduct(by) / den, -y.tail(N).cwiseProduct(by) / den;
+  cut.V.constant = 0.5 * (edot.dot(p) + e.dot(s.kp * e) + nu.dot(damped));
+  cut.V.slope.resize(2 * N);
+  cut.V.slope << e.cwiseProduct(p), -nu.cwiseProduct(p);
+  return cut;
+}
+
+/// V's part of the position errors at a posture: S = diag(Kp, Kd B^-1) - G M G'.
+struct PositionPart {
+  MatrixXd M;
+  Eigen::LLT<MatrixXd> S;
+};
+
+PositionPart position_part(const ErrorSystem& system, const numerics::Inertia& inertia,
+                           const VectorXd& x) {
+  const MatrixXd G = delta_of(system, weights_of(x)).transpose();
+  PositionPart part{system.inertia(inertia.M), {}};
+  part.S.compute(stiffness_of(system) - G * part.M * G.transpose());
+  return part;
+}
+
+/// A value and its gradient by x.
+using Value = std::pair<double, VectorXd>;
+
+/// Returns sqrt(u' S^-1 u), u = G along: the most of along' delta on V = 1/2.
+Value most_of_delta(const Cut& cut, const PositionPart& part, const VectorXd& x) {
+  const Index N = part.M.rows();
+  const auto eps_1 = x.head(N), eps_2 = x.tail(N);
+  VectorXd c = VectorXd::Zero(N);
+  c.head(cut.along.size()) = cut.along;
+  VectorXd u(2 * N);
+  u << eps_1.cwiseProduct(c), -eps_2.cwiseProduct(c);
+  const VectorXd y = part.S.solve(u);
+  const VectorXd by = c + part.M * (eps_1.cwiseProduct(y.head(N)) - eps_2.cwiseProduct(y.tail(N)));
+  const double most = std::sqrt(u.dot(y));
+  VectorXd gradient(2 * N);
+  gradient << y.head(N).cwiseProduct(by) / most, -y.tail(N).cwiseProduct(by) / most;
+  return {most, std::move(gradient)};
+}
+
+/// @param Mm as the condition bounds it for every v_ref; nothing: it has no number
+Value decrease_of(const Cut& cut, const std::optional<MatrixXd>& Mm, const VectorXd& x) {
+  Value num{cut.decrease.at(x), cut.decrease.slope};
+  if (cut.a.size() == 0) return num;
+  const VectorXd taken = cut.a + cut.A * x;
+  num.first = Mm ? cut.state.dot(*Mm * cut.state) : num.first - taken.norm();
+  num.second -= cut.A.transpose() * taken.stableNormalized();
+  return num;
+}
+
+/// The parts that the cuts of a posture share.
+struct AtPosture {
+  std::optional<MatrixXd> Mm;
+  std::optional<PositionPart> part;  ///< for the goal of the level
+};
+
+/// Returns num / den.
+Value quotient(const Cut& cut, const AtPosture& at, const VectorXd& x) {
+  const auto [num, of_num] = decrease_of(cut, at.Mm, x);
+  auto [den, of_den] = at.part ? most_of_delta(cut, *at.part, x) : Value{cut.V.at(x), cut.V.slope};
+  if (at.part) {
+    den *= cut.bound_of_delta;
+    of_den *= cut.bound_of_delta;
   }
   return {num / den, (of_num - num / den * of_den) / den};
 }
 
 // Steps are shares of each weight: a step of 1 would take a weight to 0, where its region is empty.
 constexpr double first_step = 0.3, largest_step = 0.6;
-// The least gain that a step has to promise: a tenth of the 2 % to which the result of the coarse
-// postures has to agree with the fine ones.
-constexpr double least_promise = 2e-3, fine_agrees = 1.02;
+// The result of the coarse postures has to agree with the fine ones to 2 %. A step has to promise
+// as much.
+constexpr double least_promise = 0.02, fine_agrees = 1.02;
 // A quotient changes by about the share by which the weights change: a smaller step promises less.
 constexpr double smallest_step = 1e-3;
 constexpr int most_steps = 60;  // a cap
@@ -107,7 +177,13 @@ constexpr double most_quotient = 1e3;
 
 class WeightSearch {
  public:
-  WeightSearch(const MatrixCondition& coarse, Goal goal) : on_(coarse), goal_(goal) {}
+  WeightSearch(const MatrixCondition& coarse, Goal goal)
+      : on_(coarse),
+        goal_(goal),
+        v_ref_(coarse.B_d * (coarse.v_scale.size() > 0
+                                 ? coarse.v_scale
+                                 : MatrixXd::Identity(coarse.postures.model.num_joints,
+                                                      coarse.postures.model.num_joints))) {}
 
   /// Returns the rate or sqrt(2 level) over all postures. The search makes it large.
   /// @param above where the result is not above this number, it is any number up to it
@@ -121,31 +197,32 @@ class WeightSearch {
   }
 
   /// Returns better weights than x, and their merit.
-  std::pair<VectorXd, double> improved(VectorXd x) {
+  std::pair<VectorXd, double> improved(const VectorXd& x) {
     cuts_.clear();
-    const ExaminedWeights at_x(on_, weights_of(x));
-    double best = merit(at_x), radius = first_step;
-    add_cuts(at_x);
+    auto at_best = std::make_unique<ExaminedWeights>(on_, weights_of(x));
+    double best = merit(*at_best), radius = first_step;
+    add_cuts(*at_best);
     for (int step = 0; step < most_steps && std::isfinite(best) && radius > smallest_step &&
                        !(goal_ == Goal::level && best >= enough());
          ++step) {
-      const auto [d, promised] = programme(x, radius);
+      const auto [d, promised] = programme(*at_best, radius);
       if (d.size() == 0 || promised - best < least_promise * std::abs(best)) break;
-      const VectorXd next = x + x.cwiseProduct(d);
-      const ExaminedWeights at_next(on_, weights_of(next));
-      const double found = merit(at_next);
-      if (std::isfinite(found)) add_cuts(at_next);
+      const VectorXd from = numbers_of(at_best->weights());
+      auto at_next =
+          std::make_unique<ExaminedWeights>(on_, weights_of(from + from.cwiseProduct(d)));
+      const double found = merit(*at_next);
+      if (std::isfinite(found)) add_cuts(*at_next);
       if (found > best + 0.1 * (promised - best)) {
         radius = std::min(largest_step, 1.6 * radius);
       } else {
         radius /= 2;
       }
       if (found > best) {
-        x = next;
+        at_best = std::move(at_next);
         best = found;
       }
     }
-    return {x, best};
+    return {numbers_of(at_best->weights()), best};
   }
 
  private:
@@ -158,29 +235,73 @@ class WeightSearch {
   /// The states that bind at the postures near the worst.
   void add_cuts(const ExaminedWeights& examined) {
     const std::size_t count = on_.postures.inertia.size();
-    std::vector<MatrixXd> states(count * on_.systems.size());
-    const auto value = base::parallel_map(states.size(), [&](std::size_t i) {
-      return examined.at(goal_, i / count, i % count, states[i]);
+    const auto all = base::parallel_map(count * on_.systems.size(), [&](std::size_t i) {
+      return examined.binding(goal_, i / count, i % count);
     });
-    const double least = *std::ranges::min_element(value);
-    for (std::size_t i = 0; i < value.size(); ++i) {
-      if (value[i] > least + near_least * std::abs(least)) continue;
-      for (Index k = 0; k < states[i].cols(); ++k) {
-        cuts_.push_back(
-            {&on_.systems[i / count], on_.postures.inertia[i % count], states[i].col(k)});
-      }
+    double least = infinity;
+    for (const BindingStates& each : all) {
+      if (each.value.size() > 0) least = std::min(least, each.value.minCoeff());
     }
+    const double near = least + near_least * std::abs(least);
+    const auto cuts = base::parallel_map(all.size(), [&](std::size_t i) {
+      return cuts_at(examined, all[i], near, i / count, i % count);
+    });
+    for (const std::vector<Cut>& each : cuts) cuts_.insert(cuts_.end(), each.begin(), each.end());
+  }
+
+  /// Returns the cuts of the states whose value is not above `near`.
+  [[nodiscard]] std::vector<Cut> cuts_at(const ExaminedWeights& examined,
+                                         const BindingStates& binding, double near,
+                                         std::size_t system, std::size_t posture) const {
+    const VectorXd x = numbers_of(examined.weights());
+    std::vector<Cut> all;
+    std::optional<AtPosture> at;
+    for (Index k = 0; k < binding.value.size(); ++k) {
+      const double value = binding.value[k];
+      if (value > near) continue;
+      Cut cut =
+          cut_of(on_.systems[system], on_.postures.inertia[posture], binding.state.col(k), v_ref_);
+      cut.system = system;
+      cut.posture = posture;
+      if (goal_ == Goal::level && value > 0) {
+        if (!at) at = at_posture(examined, cut, x);
+        cut.bound_of_delta = std::max(1.0, quotient(cut, *at, x).first / value);
+      }
+      all.push_back(std::move(cut));
+    }
+    return all;
+  }
+
+  [[nodiscard]] AtPosture at_posture(const ExaminedWeights& examined, const Cut& cut,
+                                     const VectorXd& x) const {
+    AtPosture at;
+    if (cut.a.size() > 0) at.Mm = examined.decrease(cut.system, cut.posture);
+    if (goal_ == Goal::level) {
+      at.part = position_part(on_.systems[cut.system], on_.postures.inertia[cut.posture], x);
+    }
+    return at;
+  }
+
+  /// Returns the quotients of the cuts.
+  [[nodiscard]] std::vector<Value> quotients(const ExaminedWeights& examined) const {
+    const VectorXd x = numbers_of(examined.weights());
+    const std::size_t count = on_.postures.inertia.size();
+    const auto place = [&](const Cut& cut) { return cut.system * count + cut.posture; };
+    std::vector<const Cut*> first(count * on_.systems.size(), nullptr);
+    for (const Cut& cut : cuts_) first[place(cut)] = &cut;
+    const std::vector<AtPosture> at = base::parallel_map(first.size(), [&](std::size_t i) {
+      return first[i] == nullptr ? AtPosture{} : at_posture(examined, *first[i], x);
+    });
+    return base::parallel_map(
+        cuts_.size(), [&](std::size_t i) { return quotient(cuts_[i], at[place(cuts_[i])], x); });
   }
 
   /// Returns the best step of the linearised quotients relative to x, and the value that it
   /// promises.
-  [[nodiscard]] std::pair<VectorXd, double> programme(const VectorXd& x, double radius) {
+  [[nodiscard]] std::pair<VectorXd, double> programme(const ExaminedWeights& at_x, double radius) {
+    const VectorXd x = numbers_of(at_x.weights());
     const Index n = x.size();
-    const Index links = on_.postures.model.num_joints;
-    const MatrixXd v_ref =
-        on_.B_d * (on_.v_scale.size() > 0 ? on_.v_scale : MatrixXd::Identity(links, links));
-    const auto all = base::parallel_map(
-        cuts_.size(), [&](std::size_t i) { return cuts_[i].quotient(goal_, v_ref, x); });
+    const std::vector<Value> all = quotients(at_x);
     double least = infinity;
     for (const auto& [value, gradient] : all) least = std::min(least, value);
     const double size = std::abs(least);
@@ -197,13 +318,14 @@ class WeightSearch {
       row.gradient << gradient.cwiseProduct(x) / size, -1;
       lp.rows.push_back(std::move(row));
     }
-    const auto optimum = numerics::solution(lp);
+    const auto optimum = numerics::solution_of_many_rows(lp);
     if (!optimum) return {};
     return {optimum->x.head(n), size * optimum->x[n]};
   }
 
   const MatrixCondition& on_;  ///< to which postures may be added
   Goal goal_;
+  MatrixXd v_ref_;  ///< an unknown v_ref is v_ref_ d, |d| <= 1
   std::vector<Cut> cuts_;
 };
 
@@ -242,7 +364,7 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
   constexpr int rounds = 6;  // a cap: a round adds the posture that forbids the last result
   WeightSearch search(coarse, goal);
   for (int round = 0; round < rounds; ++round) {
-    if (best && std::isinf(search.merit(x))) x << best->weights.eps_1, best->weights.eps_2;
+    if (best && std::isinf(search.merit(x))) x = numbers_of(best->weights);
     double promised = 0;
     std::tie(x, promised) = search.improved(x);
     const Weights weights = weights_of(x);
@@ -267,9 +389,7 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
 std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
                                       Goal goal, const std::optional<Weights>& from) {
   const auto from_weights = [&](const Weights& weights, std::optional<Certified> best) {
-    VectorXd x(2 * weights.eps_1.size());
-    x << weights.eps_1, weights.eps_2;
-    return improved(coarse, fine, goal, x, std::move(best));
+    return improved(coarse, fine, goal, numbers_of(weights), std::move(best));
   };
   if (from) {
     const ExaminedWeights examined(fine, *from);

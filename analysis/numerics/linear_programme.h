@@ -26,4 +26,9 @@ struct Optimum {
 /// feasible.
 std::optional<Optimum> solution(const LinearProgramme& programme);
 
+/// Does the same for a hundred times as many rows as variables. It begins without rows; those that
+/// the optimum violates join until none does.
+/// Precondition: the bounds alone bound the cost from below.
+std::optional<Optimum> solution_of_many_rows(const LinearProgramme& programme);
+
 }  // namespace tachless::numerics

@@ -10,6 +10,8 @@
 #include <memory>
 #include <numbers>
 #include <numeric>
+#include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "base/parallel.h"
@@ -37,12 +39,38 @@ double evaluate(unsigned n, const double* x, double* /*gradient*/, void* data) {
     const double value = search.f(point);
     if (!(value < out_of_range)) return out_of_range;
     if (value < search.best.value) search.best = {point, value};
-    return value;
+    if (value > -infinity) return value;
+    nlopt_force_stop(search.handle);  // no value is less
+    return -out_of_range;
   } catch (...) {  // an exception must not cross C code
     search.failure = std::current_exception();
     nlopt_force_stop(search.handle);
     return out_of_range;
   }
+}
+
+using Optimiser = std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)>;
+
+Optimiser optimiser(nlopt_algorithm algorithm, const Eigen::VectorXd& start, int max_evaluations) {
+  Optimiser opt(nlopt_create(algorithm, static_cast<unsigned>(start.size())), &nlopt_destroy);
+  nlopt_set_maxeval(opt.get(), max_evaluations);
+  nlopt_set_xtol_abs1(opt.get(), 1e-5);
+  nlopt_set_ftol_rel(opt.get(), 1e-8);
+  return opt;
+}
+
+/// Returns what the search finds, whatever ends it. @throw std::logic_error if it cannot begin
+Minimum minimum(const Optimiser& opt, const std::function<double(const Eigen::VectorXd&)>& f,
+                const Eigen::VectorXd& start) {
+  Search search{f, {start, out_of_range}, nullptr, opt.get()};
+  nlopt_set_min_objective(opt.get(), evaluate, &search);
+  Eigen::VectorXd x = start;
+  double value = 0;
+  if (nlopt_optimize(opt.get(), x.data(), &value) == NLOPT_INVALID_ARGS) {
+    throw std::logic_error("the arguments of a local search contradict each other");
+  }
+  if (search.failure) std::rethrow_exception(search.failure);
+  return search.best;
 }
 
 /// Returns whether every body hangs on joint 0, in which case M and C do not depend on it.
@@ -80,20 +108,41 @@ std::pair<double, double> range_of(const robot::Model& model, int i) {
           std::isfinite(model.upper[i]) ? model.upper[i] : 1};
 }
 
-/// Returns whether each prismatic joint is within its range.
-bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
+/// Returns the postures of a robot: prismatic joints keep within their range.
+Box box_of(const robot::Model& model) {
+  Box box{Eigen::VectorXd::Constant(model.num_joints, -infinity),
+          Eigen::VectorXd::Constant(model.num_joints, infinity)};
   for (int i = 0; i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
-    const auto [low, high] = range_of(model, i);
-    if (q[i] < low || q[i] > high) return false;
+    std::tie(box.lower[i], box.upper[i]) = range_of(model, i);
   }
-  return true;
+  return box;
+}
+
+/// Returns a local minimum of f from `start` on. A search that ends in another box than it began
+/// goes on there.
+/// @param box_around the box in which a search from a posture stays
+Minimum refined(const std::function<double(const Vector&)>& f,
+                const std::function<Box(const Vector&)>& box_around, Vector start,
+                int max_evaluations) {
+  constexpr double first_step = 0.2;  // [rad; m]
+  constexpr int most_boxes = 4;       // a cap: boxes of neighbouring centres overlap
+  Minimum found;
+  Box box = box_around(start);
+  for (int k = 0; k < most_boxes; ++k) {
+    found = minimise_within(f, start, box, first_step, max_evaluations);
+    start = found.x;
+    Box next = box_around(start);
+    if (next.lower == box.lower) break;
+    box = std::move(next);
+  }
+  return found;
 }
 
 /// Returns the smallest f over the postures `q`, at which f has the values `value`. Refines the
-/// best `starts` of them locally, each with at most `max_evaluations` evaluations. With
+/// best `starts` of them locally, each with at most `max_evaluations` evaluations in a box. With
 /// `max_evaluations` 0 there is no refinement.
-Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
+Extreme smallest_of(const std::function<Box(const Vector&)>& box_around,
                     const std::function<double(const Vector&)>& f, const std::vector<Vector>& q,
                     const std::vector<double>& value, std::size_t starts, int max_evaluations) {
   std::vector<std::size_t> order(q.size());
@@ -102,13 +151,9 @@ Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
   std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(starts), order.end(),
                     [&](std::size_t a, std::size_t b) { return value[a] < value[b]; });
   if (max_evaluations == 0) return {value[order[0]], q[order[0]]};
-  const std::vector<Minimum> refined = base::parallel_map(starts, [&](std::size_t i) {
-    const auto objective = [&](const Eigen::VectorXd& x) {
-      return allowed(x) ? f(x) : std::numeric_limits<double>::infinity();
-    };
-    return minimise(objective, q[order[i]], 0.2, max_evaluations);
-  });
-  const Minimum& best = *std::ranges::min_element(refined, {}, &Minimum::value);
+  const std::vector<Minimum> all = base::parallel_map(
+      starts, [&](std::size_t i) { return refined(f, box_around, q[order[i]], max_evaluations); });
+  const Minimum& best = *std::ranges::min_element(all, {}, &Minimum::value);
   return {best.value, best.x};
 }
 
@@ -173,19 +218,21 @@ Eigen::VectorXd most_turns(const robot::Model& model) {
 
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations) {
-  const std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)> opt(
-      nlopt_create(NLOPT_LN_SBPLX, static_cast<unsigned>(start.size())), &nlopt_destroy);
-  Search search{f, {start, out_of_range}, nullptr, opt.get()};
-  nlopt_set_min_objective(opt.get(), evaluate, &search);
+  const Optimiser opt = optimiser(NLOPT_LN_SBPLX, start, max_evaluations);
   nlopt_set_initial_step1(opt.get(), step);
-  nlopt_set_maxeval(opt.get(), max_evaluations);
-  nlopt_set_xtol_abs1(opt.get(), 1e-5);
-  nlopt_set_ftol_rel(opt.get(), 1e-8);
-  Eigen::VectorXd x = start;
-  double value = 0;
-  nlopt_optimize(opt.get(), x.data(), &value);  // the reason for the stop does not matter
-  if (search.failure) std::rethrow_exception(search.failure);
-  return search.best;
+  return minimum(opt, f, start);
+}
+
+Minimum minimise_within(const std::function<double(const Eigen::VectorXd&)>& f,
+                        const Eigen::VectorXd& start, const Box& box, double step,
+                        int max_evaluations) {
+  // The first model takes points on both sides of the start.
+  const Eigen::VectorXd steps = (0.4 * (box.upper - box.lower)).cwiseMin(step);
+  const Optimiser opt = optimiser(NLOPT_LN_BOBYQA, start, max_evaluations);
+  nlopt_set_lower_bounds(opt.get(), box.lower.data());
+  nlopt_set_upper_bounds(opt.get(), box.upper.data());
+  nlopt_set_initial_step(opt.get(), steps.data());
+  return minimum(opt, f, start.cwiseMax(box.lower).cwiseMin(box.upper));
 }
 
 Inertia inertia_at(const robot::Model& model, const Vector& q) {
@@ -224,7 +271,7 @@ Extreme largest(const robot::Model& model, const std::function<double(const Vect
     q[i] = spread_posture(model, static_cast<int>(i));
     return -f(q[i]);
   });
-  Extreme best = smallest_of([&](const Vector& x) { return in_range(model, x); },
+  Extreme best = smallest_of([&](const Vector& /*x*/) { return box_of(model); },
                              [&](const Vector& x) { return -f(x); }, q, value, 6, 1000);
   for (int i = 0; i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) {
@@ -275,24 +322,26 @@ void Postures::add(const Vector& posture) {
   inertia.push_back(inertia_at(model, posture));
 }
 
-bool Postures::contains(const Vector& posture) const {
-  if (centres.empty()) return in_range(model, posture);
-  return std::ranges::any_of(centres, [&](const Vector& centre) {
-    return ((posture - centre).array().abs() <= reach.array()).all();
+Box Postures::box_around(const Vector& posture) const {
+  if (centres.empty()) return box_of(model);
+  const Vector& nearest = *std::ranges::min_element(centres, {}, [&](const Vector& centre) {
+    return (posture - centre).cwiseAbs().cwiseQuotient(reach).maxCoeff();
   });
+  return {nearest - reach, nearest + reach};
 }
 
-Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& f,
+Extreme Postures::smallest(const std::function<Function(double)>& f_up_to,
                            const Search& search) const {
   constexpr std::size_t starts = 3, first = 32;
   // After the first postures and each doubling of their number, a value is of use only if it is
   // among the least ones so far.
   std::vector<double> value, least;
-  double enough = infinity;
+  const Function f_everywhere = f_up_to(infinity);
+  Function f = f_everywhere;
   std::atomic<bool> ended = false;
   const auto value_at = [&](std::size_t i) {
     if (ended) return -infinity;
-    const double found = f(inertia[i], enough);
+    const double found = f(inertia[i]);
     if (found <= search.above && search.above > -infinity) ended = true;
     return found;
   };
@@ -307,14 +356,14 @@ Extreme Postures::smallest(const std::function<double(const Inertia&, double)>& 
     least = value;
     if (least.size() < starts) continue;
     std::ranges::nth_element(least, least.begin() + (starts - 1));
-    enough = least[starts - 1];
+    f = f_up_to(least[starts - 1]);
   }
   const bool M_alone = search.reads == Reads::M;
   const auto anywhere = [&](const Vector& at) {
-    return f(M_alone ? Inertia{robot::mass_matrix(model, at), {}} : inertia_at(model, at),
-             infinity);
+    return f_everywhere(M_alone ? Inertia{robot::mass_matrix(model, at), {}}
+                                : inertia_at(model, at));
   };
-  return smallest_of([&](const Vector& at) { return contains(at); }, anywhere, q, value, starts,
+  return smallest_of([&](const Vector& at) { return box_around(at); }, anywhere, q, value, starts,
                      search.refine && kind == Kind::sampled ? 300 : 0);
 }
 

@@ -23,6 +23,18 @@ struct Minimum {
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
                  const Eigen::VectorXd& start, double step, int max_evaluations);
 
+/// Bounds of each coordinate; they may be infinite.
+struct Box {
+  Eigen::VectorXd lower, upper;
+};
+/// Does the same within a box, for an f that is smooth near its minima (NLopt's BOBYQA, which fits
+/// quadratic models). The least eigenvalue of a smooth matrix is such an f: where eigenvalues
+/// cross, the least one has no minimum. The search ends where f is minus infinity. Precondition:
+/// each coordinate may vary.
+Minimum minimise_within(const std::function<double(const Eigen::VectorXd&)>& f,
+                        const Eigen::VectorXd& start, const Box& box, double step,
+                        int max_evaluations);
+
 /// M(q) and C(q, e_j), with C(q, x) = sum_j x_j C[j]; or one harmonic of these functions of q2.
 struct Inertia {
   Eigen::MatrixXd M;               ///< [kg m2]
@@ -82,15 +94,18 @@ struct Postures {
 
   explicit Postures(robot::Model of, const PostureOptions& options = {});
 
-  /// Returns whether the set represents `posture`.
-  [[nodiscard]] bool contains(const Vector& posture) const;
+  /// Returns the postures about `posture` that the set represents: those of the nearest centre, or
+  /// all of the robot.
+  [[nodiscard]] Box box_around(const Vector& posture) const;
 
   /// Adds a posture that a search has to respect. Nothing is proved about it.
   void add(const Vector& posture);
 
-  /// Returns the smallest f(inertia, enough) over the set. f may return infinity where its value is
-  /// above `enough`, which saves work: the value there does not matter.
-  [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&, double enough)>& f,
+  using Function = std::function<double(const Inertia&)>;
+
+  /// Returns the smallest f over the set. @param f_up_to returns f. It may return a function that
+  /// is infinite where f is above `enough`, which saves work: the value there does not matter.
+  [[nodiscard]] Extreme smallest(const std::function<Function(double enough)>& f_up_to,
                                  const Search& search) const;
 
   robot::Model model;

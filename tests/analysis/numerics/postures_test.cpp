@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <limits>
 
 #include "robot/dynamics.h"
@@ -64,18 +65,56 @@ TEST(SampledPostures, SmallestDoesNotNeedValuesThatAreAboveEnough) {
   const auto f = [](const Inertia& at) { return at.M(0, 0) + at.C[1].sum(); };
   std::atomic<int> left_out = 0;
   for (const bool refine : {false, true}) {
-    const Extreme all =
-        postures.smallest([&](const Inertia& at, double /*enough*/) { return f(at); }, {refine});
-    const auto only_small = [&](const Inertia& at, double enough) {
-      if (f(at) <= enough) return f(at);
-      ++left_out;
-      return std::numeric_limits<double>::infinity();
+    const Extreme all = postures.smallest([&](double /*enough*/) { return f; }, {refine});
+    const auto only_small = [&](double enough) {
+      return [&, enough](const Inertia& at) {
+        if (f(at) <= enough) return f(at);
+        ++left_out;
+        return std::numeric_limits<double>::infinity();
+      };
     };
     const Extreme some = postures.smallest(only_small, {refine});
     EXPECT_EQ(some.value, all.value);
     EXPECT_EQ(some.q, all.q);
   }
   EXPECT_GT(left_out, 500);  // of two times 500
+}
+
+TEST(MinimiseWithin, FindsTheMinimumInTheBox) {
+  const Eigen::Vector3d least(0.3, -0.7, 2);
+  const auto f = [&](const Eigen::VectorXd& x) { return (x - least).squaredNorm(); };
+  const Eigen::Vector3d none = Eigen::Vector3d::Constant(infinity);
+  const Minimum free = minimise_within(f, Eigen::Vector3d::Zero(), {-none, none}, 0.2, 300);
+  EXPECT_LT((free.x - least).norm(), 1e-4);  // the search ends at changes of 1e-5
+  const Eigen::Vector3d half = Eigen::Vector3d::Constant(0.5), at_edge(0.3, -0.5, 0.5);
+  const Minimum bounded = minimise_within(f, Eigen::Vector3d::Zero(), {-half, half}, 0.2, 300);
+  EXPECT_LT((bounded.x - at_edge).norm(), 1e-4);
+  // A box that is narrower than the first step, and one coordinate.
+  const Eigen::VectorXd one = Eigen::VectorXd::Ones(1), start = Eigen::VectorXd::Zero(1);
+  const auto of_one = [](const Eigen::VectorXd& x) { return std::pow(x[0] - 0.02, 2); };
+  EXPECT_NEAR(minimise_within(of_one, start, {-0.05 * one, 0.05 * one}, 0.2, 300).x[0], 0.02, 1e-4);
+}
+
+TEST(MinimiseWithin, EndsWhereNoValueIsLess) {
+  int calls = 0;
+  const auto f = [&](const Eigen::VectorXd& x) { return ++calls < 4 ? x.norm() : -infinity; };
+  const Eigen::Vector2d one(1, 1);
+  EXPECT_EQ(minimise_within(f, one, {-one, one}, 0.2, 300).value, -infinity);
+  EXPECT_EQ(calls, 4);
+}
+
+TEST(SampledPostures, RefinementStaysBesideTheCentres) {
+  PostureOptions options{.samples = 50, .centres = {}, .reach = Eigen::Vector2d(0.1, 0.1)};
+  for (const double at : {0.0, 0.05, 0.1, 0.15, 0.2}) {
+    options.centres.emplace_back(Eigen::Vector2d(at, 1 + at));
+  }
+  const Postures postures(with_mimic("0.3141592"), options);
+  ASSERT_EQ(postures.kind, Postures::Kind::sampled);
+  // The stretched arm has the largest M: it falls up to the end of the last centre's box.
+  const Extreme least = postures.smallest(
+      [](double /*enough*/) { return [](const Inertia& at) { return at.M(0, 0); }; },
+      {.refine = true});
+  EXPECT_NEAR(least.q[1], 1.3, 1e-4);
 }
 
 }  // namespace
