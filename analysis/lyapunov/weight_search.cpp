@@ -14,7 +14,8 @@
 // Rate and sqrt(2 level) are the least quotient num / den over postures and states. For the rate
 // the quotient is -Vdot / V at delta = 0. For the level, den is the most that |C(q, delta)| can
 // take of Vdot on V = 1/2. In the weights num is affine except for the worst v_ref, and den is
-// affine or convex. The set of weights above a value is therefore convex. The search keeps the
+// affine or convex. The set of weights above a value is therefore convex. The values of num and den
+// are those of the condition's bounds, which hold for all states at once. The search keeps the
 // states that were found to bind and linearises their quotients. It takes the best of a linear
 // programme within a trust region.
 namespace tachless::lyapunov {
