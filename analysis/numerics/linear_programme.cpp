@@ -3,7 +3,6 @@
 #include <coin/Clp_C_Interface.h>
 
 #include <algorithm>
-#include <functional>
 #include <limits>
 #include <memory>
 #include <numeric>
@@ -75,11 +74,11 @@ std::optional<Optimum> solution_of_many_rows(const LinearProgramme& programme) {
     if (!found) return found;
     const VectorXd lack = least - gradients * found->x;
     const auto satisfied =
-        std::ranges::partition(apart, [&](Index i) { return lack[i] > tolerance; }).begin();
+        std::partition(apart.begin(), apart.end(), [&](Index i) { return lack[i] > tolerance; });
     if (satisfied == apart.begin()) return found;
     const auto end = apart.begin() + std::min(at_a_time, satisfied - apart.begin());
-    std::ranges::nth_element(apart.begin(), end, satisfied, std::greater(),
-                             [&](Index i) { return lack[i]; });
+    std::nth_element(apart.begin(), end, satisfied,
+                     [&](Index i, Index j) { return lack[i] > lack[j]; });
     joined.insert(joined.end(), apart.begin(), end);
     apart.erase(apart.begin(), end);
   }
