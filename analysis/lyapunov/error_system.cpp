@@ -44,18 +44,22 @@ MatrixXd delta_of(const ErrorSystem& system, const Weights& weights) {
   return result;
 }
 
+MatrixXd lyapunov_of_inertia(const Weights& weights, const MatrixXd& M) {
+  const Index N = M.rows();
+  MatrixXd P = MatrixXd::Zero(3 * N, 3 * N);
+  P.block(2 * N, 2 * N, N, N) = M;
+  P.block(0, 2 * N, N, N) = weights.eps_1.asDiagonal() * M;
+  P.block(2 * N, 0, N, N) = M * weights.eps_1.asDiagonal();
+  P.block(N, 2 * N, N, N) = -(weights.eps_2.asDiagonal() * M);
+  P.block(2 * N, N, N, N) = -(M * weights.eps_2.asDiagonal());
+  return P;
+}
+
 MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
                          const MatrixXd& link_M) {
   const Index N = system.num_errors();
-  const auto [eps_1, eps_2] = weights.of(N);
-  const MatrixXd M = system.inertia(link_M);
-  MatrixXd P = MatrixXd::Zero(3 * N, 3 * N);
+  MatrixXd P = lyapunov_of_inertia(weights.of(N), system.inertia(link_M));
   P.topLeftCorner(2 * N, 2 * N) = stiffness_of(system);
-  P.block(2 * N, 2 * N, N, N) = M;
-  P.block(0, 2 * N, N, N) = eps_1.asDiagonal() * M;
-  P.block(2 * N, 0, N, N) = M * eps_1.asDiagonal();
-  P.block(N, 2 * N, N, N) = -(eps_2.asDiagonal() * M);
-  P.block(2 * N, N, N, N) = -(M * eps_2.asDiagonal());
   return P;
 }
 

@@ -58,6 +58,9 @@ Eigen::MatrixXd stiffness_of(const ErrorSystem& system);
 /// Returns N of E1 e - E2 nu = N (e, nu); delta is the links' part.
 Eigen::MatrixXd delta_of(const ErrorSystem& system, const Weights& weights);
 
+/// Returns the part of P below that is linear in M. @param weights one of each row of M
+Eigen::MatrixXd lyapunov_of_inertia(const Weights& weights, const Eigen::MatrixXd& M);
+
 /// Returns P of V = 1/2 x' P x, x = (e, nu, edot).
 Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
                                 const Eigen::MatrixXd& link_M);

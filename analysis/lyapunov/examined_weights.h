@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <optional>
 #include <vector>
 
@@ -47,6 +48,10 @@ class ExaminedWeights {
   /// for every v_ref. Returns nothing where the condition does not hold at rest.
   [[nodiscard]] std::optional<Eigen::MatrixXd> decrease(std::size_t system,
                                                         std::size_t posture) const;
+  /// Returns the Cholesky factor of S = diag(Kp, Kd B^-1) - N' M N of a system at a posture of the
+  /// set, delta = N (e, nu).
+  [[nodiscard]] Eigen::LLT<Eigen::MatrixXd> position_part(std::size_t system,
+                                                          std::size_t posture) const;
   [[nodiscard]] const Weights& weights() const { return weights_; }
 
  private:

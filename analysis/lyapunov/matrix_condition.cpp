@@ -7,7 +7,6 @@
 #include <functional>
 #include <utility>
 
-#include "linear/linear_loop.h"
 #include "lyapunov/examined_weights.h"
 #include "numerics/decompositions.h"
 
@@ -117,6 +116,8 @@ std::vector<Index> coordinates(Index num_errors, Index from, Index to) {
   return all;
 }
 
+}  // namespace
+
 /// S = diag(Kp, Kd B^-1) - N' M N with delta = N (e, nu), as a function of the links' M.
 class PositionPart {
  public:
@@ -158,8 +159,6 @@ class PositionPart {
   MatrixXd at_no_inertia_;  ///< S where the links' M is 0
   std::array<VectorXd, 2> by_;
 };
-
-}  // namespace
 
 /// The rotors eliminated from symmetric matrices of which only the links' corner depends on the
 /// posture. With L L' the rotors' corner and C the links' rows of the rotors' columns, the matrix
@@ -220,6 +219,7 @@ struct ConstantParts {
         V_corner(V(links, links)),
         of_decrease(decrease, links, rotors),
         of_V(V, links, rotors),
+        of_positions(system, weights),
         known(condition.postures.inertia.size()) {}
 
   /// Returns the matrix with this corner of the links.
@@ -230,16 +230,7 @@ struct ConstantParts {
   }
   /// Returns the links' corner of the matrix of 2 V.
   [[nodiscard]] MatrixXd V_corner_at(const MatrixXd& M) const {
-    const Index n = M.rows();
-    MatrixXd corner = V_corner;
-    const MatrixXd e_part = links_weights.eps_1.asDiagonal() * M;
-    const MatrixXd nu_part = -(links_weights.eps_2.asDiagonal() * M);
-    corner.topRightCorner(n, n) += e_part;
-    corner.block(n, 2 * n, n, n) += nu_part;
-    corner.bottomLeftCorner(n, n) += e_part.transpose();
-    corner.block(2 * n, n, n, n) += nu_part.transpose();
-    corner.bottomRightCorner(n, n) += M;
-    return corner;
+    return V_corner + lyapunov_of_inertia(links_weights, M);
   }
 
   /// The corner of Mm at a posture of the set, once it was asked for.
@@ -257,6 +248,7 @@ struct ConstantParts {
   MatrixXd V;                          ///< the matrix of 2 V without the links' M
   MatrixXd decrease_corner, V_corner;  ///< of the links
   WithoutRotors of_decrease, of_V;
+  PositionPart of_positions;
   /// One for each posture. Only one thread at a time looks at a posture.
   mutable std::vector<Known> known;
 };
@@ -448,10 +440,9 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
                  const Weights& weights, const ConstantParts& constant) {
   const MatrixXd G = delta_of(system, weights).topRows(system.num_links());
   const MatrixXd in_L = constant.of_delta.triangularView<Eigen::Lower>().solve(G);
-  const PositionPart part(system, weights);
   const auto negative = [&](double enough) {
     return [&, enough](const numerics::Inertia& inertia) {
-      const auto S = part.factor(inertia.M + constant.slack.M);
+      const auto S = constant.of_positions.factor(inertia.M + constant.slack.M);
       if (S.info() != Eigen::Success) return -infinity;
       const MatrixXd half = S.matrixL().solve(in_L.transpose());
       if (-half.squaredNorm() > enough) return infinity;
@@ -479,19 +470,19 @@ double largest_V(const MatrixCondition& condition, const ErrorSystem& system,
 }
 
 std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
-                              const Weights& weights, const Slack& slack) {
+                              const ConstantParts& constant) {
   const Index N = system.num_errors();
   Shape result{VectorXd::Zero(N), VectorXd::Zero(N), VectorXd::Zero(N)};
   MatrixXd rows = MatrixXd::Zero(2 * N, 2 * N);  // columns: the position errors, and each g
   rows.topLeftCorner(N, N).setIdentity();
   rows.topRightCorner(N, N) = system.kp;
   rows.bottomRightCorner(N, N) = system.kd;
-  const PositionPart part(system, weights);
   for (const numerics::Inertia& inertia : condition.postures.inertia) {
-    const auto S = part.factor(inertia.M + slack.M);
+    const auto S = constant.of_positions.factor(inertia.M + constant.slack.M);
     if (S.info() != Eigen::Success) return {};
     const VectorXd size = S.matrixL().solve(rows).colwise().squaredNorm();
-    result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
+    result.inertia =
+        result.inertia.cwiseMax(system.inertia(inertia.M + constant.slack.M).diagonal());
     result.inverse_S = result.inverse_S.cwiseMax(size.head(N));
     result.feedback = result.feedback.cwiseMax(size.tail(N));
   }
@@ -558,7 +549,7 @@ std::optional<Region> ExaminedWeights::region_without_ball() const {
   if (!level) return {};
   Shape V;
   for (std::size_t i = 0; i < constants_.size(); ++i) {
-    auto shape = shape_of(condition_, condition_.systems[i], weights_, constants_[i].slack);
+    auto shape = shape_of(condition_, condition_.systems[i], constants_[i]);
     if (!shape) return {};
     V.inertia = shape->inertia;  // does not depend on the gains
     if (V.inverse_S.size() > 0) {
@@ -633,6 +624,10 @@ std::optional<MatrixXd> ExaminedWeights::decrease(std::size_t system, std::size_
                                 condition_.postures.inertia[posture], constant);
   if (!corner) return {};
   return constant.whole(constant.decrease, *corner);
+}
+
+Eigen::LLT<MatrixXd> ExaminedWeights::position_part(std::size_t system, std::size_t posture) const {
+  return constants_[system].of_positions.factor(condition_.postures.inertia[posture].M);
 }
 
 double MatrixCondition::level(const Weights& weights) const {

@@ -1,4 +1,3 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -7,7 +6,6 @@
 #include <utility>
 
 #include "base/parallel.h"
-#include "linear/linear_loop.h"
 #include "lyapunov/examined_weights.h"
 #include "numerics/linear_programme.h"
 
@@ -101,40 +99,34 @@ Cut cut_of(const ErrorSystem& s, const numerics::Inertia& inertia, const VectorX
   return cut;
 }
 
-/// V's part of the position errors at a posture: S = diag(Kp, Kd B^-1) - G M G'.
-struct PositionPart {
-  MatrixXd M;
-  Eigen::LLT<MatrixXd> S;
-};
-
-PositionPart position_part(const ErrorSystem& system, const numerics::Inertia& inertia,
-                           const VectorXd& x) {
-  const MatrixXd G = delta_of(system, weights_of(x)).transpose();
-  PositionPart part{system.inertia(inertia.M), {}};
-  part.S.compute(stiffness_of(system) - G * part.M * G.transpose());
-  return part;
-}
-
 /// A value and its gradient by x.
 using Value = std::pair<double, VectorXd>;
 
-/// Returns sqrt(u' S^-1 u), u = G along: the most of along' delta on V = 1/2.
-Value most_of_delta(const Cut& cut, const PositionPart& part, const VectorXd& x) {
-  const Index N = part.M.rows();
+/// The parts that the cuts of a posture share.
+struct AtPosture {
+  std::optional<MatrixXd> Mm;  ///< as the condition bounds it for every v_ref; nothing: no number
+  MatrixXd M;
+  std::optional<Eigen::LLT<MatrixXd>> S;  ///< of the position errors, for the goal of the level
+};
+
+/// Returns sqrt(u' S^-1 u), u = N' along: the most of along' delta on V = 1/2, delta = N (e, nu).
+Value most_of_delta(const Cut& cut, const AtPosture& at, const VectorXd& x) {
+  const Index N = at.M.rows();
   const auto eps_1 = x.head(N), eps_2 = x.tail(N);
   VectorXd c = VectorXd::Zero(N);
   c.head(cut.along.size()) = cut.along;
   VectorXd u(2 * N);
   u << eps_1.cwiseProduct(c), -eps_2.cwiseProduct(c);
-  const VectorXd y = part.S.solve(u);
-  const VectorXd by = c + part.M * (eps_1.cwiseProduct(y.head(N)) - eps_2.cwiseProduct(y.tail(N)));
+  const VectorXd y = at.S->solve(u);
+  const VectorXd by = c + at.M * (eps_1.cwiseProduct(y.head(N)) - eps_2.cwiseProduct(y.tail(N)));
   const double most = std::sqrt(u.dot(y));
   VectorXd gradient(2 * N);
   gradient << y.head(N).cwiseProduct(by) / most, -y.tail(N).cwiseProduct(by) / most;
   return {most, std::move(gradient)};
 }
 
-/// @param Mm as the condition bounds it for every v_ref; nothing: it has no number
+/// Returns num.
+/// @param Mm as in `AtPosture`
 Value decrease_of(const Cut& cut, const std::optional<MatrixXd>& Mm, const VectorXd& x) {
   Value num{cut.decrease.at(x), cut.decrease.slope};
   if (cut.a.size() == 0) return num;
@@ -144,17 +136,11 @@ Value decrease_of(const Cut& cut, const std::optional<MatrixXd>& Mm, const Vecto
   return num;
 }
 
-/// The parts that the cuts of a posture share.
-struct AtPosture {
-  std::optional<MatrixXd> Mm;
-  std::optional<PositionPart> part;  ///< for the goal of the level
-};
-
 /// Returns num / den.
 Value quotient(const Cut& cut, const AtPosture& at, const VectorXd& x) {
   const auto [num, of_num] = decrease_of(cut, at.Mm, x);
-  auto [den, of_den] = at.part ? most_of_delta(cut, *at.part, x) : Value{cut.V.at(x), cut.V.slope};
-  if (at.part) {
+  auto [den, of_den] = at.S ? most_of_delta(cut, at, x) : Value{cut.V.at(x), cut.V.slope};
+  if (at.S) {
     den *= cut.bound_of_delta;
     of_den *= cut.bound_of_delta;
   }
@@ -265,7 +251,7 @@ class WeightSearch {
       cut.system = system;
       cut.posture = posture;
       if (goal_ == Goal::level && value > 0) {
-        if (!at) at = at_posture(examined, cut, x);
+        if (!at) at = at_posture(examined, cut);
         cut.bound_of_delta = std::max(1.0, quotient(cut, *at, x).first / value);
       }
       all.push_back(std::move(cut));
@@ -273,12 +259,12 @@ class WeightSearch {
     return all;
   }
 
-  [[nodiscard]] AtPosture at_posture(const ExaminedWeights& examined, const Cut& cut,
-                                     const VectorXd& x) const {
+  [[nodiscard]] AtPosture at_posture(const ExaminedWeights& examined, const Cut& cut) const {
     AtPosture at;
     if (cut.a.size() > 0) at.Mm = examined.decrease(cut.system, cut.posture);
     if (goal_ == Goal::level) {
-      at.part = position_part(on_.systems[cut.system], on_.postures.inertia[cut.posture], x);
+      at.M = on_.systems[cut.system].inertia(on_.postures.inertia[cut.posture].M);
+      at.S = examined.position_part(cut.system, cut.posture);
     }
     return at;
   }
@@ -291,7 +277,7 @@ class WeightSearch {
     std::vector<const Cut*> first(count * on_.systems.size(), nullptr);
     for (const Cut& cut : cuts_) first[place(cut)] = &cut;
     const std::vector<AtPosture> at = base::parallel_map(first.size(), [&](std::size_t i) {
-      return first[i] == nullptr ? AtPosture{} : at_posture(examined, *first[i], x);
+      return first[i] == nullptr ? AtPosture{} : at_posture(examined, *first[i]);
     });
     return base::parallel_map(
         cuts_.size(), [&](std::size_t i) { return quotient(cuts_[i], at[place(cuts_[i])], x); });

@@ -353,8 +353,8 @@ Extreme Postures::smallest(const std::function<Function(double)>& f_up_to,
       value.push_back(each);
     }
     if (ended) return {-infinity, {}};
+    if (value.size() < starts || value.size() == q.size()) continue;
     least = value;
-    if (least.size() < starts) continue;
     std::ranges::nth_element(least, least.begin() + (starts - 1));
     f = f_up_to(least[starts - 1]);
   }
