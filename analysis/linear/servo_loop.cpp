@@ -6,6 +6,7 @@
 #include <random>
 #include <utility>
 
+#include "linear/linear_loop.h"
 #include "numerics/decompositions.h"
 #include "robot/dynamics.h"
 

@@ -32,7 +32,8 @@ class ExaminedWeights {
 
   [[nodiscard]] std::optional<Region> region() const;
   /// Returns the region with `Region::ball` 0: a search does not compare it.
-  [[nodiscard]] std::optional<Region> region_without_ball() const;
+  /// @param forbids receives the posture at which there is no region, where there is none
+  [[nodiscard]] std::optional<Region> region_without_ball(Vector* forbids = nullptr) const;
   /// Returns `Region::ball` of a level [J].
   [[nodiscard]] double ball(double level) const;
   /// @param above a level [J] that the result has to exceed; if it does not, it is minus infinity
@@ -52,6 +53,8 @@ class ExaminedWeights {
   /// set, delta = N (e, nu).
   [[nodiscard]] Eigen::LLT<Eigen::MatrixXd> position_part(std::size_t system,
                                                           std::size_t posture) const;
+  /// Returns what the condition adds to the diagonal of the matrix of 2 V between two postures.
+  [[nodiscard]] double slack_of_V(std::size_t system) const;
   [[nodiscard]] const Weights& weights() const { return weights_; }
 
  private:

@@ -435,9 +435,10 @@ struct Shape {
   VectorXd feedback;   ///< largest g' S^-1 g of Kp e + Kd nu = g' (e, nu), of each joint
 };
 
-/// Returns the largest w over the postures; infinity where V is not positive definite.
-double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
-                 const Weights& weights, const ConstantParts& constant) {
+/// Returns the largest w over the postures, negative; minus infinity where V is not positive
+/// definite.
+numerics::Extreme negative_w(const MatrixCondition& condition, const ErrorSystem& system,
+                             const Weights& weights, const ConstantParts& constant) {
   const MatrixXd G = delta_of(system, weights).topRows(system.num_links());
   const MatrixXd in_L = constant.of_delta.triangularView<Eigen::Lower>().solve(G);
   const auto negative = [&](double enough) {
@@ -449,8 +450,7 @@ double largest_w(const MatrixCondition& condition, const ErrorSystem& system,
       return -numerics::largest_eigenvalue(half.transpose() * half);
     };
   };
-  return -condition.postures.smallest(negative, {condition.refine, numerics::Postures::Reads::M})
-              .value;
+  return condition.postures.smallest(negative, {condition.refine, numerics::Postures::Reads::M});
 }
 
 /// Returns the least alpha_2 of a system with V <= alpha_2 |x|^2 at all postures.
@@ -499,16 +499,22 @@ struct Level {
 
 /// @param constants one of each system
 /// @param above a level [J]: returns nothing where the result is seen not to be larger
+/// @param forbids receives the posture at which it is not larger, if it was a refined one
 std::optional<Level> level_of(const MatrixCondition& condition, const Weights& weights,
-                              const std::vector<ConstantParts>& constants, double above) {
+                              const std::vector<ConstantParts>& constants, double above,
+                              Vector* forbids = nullptr) {
   // A rounding error must not hide a level that is larger.
   const double not_above = (1 - 1e-9) * std::max(above, 0.0);
   Level result;
   for (std::size_t i = 0; i < constants.size(); ++i) {
     const ErrorSystem& system = condition.systems[i];
     const ConstantParts& constant = constants[i];
-    result.w = std::max(result.w, largest_w(condition, system, weights, constant));
-    if (std::isinf(result.w)) return {};
+    const numerics::Extreme w = negative_w(condition, system, weights, constant);
+    result.w = std::max(result.w, -w.value);
+    if (std::isinf(result.w)) {
+      if (forbids != nullptr) *forbids = w.q;
+      return {};
+    }
     const double too_small = std::sqrt(2 * result.w * not_above);
     const numerics::Extreme rho = condition.postures.smallest(
         [&](double /*enough*/) {
@@ -517,7 +523,10 @@ std::optional<Level> level_of(const MatrixCondition& condition, const Weights& w
           };
         },
         {.refine = condition.refine, .above = too_small});
-    if (!(rho.value > too_small)) return {};
+    if (!(rho.value > too_small)) {
+      if (forbids != nullptr) *forbids = rho.q;
+      return {};
+    }
     if (rho.value < result.rho.value) result.rho = rho;
   }
   return result;
@@ -544,9 +553,14 @@ double ExaminedWeights::level(double above) const {
   return found ? found->value() : -infinity;
 }
 
-std::optional<Region> ExaminedWeights::region_without_ball() const {
-  const auto level = level_of(condition_, weights_, constants_, -infinity);
-  if (!level) return {};
+std::optional<Region> ExaminedWeights::region_without_ball(Vector* forbids) const {
+  const auto level = level_of(condition_, weights_, constants_, -infinity, forbids);
+  if (!level) {
+    // The search for rho ends at any posture of the set that forbids the weights. The slowest one
+    // forbids them most.
+    if (forbids != nullptr && forbids->size() == 0) *forbids = slowest(0).q;
+    return {};
+  }
   Shape V;
   for (std::size_t i = 0; i < constants_.size(); ++i) {
     auto shape = shape_of(condition_, condition_.systems[i], constants_[i]);
@@ -629,6 +643,8 @@ std::optional<MatrixXd> ExaminedWeights::decrease(std::size_t system, std::size_
 Eigen::LLT<MatrixXd> ExaminedWeights::position_part(std::size_t system, std::size_t posture) const {
   return constants_[system].of_positions.factor(condition_.postures.inertia[posture].M);
 }
+
+double ExaminedWeights::slack_of_V(std::size_t system) const { return constants_[system].slack.V; }
 
 double MatrixCondition::level(const Weights& weights) const {
   return ExaminedWeights(*this, weights).level();

@@ -67,14 +67,14 @@ struct MatrixCondition {
 struct Certified {
   Weights weights;
   Region region;
-  double rate = 0;  ///< of V in the limit of small errors, mu [1/s]; the error decays at mu/2
 };
 
 /// Returns weights and what `fine` certifies for them, but for the ball of the region, which a
 /// search does not compare. Returns nothing when no weights are certified. The search
-/// (weight_search.cpp) uses `coarse`, which may have few postures and no refinement.
+/// (weight_search.cpp) uses `coarse`, which may have few postures and no refinement. Sampled
+/// postures of `fine` that forbid or bind a result join `coarse`.
 /// @param from start of the search; without it the best point of a grid
-std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
+std::optional<Certified> best_weights(MatrixCondition& coarse, const MatrixCondition& fine,
                                       Goal goal, const std::optional<Weights>& from = {});
 
 }  // namespace tachless::lyapunov

@@ -89,7 +89,8 @@ class ErrorLoop {
   /// this tube and in those to which the certified regions lead.
   /// @param known a region of every posture, if any is known: the result is not less
   std::optional<CertifiedRegion> largest(const std::optional<CertifiedRegion>& known) {
-    auto result = found(Goal::level, {});
+    const bool from_known = known && !proved();  // else a grid of weights costs little
+    auto result = found(Goal::level, from_known ? std::optional(known->weights) : std::nullopt);
     if (proved() || circle_.size() > most_joints_of_certified_run) return completed(result);
     if (errors_at_rest(known) > errors_at_rest(result)) result = known;
     constexpr double first_width = 0.3;  // [rad; m]
@@ -117,17 +118,18 @@ class ErrorLoop {
 
   /// Returns `best` without what `completed` adds.
   std::optional<CertifiedRegion> found(Goal goal, std::optional<Weights> from) {
-    if (loop_.weights) return certified(*loop_.weights);
+    Vector forbids;
+    if (loop_.weights) return certified(*loop_.weights, forbids);
     MatrixCondition coarse = coarse_condition(), middle = middle_condition(proved());
     constexpr int rounds = 4;  // the posture that forbids what was found joins the search
     for (int k = 0; k < rounds; ++k) {
       const auto best = best_weights(coarse, middle, goal, from);
+      keep_postures_of(coarse);
       if (!best) return {};
-      if (auto result = certified(best->weights)) return result;
+      if (auto result = certified(best->weights, forbids)) return result;
+      if (forbids.size() == 0) return {};
       from = best->weights;
-      for (MatrixCondition* each : {&coarse, &middle}) {
-        each->postures.add(examined(*from).slowest(0).q);
-      }
+      for (MatrixCondition* each : {&coarse, &middle}) each->postures.add(forbids);
     }
     return {};
   }
@@ -170,6 +172,7 @@ class ErrorLoop {
   /// From here on only postures so near the reference; empty: all.
   void look_within(const VectorXd& tube) {
     if (equal(tube, tube_)) return;
+    if ((tube.size() == 0) != (tube_.size() == 0)) kept_.clear();
     tube_ = tube;
     examined_.reset();
     fine_.reset();
@@ -201,11 +204,32 @@ class ErrorLoop {
   /// The conditions of a search at the present tube. A condition costs little without `refine` and
   /// bounds.
   [[nodiscard]] MatrixCondition coarse_condition() const {
-    MatrixCondition coarse = condition({}, postures({.circle_points = 24, .samples = 12}));
+    MatrixCondition coarse = condition({}, postures({.circle_points = 24, .samples = few_samples}));
+    for (const Beside& each : kept_) {
+      coarse.postures.add(tube_.size() == 0 ? each.centre
+                                            : Vector(each.centre + each.share.cwiseProduct(tube_)));
+    }
     for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
       coarse.systems.push_back(loop_.systems[i]);
     }
     return coarse;
+  }
+  /// Keeps the postures that joined a search last, for the next ones.
+  void keep_postures_of(const MatrixCondition& coarse) {
+    constexpr std::size_t most = 6;
+    const numerics::Postures& postures = coarse.postures;
+    if (postures.kind != numerics::Postures::Kind::sampled) return;
+    kept_.clear();
+    const std::size_t count = postures.q.size();
+    for (std::size_t i = std::max<std::size_t>(few_samples, count - most); i < count; ++i) {
+      Beside kept{postures.q[i], {}};
+      if (tube_.size() > 0) {
+        const numerics::Box box = postures.box_around(postures.q[i]);
+        kept.centre = (box.lower + box.upper) / 2;
+        kept.share = (postures.q[i] - kept.centre).cwiseQuotient(tube_);
+      }
+      kept_.push_back(std::move(kept));
+    }
   }
   [[nodiscard]] MatrixCondition middle_condition(bool bounded) {
     return condition(loop_.systems, bounded
@@ -221,21 +245,28 @@ class ErrorLoop {
       const auto region = middle.region(*loop_.weights);
       return region ? within_bounds(*loop_.weights, *region) : std::nullopt;
     }
-    const auto found = best_weights(coarse_condition(), middle, Goal::level, from);
+    MatrixCondition coarse = coarse_condition();
+    const auto found = best_weights(coarse, middle, Goal::level, from);
+    keep_postures_of(coarse);
     return found ? within_bounds(found->weights, found->region) : std::nullopt;
   }
 
   /// Returns the certified region of these weights, without what `completed` adds.
-  std::optional<CertifiedRegion> certified(const Weights& weights) {
-    const auto region = examined(weights).region_without_ball();
+  /// @param forbids receives the posture at which nothing is certified; empty: there is none
+  std::optional<CertifiedRegion> certified(const Weights& weights, Vector& forbids) {
+    forbids = {};
+    const auto region = examined(weights).region_without_ball(&forbids);
     if (!region) return {};
     auto result = within_bounds(weights, *region);
     if (!result) return {};
     // The search for the slowest posture may find one at which V grows that the region's missed.
-    const double rate = examined(weights).slowest(0).value;
-    if (!(rate > 0)) return {};
+    const numerics::Extreme slowest = examined(weights).slowest(0);
+    if (!(slowest.value > 0)) {
+      forbids = slowest.q;
+      return {};
+    }
     // V of a law with an integral lacks the integral's part: its Vdot <= -mu V certifies no rate.
-    result->rate = loop_.weights ? 0 : rate;
+    result->rate = loop_.weights ? 0 : slowest.value;
     return result;
   }
 
@@ -292,7 +323,7 @@ class ErrorLoop {
       result.starts_in_tube &= std::abs(loop_.initial[i]) <= tube_[i];
     }
     if (result.beyond_tube >= 1) region = scaled(region, (1 - 1e-9) / result.beyond_tube);
-    static_cast<Certified&>(result) = {weights, of_linear_feedback(region, weights), 0};
+    static_cast<Certified&>(result) = {weights, of_linear_feedback(region, weights)};
     result.V0 = V0(weights);
     return result;
   }
@@ -453,6 +484,12 @@ class ErrorLoop {
     return *examined_;
   }
 
+  /// A posture in a tube: centre + share times the tube's width. Without a tube the centre is it.
+  struct Beside {
+    Vector centre, share;
+  };
+
+  static constexpr int few_samples = 12;    ///< postures with which a search begins
   static constexpr int most_errors = 1024;  ///< at which torques are looked at, at most
   const scenario::Scenario& scenario_;
   robot::Model model_;
@@ -464,6 +501,7 @@ class ErrorLoop {
   VectorXd range_;   ///< as of `beside_the_motion`
   VectorXd tube_;    ///< as of CertifiedRegion
   std::vector<Vector> centres_;
+  std::vector<Beside> kept_;                          ///< that joined the last search
   std::vector<messages::ReferencePoint> on_the_way_;  ///< where torque limits are looked at
   std::optional<MatrixCondition> fine_;
   std::optional<ExaminedWeights> examined_;  ///< of `fine_`

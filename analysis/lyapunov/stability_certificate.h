@@ -31,7 +31,8 @@ struct CertifiedStart {
 
 /// The region that one choice of the weights certifies, and its bounds from the scenario's start.
 struct CertifiedRegion : Certified {
-  double V0 = 0;  ///< V at the start [J]
+  double rate = 0;  ///< of V in the limit of small errors, mu [1/s]; the error decays at mu/2
+  double V0 = 0;    ///< V at the start [J]
   /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside the region.
   double rate_from_start = -1;
 

@@ -41,6 +41,9 @@ struct Affine {
 
 /// A state that binds at a posture, with what its quotient needs for any weights.
 struct Cut {
+  /// The quotient: the rate, or that of the level. In a search for the level, a cut of the rate is
+  /// a state at which -Vdot has to be positive.
+  Goal goal = Goal::rate;
   std::size_t system = 0, posture = 0;
   VectorXd state;
   Affine decrease;  ///< -Vdot at delta = 0, but for the part of an unknown v_ref
@@ -139,8 +142,9 @@ Value decrease_of(const Cut& cut, const std::optional<MatrixXd>& Mm, const Vecto
 /// Returns num / den.
 Value quotient(const Cut& cut, const AtPosture& at, const VectorXd& x) {
   const auto [num, of_num] = decrease_of(cut, at.Mm, x);
-  auto [den, of_den] = at.S ? most_of_delta(cut, at, x) : Value{cut.V.at(x), cut.V.slope};
-  if (at.S) {
+  auto [den, of_den] =
+      cut.goal == Goal::level ? most_of_delta(cut, at, x) : Value{cut.V.at(x), cut.V.slope};
+  if (cut.goal == Goal::level) {
     den *= cut.bound_of_delta;
     of_den *= cut.bound_of_delta;
   }
@@ -151,14 +155,14 @@ Value quotient(const Cut& cut, const AtPosture& at, const VectorXd& x) {
 constexpr double first_step = 0.3, largest_step = 0.6;
 // The result of the coarse postures has to agree with the fine ones to 2 %. A step has to promise
 // as much.
-constexpr double least_promise = 0.02, fine_agrees = 1.02;
+constexpr double least_promise = 0.01, fine_agrees = 1.02;
 // A quotient changes by about the share by which the weights change: a smaller step promises less.
 constexpr double smallest_step = 1e-3;
 constexpr int most_steps = 60;  // a cap
 // States within half of the least value are cuts, and cuts beyond six times the least are left out
 // of a linear programme. Others seldom bind after one step; if they do, the next cuts have them,
 // since these are of all postures.
-constexpr double near_least = 0.5, far_from_least = 5;
+constexpr double near_least = 0.5;
 // Finite bounds for the linear programme, of a quotient in units of its present size.
 constexpr double most_quotient = 1e3;
 
@@ -177,28 +181,29 @@ class WeightSearch {
   [[nodiscard]] double merit(const VectorXd& x, double above = -infinity) const {
     return merit(ExaminedWeights(on_, weights_of(x)), above);
   }
-  /// Returns errors of 1000 rad from rest in each joint as sqrt(2 level). Where friction outweighs
-  /// C(q, v_ref) there is no largest level, and weights that reach this level are as good as any.
+  /// Returns a merit that is as good as any. For the level it is that of errors of 1000 rad from
+  /// rest in each joint: where friction outweighs C(q, v_ref) there is no largest level.
   [[nodiscard]] double enough() const {
+    if (goal_ == Goal::rate) return infinity;
     return 1000 * std::sqrt(on_.systems[0].kp.diagonal().maxCoeff());
   }
 
-  /// Returns better weights than x, and their merit.
-  std::pair<VectorXd, double> improved(const VectorXd& x) {
+  /// Returns better weights than x, and their merit. The search ends once the merit is not below
+  /// `enough`.
+  std::pair<VectorXd, double> improved(const VectorXd& x, double enough) {
     cuts_.clear();
     auto at_best = std::make_unique<ExaminedWeights>(on_, weights_of(x));
     double best = merit(*at_best), radius = first_step;
+    if (!std::isfinite(best)) return {x, best};
     add_cuts(*at_best);
-    for (int step = 0; step < most_steps && std::isfinite(best) && radius > smallest_step &&
-                       !(goal_ == Goal::level && best >= enough());
-         ++step) {
+    for (int step = 0; step < most_steps && radius > smallest_step && best < enough; ++step) {
       const auto [d, promised] = programme(*at_best, radius);
       if (d.size() == 0 || promised - best < least_promise * std::abs(best)) break;
       const VectorXd from = numbers_of(at_best->weights());
       auto at_next =
           std::make_unique<ExaminedWeights>(on_, weights_of(from + from.cwiseProduct(d)));
       const double found = merit(*at_next);
-      if (std::isfinite(found)) add_cuts(*at_next);
+      add_cuts(*at_next);
       if (found > best + 0.1 * (promised - best)) {
         radius = std::min(largest_step, 1.6 * radius);
       } else {
@@ -219,25 +224,35 @@ class WeightSearch {
     return level >= 0 ? std::min(enough(), std::sqrt(2 * level)) : -infinity;
   }
 
-  /// The states that bind at the postures near the worst.
+  /// The states that bind at the postures near the worst. Weights that are not certified have no
+  /// level; the states at which V does not fall are added then.
   void add_cuts(const ExaminedWeights& examined) {
     const std::size_t count = on_.postures.inertia.size();
-    const auto all = base::parallel_map(count * on_.systems.size(), [&](std::size_t i) {
-      return examined.binding(goal_, i / count, i % count);
-    });
-    double least = infinity;
+    const auto states = [&](Goal goal) {
+      return base::parallel_map(count * on_.systems.size(), [&](std::size_t i) {
+        return examined.binding(goal, i / count, i % count);
+      });
+    };
+    Goal goal = goal_;
+    std::vector<BindingStates> all = states(goal);
+    const auto none = [](const BindingStates& each) { return each.value.size() == 0; };
+    if (goal == Goal::level && std::ranges::any_of(all, none)) all = states(goal = Goal::rate);
+    std::vector<double> least;
     for (const BindingStates& each : all) {
-      if (each.value.size() > 0) least = std::min(least, each.value.minCoeff());
+      if (!none(each)) least.push_back(each.value.minCoeff());
     }
-    const double near = least + near_least * std::abs(least);
+    if (least.empty()) return;
+    std::ranges::sort(least);
+    const double near =
+        goal == goal_ ? least[0] + near_least * (least[least.size() / 2] - least[0]) : 0;
     const auto cuts = base::parallel_map(all.size(), [&](std::size_t i) {
-      return cuts_at(examined, all[i], near, i / count, i % count);
+      return cuts_at(examined, goal, all[i], near, i / count, i % count);
     });
     for (const std::vector<Cut>& each : cuts) cuts_.insert(cuts_.end(), each.begin(), each.end());
   }
 
   /// Returns the cuts of the states whose value is not above `near`.
-  [[nodiscard]] std::vector<Cut> cuts_at(const ExaminedWeights& examined,
+  [[nodiscard]] std::vector<Cut> cuts_at(const ExaminedWeights& examined, Goal goal,
                                          const BindingStates& binding, double near,
                                          std::size_t system, std::size_t posture) const {
     const VectorXd x = numbers_of(examined.weights());
@@ -248,9 +263,11 @@ class WeightSearch {
       if (value > near) continue;
       Cut cut =
           cut_of(on_.systems[system], on_.postures.inertia[posture], binding.state.col(k), v_ref_);
+      cut.V.constant += examined.slack_of_V(system) / 2 * cut.state.squaredNorm();
+      cut.goal = goal;
       cut.system = system;
       cut.posture = posture;
-      if (goal_ == Goal::level && value > 0) {
+      if (goal == Goal::level && value > 0) {
         if (!at) at = at_posture(examined, cut);
         cut.bound_of_delta = std::max(1.0, quotient(cut, *at, x).first / value);
       }
@@ -290,7 +307,9 @@ class WeightSearch {
     const Index n = x.size();
     const std::vector<Value> all = quotients(at_x);
     double least = infinity;
-    for (const auto& [value, gradient] : all) least = std::min(least, value);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (cuts_[i].goal == goal_) least = std::min(least, all[i].first);
+    }
     const double size = std::abs(least);
     numerics::LinearProgramme lp{VectorXd::Zero(n + 1),
                                  VectorXd::Constant(n + 1, -radius),
@@ -299,10 +318,11 @@ class WeightSearch {
     lp.cost[n] = -1;
     lp.lower[n] = -most_quotient;
     lp.upper[n] = most_quotient;
-    for (const auto& [value, gradient] : all) {
-      if (!(value < least + far_from_least * size)) continue;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const auto& [value, gradient] = all[i];
+      const double promise = cuts_[i].goal == goal_ ? -1 : 0;
       numerics::LinearProgramme::Row row{VectorXd(n + 1), -value / size};
-      row.gradient << gradient.cwiseProduct(x) / size, -1;
+      row.gradient << gradient.cwiseProduct(x) / size, promise;
       lp.rows.push_back(std::move(row));
     }
     const auto optimum = numerics::solution_of_many_rows(lp);
@@ -340,57 +360,72 @@ VectorXd start(const MatrixCondition& coarse, const WeightSearch& search) {
   return best;
 }
 
-double merit(Goal goal, const Certified& c) {
-  return goal == Goal::rate ? c.rate : std::sqrt(2 * c.region.level);
+/// What `fine` certifies for weights.
+struct Examined : Certified {
+  double merit =
+      0;  ///< by the goal: sqrt(2 level) [J^1/2], or the rate of V for small errors [1/s]
+};
+
+/// Returns nothing where the weights are not certified, and the posture that forbids them or binds
+/// the result.
+std::pair<std::optional<Examined>, Vector> examined(const MatrixCondition& fine, Goal goal,
+                                                    const Weights& weights) {
+  const ExaminedWeights at(fine, weights);
+  Vector forbids;
+  auto region = at.region_without_ball(&forbids);
+  if (!region) return {std::nullopt, std::move(forbids)};
+  numerics::Extreme binds{std::sqrt(2 * region->level), region->q};
+  if (goal == Goal::rate) binds = at.slowest(0);
+  return {Examined{{weights, *std::move(region)}, binds.value}, std::move(binds.q)};
 }
 
-/// Improves the weights x. Postures that bind the result join the coarse ones. Returns `best` at
+/// Returns weights near x that the coarse condition certifies, if the search for a faster rate
+/// leads to any.
+std::optional<VectorXd> certified_near(const MatrixCondition& coarse, const VectorXd& x) {
+  auto [found, rate] = WeightSearch(coarse, Goal::rate).improved(x, infinity);
+  if (!(rate > 0)) return {};
+  return std::move(found);
+}
+
+/// Improves the weights x. The posture that binds a result joins the coarse ones. Returns `best` at
 /// least.
-std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
-                                  VectorXd x, std::optional<Certified> best) {
+std::optional<Examined> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
+                                 VectorXd x, std::optional<Examined> best) {
   constexpr int rounds = 6;  // a cap: a round adds the posture that forbids the last result
   WeightSearch search(coarse, goal);
   for (int round = 0; round < rounds; ++round) {
-    if (best && std::isinf(search.merit(x))) x = numbers_of(best->weights);
-    double promised = 0;
-    std::tie(x, promised) = search.improved(x);
-    const Weights weights = weights_of(x);
-    const ExaminedWeights examined(fine, weights);
-    const numerics::Extreme slowest = examined.slowest(0);
-    const auto region = examined.region_without_ball();
-    if (region) {
-      Certified found{weights, *region, slowest.value};
-      const double kept = merit(goal, found);
-      if (!best || kept > merit(goal, *best)) best = std::move(found);
-      if (promised < fine_agrees * kept) break;
+    if (std::isinf(search.merit(x))) {  // the posture that joined forbids x
+      const auto allowed =
+          best ? std::optional(numbers_of(best->weights)) : certified_near(coarse, x);
+      x = allowed ? *allowed : start(coarse, search);
     }
-    if (coarse.postures.kind != numerics::Postures::Kind::sampled) break;
-    coarse.postures.add(slowest.q);
-    if (region) coarse.postures.add(region->q);
+    double promised = 0;
+    std::tie(x, promised) = search.improved(x, search.enough());
+    if (!(promised > 0)) break;  // not even the coarse postures allow any
+    auto [found, binds] = examined(fine, goal, weights_of(x));
+    const bool agrees = found && promised < fine_agrees * found->merit;
+    if (found && (!best || found->merit > best->merit)) best = std::move(found);
+    if (agrees || coarse.postures.kind != numerics::Postures::Kind::sampled) break;
+    coarse.postures.add(binds);
   }
   return best;
 }
 
 }  // namespace
 
-std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
+std::optional<Certified> best_weights(MatrixCondition& coarse, const MatrixCondition& fine,
                                       Goal goal, const std::optional<Weights>& from) {
-  const auto from_weights = [&](const Weights& weights, std::optional<Certified> best) {
-    return improved(coarse, fine, goal, numbers_of(weights), std::move(best));
+  const auto from_weights = [&](const Weights& weights) {
+    return improved(coarse, fine, goal, numbers_of(weights), examined(fine, goal, weights).first);
   };
-  if (from) {
-    const ExaminedWeights examined(fine, *from);
-    const auto region = examined.region_without_ball();
-    if (!region) return from_weights(*from, {});
-    return from_weights(*from, Certified{*from, *region, examined.slowest(0).value});
-  }
+  if (from) return from_weights(*from);
   const auto from_grid = [&](Goal wanted) {
     return improved(coarse, fine, wanted, start(coarse, WeightSearch(coarse, wanted)), {});
   };
   auto best = from_grid(goal);
   if (best || goal == Goal::rate) return best;
   best = from_grid(Goal::rate);  // where few weights have a level, those of a positive rate do
-  return best ? from_weights(best->weights, best) : best;
+  return best ? from_weights(best->weights) : best;
 }
 
 }  // namespace tachless::lyapunov

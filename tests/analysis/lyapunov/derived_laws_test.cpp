@@ -291,9 +291,8 @@ TEST(IntegralLaw, TotalVNeverRisesInAThousandRunsFromTheBoundaryOfTheRegion) {
 TEST(LargestRegion, VNeverRisesFromItsBoundary) {
   IntegralLoop loop;
   loop.ki.setConstant(1e-9);  // without an integral
-  const auto found =
-      best_weights(two_link_condition(loop, {.circle_points = 24, .bound_between = false}),
-                   two_link_condition(loop), Goal::level);
+  MatrixCondition coarse = two_link_condition(loop, {.circle_points = 24, .bound_between = false});
+  const auto found = best_weights(coarse, two_link_condition(loop), Goal::level);
   ASSERT_TRUE(found);
   EXPECT_GT(found->region.e_at_rest[1], 44);
   loop.weights = found->weights;
