@@ -360,10 +360,10 @@ VectorXd start(const MatrixCondition& coarse, const WeightSearch& search) {
   return best;
 }
 
-/// What `fine` certifies for weights.
+/// A choice of weights with what `fine` certifies for it.
 struct Examined : Certified {
-  double merit =
-      0;  ///< by the goal: sqrt(2 level) [J^1/2], or the rate of V for small errors [1/s]
+  /// By the goal: sqrt(2 level) [J^1/2], or the rate of V for small errors [1/s].
+  double merit = 0;
 };
 
 /// Returns nothing where the weights are not certified, and the posture that forbids them or binds
