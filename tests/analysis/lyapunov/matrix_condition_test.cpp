@@ -282,17 +282,22 @@ Weights first_forbidden(const MatrixCondition& condition) {
 }
 
 TEST_F(MatrixOfThreeFlexibleJoints, APostureIsNamedThatForbidsWeights) {
-  const MatrixCondition set = condition_over(4, false), refined = condition_over(4, true);
-  const Weights by_set = first_forbidden(set), by_refined_alone = first_forbidden(refined);
-  ASSERT_GT(set.level(by_refined_alone), 0);
-  for (const Weights& weights : {by_set, by_refined_alone}) {
-    Vector forbids;
-    ASSERT_FALSE(ExaminedWeights(refined, weights).region_without_ball(&forbids));
-    ASSERT_EQ(forbids.size(), 3);
-    MatrixCondition one = condition_over(1, false);
-    one.postures.add(forbids);
-    EXPECT_EQ(one.level(weights), -infinity);
+  int by_refined_alone = 0;
+  for (const int samples : {4, 9}) {
+    const MatrixCondition set = condition_over(samples, false);
+    const MatrixCondition refined = condition_over(samples, true);
+    Weights weights = first_forbidden(refined);
+    for (int k = 0; k < 8; ++k, weights.eps_1 *= 1.0005) {
+      Vector forbids;
+      if (ExaminedWeights(refined, weights).region_without_ball(&forbids)) continue;
+      by_refined_alone += set.level(weights) > 0 ? 1 : 0;
+      ASSERT_EQ(forbids.size(), 3);
+      MatrixCondition one = condition_over(1, false);
+      one.postures.add(forbids);
+      EXPECT_EQ(one.level(weights), -infinity) << weights.eps_1;
+    }
   }
+  EXPECT_GT(by_refined_alone, 8);
 }
 
 TEST_F(MatrixOfThreeFlexibleJoints, SearchFromWeightsThatAreForbiddenFindsOthers) {
