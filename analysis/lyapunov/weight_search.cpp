@@ -320,6 +320,7 @@ class WeightSearch {
     lp.upper[n] = most_quotient;
     for (std::size_t i = 0; i < all.size(); ++i) {
       const auto& [value, gradient] = all[i];
+      if (!std::isfinite(value)) continue;  // C takes nothing at this state
       const double promise = cuts_[i].goal == goal_ ? -1 : 0;
       numerics::LinearProgramme::Row row{VectorXd(n + 1), -value / size};
       row.gradient << gradient.cwiseProduct(x) / size, promise;
