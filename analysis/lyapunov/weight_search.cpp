@@ -154,14 +154,13 @@ Value quotient(const Cut& cut, const AtPosture& at, const VectorXd& x) {
 // Steps are shares of each weight: a step of 1 would take a weight to 0, where its region is empty.
 constexpr double first_step = 0.3, largest_step = 0.6;
 // The result of the coarse postures has to agree with the fine ones to 2 %. A step has to promise
-// as much.
-constexpr double least_promise = 0.01, fine_agrees = 1.02;
+// half of it.
+constexpr double fine_agrees = 1.02, least_promise = 0.01;
 // A quotient changes by about the share by which the weights change: a smaller step promises less.
 constexpr double smallest_step = 1e-3;
 constexpr int most_steps = 60;  // a cap
-// States within half of the least value are cuts, and cuts beyond six times the least are left out
-// of a linear programme. Others seldom bind after one step; if they do, the next cuts have them,
-// since these are of all postures.
+// States are cuts whose value is below this share of the way from the least value of a posture to
+// the median of the postures. More of them give no better steps (decision 0030).
 constexpr double near_least = 0.5;
 // Finite bounds for the linear programme, of a quotient in units of its present size.
 constexpr double most_quotient = 1e3;
@@ -188,15 +187,14 @@ class WeightSearch {
     return 1000 * std::sqrt(on_.systems[0].kp.diagonal().maxCoeff());
   }
 
-  /// Returns better weights than x, and their merit. The search ends once the merit is not below
-  /// `enough`.
-  std::pair<VectorXd, double> improved(const VectorXd& x, double enough) {
+  /// Returns better weights than x, and their merit. Returns x where it has none.
+  std::pair<VectorXd, double> improved(const VectorXd& x) {
     cuts_.clear();
     auto at_best = std::make_unique<ExaminedWeights>(on_, weights_of(x));
     double best = merit(*at_best), radius = first_step;
     if (!std::isfinite(best)) return {x, best};
     add_cuts(*at_best);
-    for (int step = 0; step < most_steps && radius > smallest_step && best < enough; ++step) {
+    for (int step = 0; step < most_steps && radius > smallest_step && best < enough(); ++step) {
       const auto [d, promised] = programme(*at_best, radius);
       if (d.size() == 0 || promised - best < least_promise * std::abs(best)) break;
       const VectorXd from = numbers_of(at_best->weights());
@@ -383,7 +381,7 @@ std::pair<std::optional<Examined>, Vector> examined(const MatrixCondition& fine,
 /// Returns weights near x that the coarse condition certifies, if the search for a faster rate
 /// leads to any.
 std::optional<VectorXd> certified_near(const MatrixCondition& coarse, const VectorXd& x) {
-  auto [found, rate] = WeightSearch(coarse, Goal::rate).improved(x, infinity);
+  auto [found, rate] = WeightSearch(coarse, Goal::rate).improved(x);
   if (!(rate > 0)) return {};
   return std::move(found);
 }
@@ -395,14 +393,14 @@ std::optional<Examined> improved(MatrixCondition& coarse, const MatrixCondition&
   constexpr int rounds = 6;  // a cap: a round adds the posture that forbids the last result
   WeightSearch search(coarse, goal);
   for (int round = 0; round < rounds; ++round) {
-    if (std::isinf(search.merit(x))) {  // the posture that joined forbids x
+    auto [better, promised] = search.improved(x);
+    if (std::isinf(promised)) {  // the posture that joined forbids x
       const auto allowed =
           best ? std::optional(numbers_of(best->weights)) : certified_near(coarse, x);
-      x = allowed ? *allowed : start(coarse, search);
+      std::tie(better, promised) = search.improved(allowed ? *allowed : start(coarse, search));
     }
-    double promised = 0;
-    std::tie(x, promised) = search.improved(x, search.enough());
     if (!(promised > 0)) break;  // not even the coarse postures allow any
+    x = better;
     auto [found, binds] = examined(fine, goal, weights_of(x));
     const bool agrees = found && promised < fine_agrees * found->merit;
     if (found && (!best || found->merit > best->merit)) best = std::move(found);

@@ -206,7 +206,7 @@ TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
   const auto largest = best_weights(search, full, Goal::level);
   ASSERT_TRUE(fastest && largest);
   const double rate = full.rate(fastest->weights, 0);
-  EXPECT_GT(rate, 39.3);
+  EXPECT_GT(rate, 54);    // 39.3 is quoted
   EXPECT_LE(rate, 71.5);  // twice the loop's own 35.7
   EXPECT_GT(largest->region.e_at_rest[0], 11);
   EXPECT_GT(largest->region.e_at_rest[1], 44);
